@@ -1,0 +1,80 @@
+"""Plan one broadcast control for a whole fleet of unequal robots, through obstacles, to a temporal-logic task.
+
+>>> import ensemble_ctrl as ec                                 # doctest: +SKIP
+>>> problem = ec.load("configs/five_obstacles.yaml")           # doctest: +SKIP
+>>> plan = ec.plan(problem)                                    # doctest: +SKIP
+>>> plan.replay(members=100_000), plan.plot()                  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ensemble_ctrl._version import __version__
+from ensemble_ctrl.errors import ConfigError, EnsembleError, ProblemError, SolveError, UnsupportedError
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.api import Plan, plan
+    from ensemble_ctrl.config import load, load_text
+    from ensemble_ctrl.constraints import Obstacle, Polyhedron
+    from ensemble_ctrl.moments import Interval, LegendreBasis
+    from ensemble_ctrl.problem import Fleet, Objective, Problem, SolveOptions, VerifyOptions
+    from ensemble_ctrl.replay import Replay
+    from ensemble_ctrl.systems import Unicycle
+
+_HOMES = {
+    "Fleet": "problem",
+    "Interval": "moments",
+    "LegendreBasis": "moments",
+    "Objective": "problem",
+    "Obstacle": "constraints",
+    "Plan": "api",
+    "Polyhedron": "constraints",
+    "Problem": "problem",
+    "Replay": "replay",
+    "SolveOptions": "problem",
+    "Unicycle": "systems",
+    "VerifyOptions": "problem",
+    "load": "config",
+    "load_text": "config",
+    "plan": "api",
+}
+"""Public names and the module that each is loaded from when it is first used."""
+
+__all__ = [
+    "ConfigError",
+    "EnsembleError",
+    "Fleet",
+    "Interval",
+    "LegendreBasis",
+    "Objective",
+    "Obstacle",
+    "Plan",
+    "Polyhedron",
+    "Problem",
+    "ProblemError",
+    "Replay",
+    "SolveError",
+    "SolveOptions",
+    "Unicycle",
+    "UnsupportedError",
+    "VerifyOptions",
+    "__version__",
+    "load",
+    "load_text",
+    "plan",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
