@@ -1,0 +1,52 @@
+"""The array operations a system needs, so that it is written once for NumPy and for CasADi."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+
+class Arrays(Protocol):
+    """What a system asks of an array library; `numpy` itself is one."""
+
+    def sin(self, x: Any, /) -> Any:
+        """Sine of an angle in radians."""
+
+    def cos(self, x: Any, /) -> Any:
+        """Cosine of an angle in radians."""
+
+    def where(self, condition: Any, yes: Any, no: Any, /) -> Any:
+        """`yes` where `condition` holds, else `no`."""
+
+
+def sinc(x: Any, arrays: Arrays = np) -> Any:
+    r"""``sin(x) / x`` with its limit 1 at zero, accurate to rounding everywhere.
+
+    Parameters
+    ----------
+    x : array
+        Angle in radians, any shape.
+    arrays : Arrays
+        The array library of `x`.
+
+    Returns
+    -------
+    array
+        Same shape, dimensionless.
+
+    Notes
+    -----
+    Below 0.5 rad a Taylor polynomial stands in, so that derivatives taken by automatic differentiation are right at
+    zero too; the unused branch never divides by zero.
+
+    Examples
+    --------
+    >>> float(sinc(0.0)), round(float(sinc(np.pi / 2)), 6)
+    (1.0, 0.63662)
+    """
+    small = abs(x) < 0.5
+    square = x * x
+    series = 1 - square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72 * (1 - square / 110))))
+    safe = arrays.where(small, 1.0, x)
+    return arrays.where(small, series, arrays.sin(safe) / safe)
