@@ -1,0 +1,64 @@
+"""What a plan is worth, from exact trajectories of a set of members and nothing the solver said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, robustness
+from ensemble_ctrl.moments import LegendreBasis
+from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.ocp.transcription import soft_parts
+from ensemble_ctrl.ocp.truncation import Truncation, points, positions
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+QUADRATURE = 16
+"""Order of the Gauss rule whose robots, with the two ends of the range, are evaluated."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """Cost as minimised and its parts, and how far the constraints are kept.
+
+    Attributes
+    ----------
+    cost : float
+        ``-w robustness + terminal + effort``.
+    robustness : float
+        Exact robustness in metres of the task without its ``G avoid`` parts, worst of 19 members at the grid times.
+    gap : float
+        Smallest distance in metres, beyond the robot's radius, between an obstacle and the fleet's hull.
+    """
+
+    cost: float
+    robustness: float
+    terminal: float
+    effort: float
+    gap: float
+
+    def keeps(self, margin: float) -> bool:
+        """Whether the task holds and every obstacle is at least `margin` metres away."""
+        return self.robustness >= 0 and self.gap >= margin
+
+
+def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Value:
+    """Evaluate `controls` of shape (steps, 2)."""
+    aim, step = problem.objective, problem.duration / len(controls)
+    basis = LegendreBasis(QUADRATURE)
+    s = np.concatenate([[-1.0], basis.nodes, [1.0]])
+    paths = positions(problem, controls, np.asarray(problem.fleet.parameter.to_parameter(s)))
+    signals, ops = StateSignals(paths, ("x", "y"), step), ExactOps()
+    worst = min((float(robustness(part, signals, ops)) for part in soft_parts(problem)), default=0.0)
+    terminal = 0.0
+    if aim.target is not None:
+        off = ((paths[1:-1, -1] - aim.target) ** 2).sum(axis=-1)
+        terminal = aim.terminal * float(basis.weights @ off)
+    effort = aim.effort * step * float((controls**2).sum())
+    pieces = tuple(piece for _, piece in problem.pieces)
+    gap = separate(points(problem, controls, truncation), pieces).gap.min(initial=np.inf)
+    cost = -aim.robustness * worst + terminal + effort
+    return Value(cost, worst, terminal, effort, float(gap) - problem.fleet.radius)

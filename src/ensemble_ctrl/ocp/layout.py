@@ -1,0 +1,60 @@
+"""Where each quantity stands in the decision vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Index arrays into the decision vector ``(v, omega, turned, points, levels)``.
+
+    ``levels`` are the task's robustness levels; they are handed out by `level` while rows are made.
+
+    Parameters
+    ----------
+    steps : int
+        Control steps.
+    count : int
+        Points that represent the fleet's position curve.
+    """
+
+    steps: int
+    count: int
+    _levels: list[int] = field(default_factory=list)
+
+    @property
+    def controls(self) -> Ints:
+        """Indices of v and omega, shape (steps, 2)."""
+        return np.arange(2 * self.steps).reshape(2, -1).T
+
+    @property
+    def turned(self) -> Ints:
+        """Indices of the integral of omega at every grid time, shape (steps + 1,)."""
+        return 2 * self.steps + np.arange(self.steps + 1)
+
+    @property
+    def points(self) -> Ints:
+        """Indices of the points, shape (steps + 1, 2 * count): all x, then all y."""
+        first = 3 * self.steps + 1
+        return first + np.arange((self.steps + 1) * 2 * self.count).reshape(self.steps + 1, -1)
+
+    @property
+    def first_level(self) -> int:
+        """Where the levels begin."""
+        return 3 * self.steps + 1 + (self.steps + 1) * 2 * self.count
+
+    @property
+    def size(self) -> int:
+        """Length of the decision vector so far."""
+        return self.first_level + len(self._levels)
+
+    def level(self) -> int:
+        """Hand out the index of a new robustness level."""
+        self._levels.append(self.size)
+        return self._levels[-1]

@@ -1,0 +1,87 @@
+"""Separating lines between the fleet and convex obstacles: the disjunction over facets, decided.
+
+A line with unit normal `n` keeps a set of points clear of an obstacle by ``min n.p - max n.vertex``.  With the lines
+fixed, avoiding is a set of linear rows.  Re-choosing them at the solution of the last round keeps that solution
+feasible, so the rounds never get worse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+DIRECTIONS = 72
+"""Directions tried before the best one is refined."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """For each pair of a convex piece and a step, the best line found.
+
+    Attributes
+    ----------
+    normal : ndarray, shape (pieces, steps, 2)
+        Unit normals, pointing to the fleet's side.
+    support : ndarray, shape (pieces, steps)
+        Largest ``n . vertex`` of the piece, metres.
+    gap : ndarray, shape (pieces, steps)
+        Distance in metres between the points of the step and the piece along the normal; negative where no line
+        separates them.  *Guarantee*: never above the true distance between their convex hulls.
+    """
+
+    normal: Floats
+    support: Floats
+    gap: Floats
+
+
+def separate(points: Floats, pieces: tuple[Obstacle, ...]) -> Lines:
+    """Best separating lines for every step, points at both its ends together.
+
+    Parameters
+    ----------
+    points : ndarray, shape (steps + 1, points, 2)
+        Metres.
+    pieces : tuple of Obstacle
+        Convex pieces.
+    """
+    both = np.concatenate([points[:-1], points[1:]], axis=1)
+    found = [_best(both, piece.vertices) for piece in pieces]
+    if not found:
+        steps = len(points) - 1
+        return Lines(np.zeros((0, steps, 2)), np.zeros((0, steps)), np.zeros((0, steps)))
+    normal, support, gap = (np.stack(part) for part in zip(*found, strict=True))
+    return Lines(normal, support, gap)
+
+
+def _best(points: Floats, vertices: Floats) -> tuple[Floats, Floats, Floats]:
+    """Best normal, support and gap for one convex piece at every step."""
+    angles = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)
+    edges = np.roll(vertices, -1, axis=0) - vertices
+    angles = np.concatenate([angles, np.arctan2(-edges[:, 0], edges[:, 1])])
+    normals = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    gaps = (points @ normals.T).min(axis=1) - (vertices @ normals.T).max(axis=0)
+    angle = angles[gaps.argmax(axis=1)]
+    width = 2 * np.pi / DIRECTIONS
+    for _ in range(2):
+        angle, gap = _refined(points, vertices, angle, width)
+        width /= 5
+    normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return normal, (normal @ vertices.T).max(axis=1), gap
+
+
+def _refined(points: Floats, vertices: Floats, angle: Floats, width: float) -> tuple[Floats, Floats]:
+    """Best of eleven angles within `width` around each given one, and its gap."""
+    tried = angle[:, None] + width * np.linspace(-1.0, 1.0, 11)
+    normals = np.stack([np.cos(tried), np.sin(tried)], axis=-1)
+    near = np.einsum("tpd,tad->tap", points, normals).min(axis=2)
+    gaps = near - (normals @ vertices.T).max(axis=2)
+    best = gaps.argmax(axis=1)
+    rows = np.arange(len(angle))
+    return tried[rows, best], gaps[rows, best]

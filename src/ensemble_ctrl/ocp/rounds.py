@@ -1,0 +1,141 @@
+"""Rounds of solving: separating lines are re-chosen at each solution, and pairs that it violates are added."""
+
+from __future__ import annotations
+
+import time
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.ocp.evaluate import Value, evaluate
+from ensemble_ctrl.ocp.lines import Lines, separate
+from ensemble_ctrl.ocp.solvers import SOLVERS, IpoptOptions, Outcome, Status, Watch
+from ensemble_ctrl.ocp.transcription import Transcription, transcribe
+from ensemble_ctrl.ocp.truncation import Truncation, points, tail
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+REACH = 0.15
+"""Pairs closer than this share of the map's size are constrained from the start."""
+TIGHT = 1e-6
+"""Metres by which a pair may fall short before it counts as violated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """Controls with what they are worth and what it took to find them."""
+
+    controls: Floats
+    value: Value
+    truncation: Truncation
+    status: Status
+    message: str
+    iterations: int
+    build_seconds: float
+    solve_seconds: float
+    pairs: int
+
+
+def improve(
+    problem: Problem,
+    controls: Floats,
+    truncation: Truncation,
+    rounds: int,
+    options: IpoptOptions,
+    watch: Watch | None = None,
+) -> Attempt:
+    """Solve up to `rounds` times from `controls`, each time around the last solution."""
+    attempt = start(problem, controls, truncation)
+    for _ in range(rounds):
+        better = _round(problem, attempt, options, watch)
+        finished = better.status in ("interrupted", "limit") or better.value.cost > attempt.value.cost - 1e-3
+        worse = attempt.value.keeps(0.0) and not (
+            better.value.keeps(0.0) and better.value.cost <= attempt.value.cost
+        )
+        attempt = _with_work(attempt if worse else better, attempt, better)
+        if finished and attempt.value.keeps(0.0):
+            break
+    return attempt
+
+
+def start(problem: Problem, controls: Floats, truncation: Truncation) -> Attempt:
+    """The guess as an attempt that cost nothing."""
+    value = evaluate(problem, controls, truncation)
+    return Attempt(controls, value, truncation, "failed", "not solved", 0, 0.0, 0.0, 0)
+
+
+def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Watch | None) -> Attempt:
+    """One choice of lines: solve, and solve again with the pairs that the solution violates."""
+    truncation, guess = attempt.truncation, attempt.controls
+    curve = points(problem, guess, truncation)
+    pieces = tuple(piece for _, piece in problem.pieces)
+    lines, error = separate(curve, pieces), tail(problem, guess, truncation)
+    pairs = lines.gap < REACH * _map_size(problem, curve)
+    total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)
+    for _ in range(4):
+        began = time.perf_counter()
+        program = transcribe(problem, truncation, guess, lines, pairs, error)
+        built = time.perf_counter()
+        outcome = SOLVERS[problem.solve.method](
+            program.program, program.guess, program.lower, program.upper, options, watch
+        )
+        controls = program.controls(outcome.x)
+        total = _after(problem, total, program, outcome, controls, built - began, time.perf_counter() - built)
+        missing = _violated(problem, lines, points(problem, controls, truncation)) & ~pairs
+        if outcome.status != "solved" or not missing.any():
+            break
+        pairs |= _widened(missing)
+    return replace(total, pairs=int(pairs.sum()))
+
+
+def _after(
+    problem: Problem, total: Attempt, program: Transcription, outcome: Outcome, controls: Floats, built: float, solved: float
+) -> Attempt:
+    """The attempt after one more solve."""
+    return replace(
+        total,
+        controls=controls,
+        value=evaluate(problem, controls, total.truncation),
+        status=outcome.status,
+        message=outcome.message,
+        iterations=total.iterations + outcome.iterations,
+        build_seconds=total.build_seconds + built,
+        solve_seconds=total.solve_seconds + solved,
+    )
+
+
+def _with_work(kept: Attempt, before: Attempt, after: Attempt) -> Attempt:
+    """`kept` with the work of both."""
+    return replace(
+        kept,
+        iterations=before.iterations + after.iterations,
+        build_seconds=before.build_seconds + after.build_seconds,
+        solve_seconds=before.solve_seconds + after.solve_seconds,
+    )
+
+
+def _violated(problem: Problem, lines: Lines, curve: Floats) -> NDArray[np.bool_]:
+    """Pairs whose line the new points cross, shape (pieces, steps)."""
+    both = np.concatenate([curve[:-1], curve[1:]], axis=1)
+    near = np.einsum("tpd,otd->otp", both, lines.normal).min(axis=2, initial=np.inf)
+    return np.asarray(near - lines.support < problem.fleet.radius + problem.solve.margin - TIGHT)
+
+
+def _widened(pairs: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The pairs with three steps to either side."""
+    wide = pairs.copy()
+    for shift in range(1, 4):
+        wide[:, shift:] |= pairs[:, :-shift]
+        wide[:, :-shift] |= pairs[:, shift:]
+    return wide
+
+
+def _map_size(problem: Problem, curve: Floats) -> float:
+    """Larger side of the box around the fleet's way and the obstacles, metres."""
+    corners = [curve.reshape(-1, 2), *(piece.vertices for _, piece in problem.pieces)]
+    return float(np.ptp(np.concatenate(corners), axis=0).max())
+
+

@@ -1,0 +1,138 @@
+"""Shortest routes around obstacles, one for each way of passing them.
+
+A visibility graph over the corners of the grown obstacles is searched together with each route's crossing word: rays go
+up from every obstacle, and a route is told by the rays it crosses in order, left (-) or right (+), a crossing and its
+return cancelled.  Two routes with different words can't be deformed into each other (Bhattacharya et al., Topological
+constraints in search-based robot path planning, 2012).
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count, islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle
+
+Floats = NDArray[np.float64]
+Word = tuple[int, ...]
+
+EXPANSIONS = 20_000
+"""Largest number of search states taken up in one search."""
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A polyline around the obstacles.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (corners, 2)
+        Metres, start and end included.
+    length : float
+        Metres.
+    word : tuple of int
+        Crossing word: +-(i + 1) for the ray above piece i.
+    """
+
+    corners: Floats
+    length: float
+    word: Word
+
+
+def routes(start: Floats, goal: Floats, pieces: Sequence[Obstacle], clearance: float, most: int) -> list[Route]:
+    """The `most` shortest routes of different kinds that keep `clearance` metres from the obstacles."""
+    corners = np.array([start, goal, *_corners(pieces, clearance)], dtype=float)
+    keep = _clear_points(corners, pieces, clearance)
+    keep[:2] = True
+    corners = corners[keep]
+    lengths = _visible_lengths(corners, pieces, clearance)
+    anchors = np.array([piece.vertices.mean(axis=0) for piece in pieces]).reshape(-1, 2)
+    return list(islice(_search(corners, lengths, anchors), most))
+
+
+def _search(corners: Floats, lengths: Floats, anchors: Floats) -> Iterator[Route]:
+    """Dijkstra over (corner, word) from corner 0; yields each new word that arrives at corner 1."""
+    order = count()
+    best: dict[tuple[int, Word], float] = {}
+    queue: list[tuple[float, int, int, Word, tuple[int, ...]]] = [(0.0, next(order), 0, (), (0,))]
+    while queue and len(best) < EXPANSIONS:
+        length, _, here, word, path = heapq.heappop(queue)
+        if (here, word) in best:
+            continue
+        best[here, word] = length
+        if here == 1:
+            yield Route(corners[list(path)], length, word)
+            continue
+        for there in np.flatnonzero(np.isfinite(lengths[here])):
+            longer = _extended(word, corners[here], corners[there], anchors)
+            if there not in path and (there, longer) not in best:
+                step = length + float(lengths[here, there])
+                heapq.heappush(queue, (step, next(order), int(there), longer, (*path, int(there))))
+
+
+def _extended(word: Word, a: Floats, b: Floats, anchors: Floats) -> Word:
+    """The word after walking from `a` to `b`, with cancelling neighbours removed."""
+    if not len(anchors) or a[0] == b[0]:
+        return word
+    crossed = (anchors[:, 0] >= min(a[0], b[0])) & (anchors[:, 0] < max(a[0], b[0]))
+    fraction = (anchors[:, 0] - a[0]) / (b[0] - a[0])
+    above = crossed & (a[1] + fraction * (b[1] - a[1]) > anchors[:, 1])
+    sign = 1 if b[0] > a[0] else -1
+    letters = list(word)
+    for i in sorted(np.flatnonzero(above), key=lambda i: fraction[i]):
+        letter = sign * (int(i) + 1)
+        if letters and letters[-1] == -letter:
+            letters.pop()
+        else:
+            letters.append(letter)
+    return tuple(letters)
+
+
+def _corners(pieces: Sequence[Obstacle], clearance: float) -> Iterator[Floats]:
+    """Corners of the obstacles grown by `clearance`, with sharp tips cut off at two clearances."""
+    for piece in pieces:
+        v = piece.vertices
+        along = np.roll(v, -1, axis=0) - v
+        out = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+        mid = out + np.roll(out, 1, axis=0)
+        mid /= np.linalg.norm(mid, axis=1)[:, None]
+        stretch = np.minimum(1 / np.maximum((mid * out).sum(axis=1), 1e-3), 2.0)
+        yield from v + 1.001 * clearance * stretch[:, None] * mid
+
+
+def _clear_points(points: Floats, pieces: Sequence[Obstacle], clearance: float) -> NDArray[np.bool_]:
+    """Which points keep (nearly) their clearance from every obstacle."""
+    clear = np.ones(len(points), dtype=bool)
+    for piece in pieces:
+        clear &= piece.distance(points) > 0.99 * clearance
+    return clear
+
+
+def _visible_lengths(corners: Floats, pieces: Sequence[Obstacle], clearance: float) -> Floats:
+    """Length of each straight connection, infinite where an obstacle (grown by most of the clearance) is hit."""
+    i, j = np.triu_indices(len(corners), 1)
+    a, b = corners[i], corners[j]
+    blocked = np.zeros(len(i), dtype=bool)
+    for piece in pieces:
+        blocked |= _hits(a, b, piece, 0.9 * clearance)
+    lengths = np.full((len(corners), len(corners)), np.inf)
+    lengths[i, j] = lengths[j, i] = np.where(blocked, np.inf, np.linalg.norm(b - a, axis=1))
+    return lengths
+
+
+def _hits(a: Floats, b: Floats, piece: Obstacle, grown: float) -> NDArray[np.bool_]:
+    """Whether segments a-b meet the convex piece with every side moved outwards by `grown`."""
+    length = np.linalg.norm(piece.A, axis=1)
+    inward, level = piece.A / length[:, None], piece.b / length - grown
+    depth_a, depth_b = a @ inward.T - level, b @ inward.T - level
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = depth_a / (depth_a - depth_b)
+    enter = np.where((depth_a < 0) & (depth_b >= 0), crossing, 0.0).max(axis=1)
+    leave = np.where((depth_a >= 0) & (depth_b < 0), crossing, 1.0).min(axis=1)
+    outside = ((depth_a < 0) & (depth_b < 0)).any(axis=1)
+    return ~outside & (enter < leave - 1e-9)

@@ -1,0 +1,148 @@
+"""Solvers: their options, their status words and how they are watched, in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.ocp.program import Program
+
+Floats = NDArray[np.float64]
+Status = Literal["solved", "infeasible", "limit", "interrupted", "failed"]
+
+STATUS: dict[str, Status] = {
+    "Solve_Succeeded": "solved",
+    "Solved_To_Acceptable_Level": "solved",
+    "Feasible_Point_Found": "solved",
+    "Search_Direction_Becomes_Too_Small": "solved",
+    "Infeasible_Problem_Detected": "infeasible",
+    "Maximum_Iterations_Exceeded": "limit",
+    "Maximum_CpuTime_Exceeded": "limit",
+    "Maximum_WallTime_Exceeded": "limit",
+    "User_Requested_Stop": "interrupted",
+}
+"""IPOPT's words to ours; any other word means `failed`."""
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """What a watcher sees after each iteration: count, cost (as minimised) and largest constraint violation."""
+
+    count: int
+    cost: float
+    violation: float
+
+
+Watch = Callable[[Iteration], bool]
+"""Called after each iteration; returning True stops the solve at the last iterate."""
+
+
+@dataclass(frozen=True)
+class IpoptOptions:
+    """The few options that differ between solves."""
+
+    max_iterations: int = 300
+    time_limit: float = 600.0
+    tolerance: float = 1e-4
+    barrier: float = 1e-3
+    log: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a solver returns: `status` and the last iterate `x`, whatever happened."""
+
+    status: Status
+    x: Floats
+    cost: float
+    iterations: int
+    message: str
+    violated: dict[str, float] = field(default_factory=dict)
+
+
+def ipopt(
+    program: Program, guess: Floats, lower: Floats, upper: Floats, options: IpoptOptions, watch: Watch | None = None
+) -> Outcome:
+    """Solve `program` with IPOPT from `guess` between the variables' bounds."""
+    watcher = _Watcher(program, watch) if watch else None
+    settings = {**_settings(options), **({"iteration_callback": watcher} if watcher else {})}
+    derivatives = {name: program.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
+    solver = ca.nlpsol("solver", "ipopt", program.nlp, {**settings, **derivatives})
+    result = solver(
+        x0=guess, p=program.parameters, lbx=lower, ubx=upper, lbg=program.lower, ubg=program.upper
+    )
+    if watcher and watcher.error:
+        raise watcher.error
+    stats = solver.stats()
+    word = str(stats["return_status"])
+    return Outcome(
+        status=STATUS.get(word, "failed"),
+        x=np.array(result["x"]).ravel(),
+        cost=float(result["f"]),
+        iterations=int(stats["iter_count"]),
+        message=word.replace("_", " ").lower(),
+    )
+
+
+SOLVERS = {"nlp": ipopt}
+"""Solver by the `method` of a problem."""
+
+
+def _settings(options: IpoptOptions) -> dict[str, object]:
+    """The nlpsol options of one solve."""
+    inner: dict[str, object] = {
+        "print_level": 0,
+        "sb": "yes",
+        "max_iter": options.max_iterations,
+        "max_wall_time": max(options.time_limit, 1e-3),
+        "tol": options.tolerance,
+        "mu_init": options.barrier,
+    }
+    if options.log:
+        inner |= {"output_file": str(options.log), "file_print_level": 5, "file_append": "yes"}
+    return {"print_time": False, "calc_lam_p": False, "no_nlp_grad": True, "ipopt": inner}
+
+
+class _Watcher(ca.Callback):  # type: ignore[misc]
+    """IPOPT's iteration callback: reports, stops on request, and keeps an exception for after the solve."""
+
+    def __init__(self, program: Program, watch: Watch) -> None:
+        ca.Callback.__init__(self)
+        self.watch = watch
+        self.count = 0
+        self.error: BaseException | None = None
+        self.sizes = {"x": program.nlp["x"].numel(), "f": 1, "g": program.lower.size, "p": program.parameters.size}
+        self.lower, self.upper = program.lower, program.upper
+        self.construct("watcher", {})
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        return str(ca.nlpsol_out(i))
+
+    def get_name_out(self, i: int) -> str:
+        return "stop"
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        name = ca.nlpsol_out(i).removeprefix("lam_")
+        return ca.Sparsity.dense(self.sizes[name])
+
+    def eval(self, arg: list[ca.DM]) -> list[float]:
+        try:
+            g = np.array(arg[2]).ravel()
+            violation = float(np.maximum(self.lower - g, g - self.upper).max(initial=0.0))
+            self.count += 1
+            return [float(self.watch(Iteration(self.count - 1, float(arg[1]), violation)))]
+        except BaseException as error:  # an exception must not cross into the solver
+            self.error = error
+            return [1.0]

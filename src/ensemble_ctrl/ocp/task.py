@@ -1,0 +1,209 @@
+"""A third number system for the robustness walk: values that are rows of the program.
+
+A value is a minimum of *terms*: linear rows on the fleet's points, and *levels*, decision variables that stand at or
+below what they are named for.  A minimum of values is the union of their terms and costs nothing; a maximum of n values
+becomes a new level with one smooth row
+
+    level <= log(sum_i exp(K part_i)) / K - log(n) / K
+
+*Guarantee*: a level kept below the whole value is never above the formula's exact robustness for any curve in the hull
+of the points, because the right-hand side is never above the largest part and every other row is exact.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import Formula, Ops, Predicate, Signals, robustness
+from ensemble_ctrl.errors import UnsupportedError
+from ensemble_ctrl.ocp.layout import Layout
+from ensemble_ctrl.ocp.program import Block, Build
+
+Floats = NDArray[np.float64]
+Values = NDArray[np.object_]
+
+SHARPNESS = 20.0
+"""K of the log-sum-exp, per metre: a maximum of n parts is underestimated by at most log(n) / K metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """``x px + y py + offset`` at one grid time, for every point or for the mean member."""
+
+    at: int
+    x: float
+    y: float
+    offset: float
+    mean: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A decision variable by its index."""
+
+    index: int
+
+
+Minimum = tuple[Row | Level, ...]
+
+
+@dataclass(frozen=True)
+class PointSignals:
+    """Predicates as rows on the points; all points count as one member, since each row holds for all of them."""
+
+    steps: int
+    step: float
+    averaged: bool = False
+    members: int = 1
+
+    def leaf(self, predicate: Predicate, first: int, last: int) -> Values:
+        """One row for each time, shape (1, last - first + 1)."""
+        coefficients, offset = predicate.normalised()
+        by_name = dict(coefficients)
+        x, y = by_name.pop("x", 0.0), by_name.pop("y", 0.0)
+        if by_name:
+            raise UnsupportedError(
+                f"task: the planner needs predicates over x and y, got {predicate} ({', '.join(by_name)})"
+            )
+        return _matrix([(Row(k, x, y, offset, self.averaged),) for k in range(first, last + 1)])
+
+    def mean(self) -> Signals:
+        """The same for the mean member."""
+        return PointSignals(self.steps, self.step, averaged=True)
+
+
+class LevelOps(Ops):
+    """Minimum by union of terms, maximum by a new level; `maxima` lists the rows to add."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.maxima: list[tuple[list[int], int]] = []
+        self.below: list[tuple[int, Minimum]] = []
+        self._levels: dict[Minimum, int] = {}
+
+    def all_of(self, values: Iterable[Values]) -> Values:
+        """Entrywise union of terms."""
+        return reduce(np.add, values)
+
+    def any_of(self, values: Iterable[Values]) -> Values:
+        """Entrywise a level under the parts' levels."""
+        stacked = list(values)
+        return _matrix([self._maximum([v[0, t] for v in stacked]) for t in range(stacked[0].shape[1])])
+
+    def times(self, columns: Sequence[Values]) -> Values:
+        """Join in time."""
+        return np.hstack(columns)
+
+    def members(self, rows: Sequence[Values]) -> Values:
+        """Join members."""
+        return np.vstack(rows)
+
+    def ranked(self, value: Values, rank: int) -> Values:
+        """Every point, a lower bound for any share."""
+        return value
+
+    def _maximum(self, parts: list[Minimum]) -> Minimum:
+        """A new level at or below the smooth maximum of the parts."""
+        if len(parts) == 1:
+            return parts[0]
+        level = self.layout.level()
+        self.maxima.append(([self._level(part) for part in parts], level))
+        return (Level(level),)
+
+    def _level(self, part: Minimum) -> int:
+        """A level at or below one part, made once."""
+        if len(part) == 1 and isinstance(part[0], Level):
+            return part[0].index
+        if part not in self._levels:
+            self._levels[part] = self.layout.level()
+            self.below.append((self._levels[part], part))
+        return self._levels[part]
+
+
+def task_blocks(parts: Sequence[Formula], level: int, layout: Layout, step: float, mean: Floats) -> list[Block]:
+    """Rows that keep `level` at or below the robustness of every part.
+
+    Parameters
+    ----------
+    parts : sequence of Formula
+        Ground formulas.
+    level : int
+        Index of the level of the whole.
+    layout : Layout
+        Hands out further levels.
+    step : float
+        Seconds.
+    mean : ndarray, shape (points,)
+        Weights of the points in the mean member's position.
+    """
+    ops, signals = LevelOps(layout), PointSignals(layout.steps, step)
+    for part in parts:
+        ops.below.append((level, robustness(part, signals, ops)))
+    pairs = [(low, term) for low, part in ops.below for term in part]
+    rows = [(low, term) for low, term in pairs if isinstance(term, Row)]
+    order = [(low, term.index) for low, term in pairs if isinstance(term, Level)]
+    return [
+        *_row_blocks([r for r in rows if not r[1].mean], layout, np.eye(layout.count)),
+        *_row_blocks([r for r in rows if r[1].mean], layout, mean[None, :]),
+        *_maximum_blocks(ops.maxima),
+        *_order_blocks(order),
+    ]
+
+
+def _matrix(entries: Sequence[Minimum]) -> Values:
+    """A value of one member."""
+    matrix = np.empty((1, len(entries)), dtype=object)
+    matrix[0, :] = np.fromiter(entries, dtype=object, count=len(entries))
+    return matrix
+
+
+def _row_blocks(rows: list[tuple[int, Row]], layout: Layout, places: Floats) -> list[Block]:
+    """``x px + y py + offset - level >= 0`` at every place, a combination of the points."""
+    if not rows:
+        return []
+    n, image = layout.count, ca.DM(places)
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        return ca.mtimes(image, d[0] * z[:n] + d[1] * z[n : 2 * n]) + d[2] - z[2 * n]
+
+    at = [row.at for _, row in rows]
+    columns = np.column_stack([layout.points[at], [level for level, _ in rows]])
+    data = np.array([[row.x, row.y, row.offset] for _, row in rows])
+    return [_at_least_zero(build, columns, data, len(places))]
+
+
+def _maximum_blocks(maxima: list[tuple[list[int], int]]) -> list[Block]:
+    """One block for each number of parts."""
+    by_size: dict[int, list[list[int]]] = defaultdict(list)
+    for parts, level in maxima:
+        by_size[len(parts)].append([*parts, level])
+    return [_maximum_block(n, np.array(columns)) for n, columns in sorted(by_size.items())]
+
+
+def _maximum_block(n: int, columns: NDArray[np.int64]) -> Block:
+    """``level <= smooth maximum of n parts`` for each row of `columns`."""
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        return ca.logsumexp(SHARPNESS * z[:n]) / SHARPNESS - np.log(n) / SHARPNESS - z[n]
+
+    return _at_least_zero(build, columns, np.zeros((len(columns), 0)), 1)
+
+
+def _order_blocks(order: list[tuple[int, int]]) -> list[Block]:
+    """``first <= second`` between levels."""
+    if not order:
+        return []
+    return [_at_least_zero(lambda z, d: z[1] - z[0], np.array(order), np.zeros((len(order), 0)), 1)]
+
+
+def _at_least_zero(build: Build, columns: NDArray[np.int64], data: Floats, rows: int) -> Block:
+    """A block of rows that must not be negative."""
+    low, high = np.zeros((len(columns), rows)), np.full((len(columns), rows), np.inf)
+    return Block("task", build, columns, data, low, high)

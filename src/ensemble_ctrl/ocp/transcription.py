@@ -1,0 +1,216 @@
+r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in nodal coordinates.
+
+    minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt
+    over        v_n, omega_n                        the broadcast commands of step n
+                turned_n = sum_{k<n} omega_k dt     shared by every member
+                P_n                                 points that represent the fleet's position curve
+                level >= 0                          at or below the task's robustness
+    subject to  P_{n+1} = P_n + C d(v_n, omega_n, turned_n)      exact arcs of the Gauss-node robots, C their points
+                n_on . P_i >= support_on + margin + sagitta      every point, both ends of the step, each obstacle in reach
+                the rows of the task                              (`ensemble_ctrl.ocp.task`)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import Always, Avoid, Formula, ground, resolve
+from ensemble_ctrl.ocp.layout import Layout
+from ensemble_ctrl.ocp.lines import Lines
+from ensemble_ctrl.ocp.program import Block, Program, assemble
+from ensemble_ctrl.ocp.seeds import conjuncts
+from ensemble_ctrl.ocp.task import task_blocks
+from ensemble_ctrl.ocp.truncation import Truncation, parameter_nodes, points
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+Pairs = NDArray[np.bool_]
+
+PULL = 1e-3
+"""Weight that pulls idle levels up to their bounds, so that none drifts away unbounded."""
+SMOOTH = 1e-3
+"""``|v omega|`` is replaced by the larger ``sqrt((v omega)^2 + SMOOTH^2)``, which can be differentiated."""
+
+
+class CasadiArrays:
+    """The array operations of a system, on CasADi expressions."""
+
+    @staticmethod
+    def sin(x: Any) -> Any:
+        return ca.sin(x)
+
+    @staticmethod
+    def cos(x: Any) -> Any:
+        return ca.cos(x)
+
+    @staticmethod
+    def where(condition: Any, yes: Any, no: Any) -> Any:
+        return ca.if_else(condition, yes, no)
+
+
+@dataclass(frozen=True, eq=False)
+class Transcription:
+    """The program with what is needed to start it and to read its solution."""
+
+    program: Program
+    layout: Layout
+    truncation: Truncation
+    guess: Floats
+    lower: Floats
+    upper: Floats
+
+    def controls(self, x: Floats) -> Floats:
+        """The commands in a decision vector, shape (steps, 2), clipped to their bounds."""
+        where = self.layout.controls
+        return np.clip(x[where], self.lower[where], self.upper[where])
+
+
+def transcribe(
+    problem: Problem, truncation: Truncation, controls: Floats, lines: Lines, pairs: Pairs, tail: float
+) -> Transcription:
+    """Build the program around a guess.
+
+    Parameters
+    ----------
+    problem : Problem
+        What to plan.
+    truncation : Truncation
+        Which moments are kept.
+    controls : ndarray, shape (steps, 2)
+        The guess; its length is the number of steps of the program.
+    lines : Lines
+        Separating lines at the guess.
+    pairs : ndarray of bool, shape (pieces, steps)
+        Which pairs of a convex piece and a step are constrained.
+    tail : float
+        Truncation error in metres that the margins cover.
+    """
+    steps, count = len(controls), truncation.count
+    layout = Layout(steps, count)
+    step = problem.duration / steps
+    level = layout.level()
+    mean = truncation.to_moments[0] / np.sqrt(2.0)
+    task = task_blocks(soft_parts(problem), level, layout, step, mean)
+    blocks = [_turning(layout, step), _moving(problem, truncation, layout, step)]
+    blocks += _avoiding(problem, layout, step, lines, pairs, tail, truncation.hull) + task
+    terms = _terms(problem, truncation, layout, step, level)
+    lower, upper = _bounds(problem, layout, level)
+    guess = _guess(problem, truncation, layout, controls, level)
+    return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
+
+
+def always_avoids(part: Formula) -> bool:
+    """Whether a conjunct is ``G avoid(...)``, which becomes lines for whole step intervals."""
+    return isinstance(part, Always) and isinstance(part.child, Avoid)
+
+
+def soft_parts(problem: Problem) -> list[Formula]:
+    """The conjuncts whose robustness is a level, with predicates as leaves."""
+    parts = [p for p in conjuncts(problem.task) if not always_avoids(p)]
+    return [
+        ground(resolve(p, problem.duration), problem.regions, problem.obstacles, radius=problem.fleet.radius)
+        for p in parts
+    ]
+
+
+def _turning(layout: Layout, step: float) -> Block:
+    """``turned`` is the running integral of omega."""
+    columns = np.column_stack([layout.controls[:, 1], layout.turned[:-1], layout.turned[1:]])
+    zero = np.zeros((layout.steps, 1))
+    return Block("turning", lambda z, d: z[2] - z[1] - step * z[0], columns, np.zeros((layout.steps, 0)), zero, zero)
+
+
+def _moving(problem: Problem, truncation: Truncation, layout: Layout, step: float) -> Block:
+    """The points move by the image of the Gauss-node robots' exact displacements."""
+    system, heading = problem.fleet.system, problem.fleet.own_heading
+    traction, image, n = ca.DM(parameter_nodes(problem, truncation)), ca.DM(truncation.to_points), layout.count
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        before, after = z[3 : 3 + 2 * n], z[3 + 2 * n :]
+        dx, dy = system.displacement(z[0], z[1], z[2], heading, traction, step, CasadiArrays)
+        return after - before - ca.vertcat(ca.mtimes(image, dx), ca.mtimes(image, dy))
+
+    columns = np.column_stack([layout.controls, layout.turned[:-1], layout.points[:-1], layout.points[1:]])
+    zero = np.zeros((layout.steps, 2 * n))
+    return Block("moving", build, columns, np.zeros((layout.steps, 0)), zero, zero)
+
+
+def _avoiding(
+    problem: Problem, layout: Layout, step: float, lines: Lines, pairs: Pairs, tail: float, hull: bool
+) -> list[Block]:
+    """Every point, at both ends of the step, on the fleet's side of the pair's line."""
+    piece, at = np.nonzero(pairs)
+    if not len(piece):
+        return []
+    n, fastest = layout.count, max(abs(problem.fleet.parameter.lower), abs(problem.fleet.parameter.upper))
+    curvature = step**2 / 8 * fastest**2 if hull else 0.0
+    keep = problem.fleet.radius + problem.solve.margin + (tail if hull else 0.0)
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        bulge = curvature * ca.sqrt((z[0] * z[1]) ** 2 + SMOOTH**2)
+        ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[2 : 2 + 2 * n], z[2 + 2 * n :])]
+        return ca.vertcat(*ends) - d[2] - bulge
+
+    data = np.column_stack([lines.normal[piece, at], lines.support[piece, at] + keep])
+    columns = np.column_stack([layout.controls[at], layout.points[at], layout.points[at + 1]])
+    low, high = np.zeros((len(at), 2 * n)), np.full((len(at), 2 * n), np.inf)
+    return [Block("avoiding", build, columns, data, low, high)]
+
+
+def _terms(problem: Problem, truncation: Truncation, layout: Layout, step: float, level: int) -> list[Block]:
+    """Robustness, terminal moment error, effort, and the pull on idle levels."""
+    aim, n = problem.objective, layout.count
+    none = np.zeros((1, 0))
+
+    def effort(z: ca.SX, d: ca.SX) -> ca.SX:
+        return aim.effort * step * ca.sumsqr(z)
+
+    terms = [Block("effort", effort, layout.controls, np.zeros((layout.steps, 0)), none, none)]
+    levels = np.arange(layout.first_level, layout.size)
+
+    def reward(z: ca.SX, d: ca.SX) -> ca.SX:
+        return -aim.robustness * z[0] - PULL * ca.sum1(z[1:]) / max(len(levels) - 1, 1)
+
+    if soft_parts(problem):
+        terms.append(Block("robustness", reward, levels[None, :], none, none, none))
+    if aim.target is not None:
+        target = aim.target
+        weight = ca.DM(truncation.to_moments.T @ truncation.to_moments)
+
+        def terminal(z: ca.SX, d: ca.SX) -> ca.SX:
+            off = [z[:n] - target[0], z[n:] - target[1]]
+            return aim.terminal * sum(ca.bilin(weight, part, part) for part in off)
+
+        terms.append(Block("terminal", terminal, layout.points[-1:], none, none, none))
+    return terms
+
+
+def _bounds(problem: Problem, layout: Layout, level: int) -> tuple[Floats, Floats]:
+    """Bounds of the decision vector: inputs, the common start, and a task that holds."""
+    fleet = problem.fleet
+    lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+    lower[layout.controls], upper[layout.controls] = fleet.input_lower, fleet.input_upper
+    for bound in (lower, upper):
+        bound[layout.turned[0]] = 0.0
+        bound[layout.points[0]] = np.repeat(fleet.position, layout.count)
+    lower[level] = 0.0
+    if not soft_parts(problem):
+        upper[level] = 0.0
+    return lower, upper
+
+
+def _guess(problem: Problem, truncation: Truncation, layout: Layout, controls: Floats, level: int) -> Floats:
+    """The decision vector under the guessed controls, with levels a little below zero."""
+    step = problem.duration / layout.steps
+    x = np.full(layout.size, -0.1)
+    x[layout.controls] = controls
+    x[layout.turned] = np.concatenate([[0.0], np.cumsum(controls[:, 1]) * step])
+    curve = points(problem, controls, truncation)
+    x[layout.points] = np.concatenate([curve[..., 0], curve[..., 1]], axis=1)
+    x[level] = 0.05
+    return x

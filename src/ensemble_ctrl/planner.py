@@ -1,0 +1,233 @@
+"""From a problem to the best controls found: seeds, a coarse search over routes, and a fine solve.
+
+1. Geometric routes of different kinds around the obstacles give first guesses (`ensemble_ctrl.ocp.seeds`).
+2. Each is solved on a coarse grid at a low order; the best is kept.
+3. The horizon's own grid and the order asked for, started from there.
+4. Where the truncated curve is too far from the true one, one more moment is carried and it is solved again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import Formula
+from ensemble_ctrl.constraints.stl.robustness import Temporal
+from ensemble_ctrl.ocp.rounds import Attempt, improve, start
+from ensemble_ctrl.ocp.seeds import seeds
+from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
+from ensemble_ctrl.ocp.truncation import Truncation, choose, raised, tail
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+Status = Literal["planned", "infeasible", "limit", "interrupted"]
+Progress = Callable[[str, Iteration | None], bool]
+"""Called with a phase and, during a solve, the iteration; returning True asks to stop."""
+
+COARSE_STEPS = 40
+"""The coarse grid has at most this many steps, unless a window of the task needs a finer one."""
+COARSE_ROUNDS, FINE_ROUNDS = 2, 2
+TAIL_LIMIT = 1e-3
+"""Metres of truncation error beyond which one more moment is carried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The best controls found and how they were found.
+
+    Attributes
+    ----------
+    problem : Problem
+        What was asked.
+    controls : ndarray, shape (steps, n_u)
+        The broadcast commands.
+    status : {"planned", "infeasible", "limit", "interrupted"}
+        ``planned``: the program's own constraints hold; whether every member is safe is for replay to say.
+    attempt : Attempt
+        The last solve with its value.
+    routes : tuple of (float, float, bool)
+        Length in metres, cost after the coarse solve, and whether it kept the constraints, of each route tried.
+    seconds : dict of str to float
+        Time of each phase.
+    iterations, build_seconds, solve_seconds
+        Work of all solves together.
+    """
+
+    problem: Problem
+    controls: Floats
+    status: Status
+    attempt: Attempt
+    routes: tuple[tuple[float, float, bool], ...] = ()
+    seconds: dict[str, float] = field(default_factory=dict)
+    iterations: int = 0
+    build_seconds: float = 0.0
+    solve_seconds: float = 0.0
+
+
+@dataclass(eq=False)
+class _Search:
+    """One search: the problem, whom to tell, the clock, and the best attempt so far."""
+
+    problem: Problem
+    progress: Progress | None
+    log: Path | None
+    began: float = field(default_factory=time.perf_counter)
+    stopped: bool = False
+
+    def left(self) -> float:
+        """Seconds until the time limit."""
+        return self.problem.solve.time_limit - (time.perf_counter() - self.began)
+
+    def options(self, barrier: float, tolerance: float) -> IpoptOptions:
+        """Solver options within what is left of the time."""
+        return IpoptOptions(self.problem.solve.max_iterations, self.left(), tolerance, barrier, self.log)
+
+    def watch(self, phase: str) -> Callable[[Iteration], bool] | None:
+        """The watcher of one phase."""
+        if self.progress is None:
+            return None
+        progress = self.progress
+
+        def watching(iteration: Iteration) -> bool:
+            self.stopped = self.stopped or progress(phase, iteration)
+            return self.stopped
+
+        return watching
+
+    def tell(self, phase: str) -> None:
+        """Say that a phase begins."""
+        if self.progress is not None:
+            self.stopped = self.progress(phase, None) or self.stopped
+
+    def over(self) -> bool:
+        """Whether to stop now with what there is."""
+        return self.stopped or self.left() <= 0
+
+
+def solve(
+    problem: Problem,
+    *,
+    progress: Progress | None = None,
+    guess: Floats | None = None,
+    log: Path | None = None,
+) -> Solution:
+    """Find controls for `problem`.
+
+    Parameters
+    ----------
+    problem : Problem
+        What to plan.
+    progress : callable, optional
+        ``progress(phase, iteration or None) -> bool``; True asks to stop with the best controls so far.
+    guess : ndarray, shape (steps', 2), optional
+        Controls to start from instead of geometric routes.
+    log : Path, optional
+        File that the solver's own output is appended to.
+
+    Returns
+    -------
+    Solution
+        Also when nothing feasible was found: `status` says so and `controls` are the best there are.
+    """
+    search = _Search(problem, progress, log)
+    seconds: dict[str, float] = {}
+    search.tell("guess")
+    steps = coarse_steps(problem)
+    starts = [(0.0, guess)] if guess is not None else [
+        (seed.length, seed.controls) for seed in seeds(problem, steps, problem.solve.routes)
+    ]
+    seconds["guess"] = time.perf_counter() - search.began
+    search.tell("solve")
+    tried = [(length, _coarse(search, controls)) for length, controls in starts]
+    best = min((attempt for _, attempt in tried), key=_rank)
+    final = best if search.over() else _fine(search, best)
+    seconds["solve"] = time.perf_counter() - search.began - seconds["guess"]
+    routes = tuple((length, a.value.cost, a.value.keeps(0.0)) for length, a in tried)
+    controls = _refined(final.controls, problem.steps)
+    work = [a for _, a in tried] + ([final] if final is not best else [])
+    return Solution(
+        problem,
+        controls,
+        _status(search, final),
+        final,
+        routes,
+        seconds,
+        sum(a.iterations for a in work),
+        sum(a.build_seconds for a in work),
+        sum(a.solve_seconds for a in work),
+    )
+
+
+def coarse_steps(problem: Problem) -> int:
+    """Steps of the coarse grid: a divisor of the problem's, fine enough for every window of the task."""
+    wanted = COARSE_STEPS
+    for a, b in _windows(problem.task):
+        wanted = max(wanted, int(np.ceil(2 * problem.duration / max(b - a, problem.step))))
+    divisors = [n for n in range(1, problem.steps + 1) if problem.steps % n == 0 and n >= wanted]
+    return divisors[0] if divisors else problem.steps
+
+
+def _windows(formula: Formula) -> list[tuple[float, float]]:
+    """Every finite window of the formula, in seconds."""
+    own = []
+    if isinstance(formula, Temporal) and formula.a is not None and formula.b is not None:
+        own = [(formula.a, formula.b)] if np.isfinite(formula.b) else []
+    return own + [w for part in formula.parts for w in _windows(part)]
+
+
+def _coarse(search: _Search, controls: Floats) -> Attempt:
+    """A seed improved on its own coarse grid at low order."""
+    problem = search.problem
+    truncation = Truncation(2, 2, True)
+    if search.over():
+        return start(problem, controls, truncation)
+    options = search.options(1e-3, 1e-3)
+    return improve(problem, controls, truncation, COARSE_ROUNDS, options, search.watch("coarse solve"))
+
+
+def _fine(search: _Search, coarse: Attempt) -> Attempt:
+    """The problem's own grid and order, started from the coarse controls."""
+    problem = search.problem
+    controls = _refined(coarse.controls, problem.steps)
+    truncation = choose(problem, controls)
+    attempt = start(problem, controls, truncation)
+    for _ in range(3):
+        options = search.options(1e-4, 1e-4)
+        attempt = improve(problem, attempt.controls, truncation, FINE_ROUNDS, options, search.watch("solve"))
+        if search.over() or tail(problem, attempt.controls, truncation) < TAIL_LIMIT:
+            break
+        truncation = raised(problem, truncation)
+    return attempt
+
+
+def _refined(controls: Floats, steps: int) -> Floats:
+    """The same commands on a grid of `steps`, each repeated."""
+    if steps % len(controls) == 0:
+        return np.repeat(controls, steps // len(controls), axis=0)
+    middle = (np.arange(steps) + 0.5) / steps * len(controls)
+    return np.asarray(controls[middle.astype(int)])
+
+
+def _rank(attempt: Attempt) -> tuple[bool, float, float]:
+    """Sorting key: feasible first, then cost; infeasible by how much they fall short."""
+    value = attempt.value
+    short = max(0.0, -value.gap) + max(0.0, -value.robustness)
+    return (not value.keeps(0.0), 0.0 if value.keeps(0.0) else short, value.cost)
+
+
+def _status(search: _Search, attempt: Attempt) -> Status:
+    """What became of the search."""
+    if search.stopped:
+        return "interrupted"
+    if attempt.value.keeps(0.0) and attempt.status == "solved":
+        return "planned"
+    return "limit" if search.left() <= 0 else ("planned" if attempt.value.keeps(0.0) else "infeasible")
+
+
+__all__ = ["Progress", "Solution", "Status", "coarse_steps", "solve"]
