@@ -1,0 +1,232 @@
+"""The plan a user holds: controls with their problem, and verbs to replay, draw, save and load it."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl._version import __version__
+from ensemble_ctrl.config import dump, load_text
+from ensemble_ctrl.conflicts import Conflict, conflicts
+from ensemble_ctrl.errors import ProblemError, SolveError
+from ensemble_ctrl.planner import Progress, Solution, Status, solve
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import Replay, replay
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A broadcast control for the whole fleet, and what is known of it.
+
+    Attributes
+    ----------
+    problem : Problem
+        What was asked.
+    controls : ndarray, shape (steps, n_u)
+        Commands of every step, in the units of the system's controls; read-only.
+    status : {"planned", "infeasible", "limit", "interrupted"}
+        How the search ended. Only `replayed` says whether members are safe.
+    details : dict
+        What the search did: order, cost and its parts, iterations, routes, seconds.
+    replayed : Replay or None
+        The last replay that was run on this plan when it was made.
+
+    Notes
+    -----
+    *Guarantee*: none by itself; a plan is judged by `replay`, never by the solver's word.
+    """
+
+    problem: Problem
+    controls: Floats
+    status: Status
+    details: dict[str, Any] = field(default_factory=dict)
+    replayed: Replay | None = None
+
+    def __post_init__(self) -> None:
+        controls = np.array(self.controls, dtype=float)
+        wanted = (self.problem.steps, len(self.problem.fleet.system.controls))
+        if controls.shape != wanted or not np.isfinite(controls).all():
+            raise ProblemError(f"controls: expected {wanted} finite numbers, got shape {controls.shape}")
+        controls.setflags(write=False)
+        object.__setattr__(self, "controls", controls)
+
+    @property
+    def times(self) -> Floats:
+        """Start of every step, seconds, shape (steps,)."""
+        return self.problem.times[:-1]
+
+    @property
+    def verified(self) -> bool:
+        """Whether the plan was found and no replayed member violates it."""
+        return self.replayed is not None and not self.replayed.violating.any()
+
+    def replay(
+        self, members: int | None = None, *, substeps: int | None = None, parameters: Floats | None = None
+    ) -> Replay:
+        """Run the controls on sampled members; see `ensemble_ctrl.replay.replay`."""
+        return replay(self.problem, self.controls, members=members, substeps=substeps, parameters=parameters)
+
+    def conflicts(self) -> tuple[Conflict, ...]:
+        """What fails, by how much, when and for whom; empty for a good plan."""
+        return conflicts(self.problem, self.controls)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw map and trajectories on `ax`, or on a new figure; returns the axes and shows nothing."""
+        from ensemble_ctrl.report.figures import draw_trajectories
+
+        return draw_trajectories(self.problem, self.controls, ax)
+
+    def save(self, path: str | Path) -> Path:
+        """Write everything needed to load the plan again to one ``.npz`` file without pickle."""
+        path = Path(path)
+        path = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
+        facts = {"version": __version__, "status": self.status, "details": self.details}
+        with path.open("wb") as file:
+            np.savez(
+                file,
+                controls=self.controls,
+                problem=np.array(dump(self.problem)),
+                facts=np.array(json.dumps(facts)),
+            )
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> Plan:
+        """Read a plan that `save` wrote: a file, or a results folder that holds ``plan.npz``.
+
+        Raises
+        ------
+        ProblemError
+            If the file is missing or is not a plan.
+        """
+        path = Path(path)
+        path = path / "plan.npz" if path.is_dir() else path
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                controls, text, facts = data["controls"], str(data["problem"]), json.loads(str(data["facts"]))
+        except FileNotFoundError:
+            raise ProblemError(f"{path}: expected a saved plan, found no such file") from None
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile, TypeError) as error:
+            raise ProblemError(f"{path}: expected a plan saved by this package ({error})") from None
+        problem = load_text(text, f"{path}: problem")
+        return cls(problem, controls, facts["status"], facts["details"])
+
+    def __repr__(self) -> str:
+        checked = "not replayed" if self.replayed is None else (
+            f"{int(self.replayed.violating.sum())} of {self.replayed.members} members violate"
+        )
+        cost = self.details.get("cost")
+        worth = "" if cost is None else f", cost {cost:.4g}"
+        return f"Plan({self.problem.name!r}: {self.status}{worth}, {self.problem.steps} steps, {checked})"
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        from ensemble_ctrl.report import map_svg, summary_lines
+
+        text = escape("\n".join(summary_lines(self)))
+        return f'<div style="display:flex;gap:1em">{map_svg(self.problem, self.controls)}<pre>{text}</pre></div>'
+
+
+def plan(
+    problem: Problem,
+    *,
+    progress: Progress | None = None,
+    guess: Plan | Floats | None = None,
+    log: Path | None = None,
+    check: bool = True,
+) -> Plan:
+    """Find one broadcast control that does the task for the whole fleet, and replay it.
+
+    Parameters
+    ----------
+    problem : Problem
+        What to plan.
+    progress : callable, optional
+        ``progress(phase, iteration or None) -> bool``; returning True stops with the best plan so far.
+    guess : Plan or ndarray of shape (steps', n_u), optional
+        Controls to start from instead of geometric routes.
+    log : Path, optional
+        File that the solver's own output is appended to.
+    check : bool
+        Whether to raise when no plan is found, or a replayed member violates it.
+
+    Returns
+    -------
+    Plan
+        Already replayed with ``problem.verify``.
+
+    Raises
+    ------
+    SolveError
+        With ``check``; the plan that fell short is its `plan`.
+
+    Examples
+    --------
+    >>> import ensemble_ctrl as ec
+    >>> problem = ec.load_text('''
+    ... fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}
+    ... horizon: {duration: 4 s, steps: 20}
+    ... regions: {goal: {box: [[1, 2], [-0.5, 0.5]]}}
+    ... task: F[3, 4] in(goal)
+    ... ''')
+    >>> ec.plan(problem).replayed.satisfied
+    1.0
+    """
+    controls = guess.controls if isinstance(guess, Plan) else guess
+    solution = solve(problem, progress=progress, guess=controls, log=log)
+    if progress is not None:
+        progress("replay", None)
+    run = replay(problem, solution.controls)
+    found = Plan(problem, solution.controls, solution.status, _details(solution), run)
+    if check and not (found.status == "planned" and found.verified):
+        raise SolveError(failure_message(found), found)
+    return found
+
+
+def failure_message(plan: Plan) -> str:
+    """Why a plan falls short, in words: the constraints that conflict with amount, parameter and time."""
+    name = plan.problem.fleet.parameter_name
+    found = plan.conflicts()
+    if not found:
+        return f"{plan.problem.name}: {plan.status}"
+    lines = [
+        f"{c.what} by {c.amount:.3g} m ({name} {c.parameter:.4g}, t = {c.time:.2f} s)" for c in found[:5]
+    ]
+    lead = "no plan was found" if plan.status == "infeasible" else f"the plan falls short ({plan.status})"
+    return f"{plan.problem.name}: {lead}; violated near the best guess: " + "; ".join(lines)
+
+
+def with_replay(plan: Plan, run: Replay) -> Plan:
+    """The plan with another replay."""
+    return replace(plan, replayed=run)
+
+
+def _details(solution: Solution) -> dict[str, Any]:
+    """What the search did, as plain data."""
+    attempt = solution.attempt
+    return {
+        **{name: float(value) for name, value in asdict(attempt.value).items()},
+        "order": attempt.truncation.order,
+        "degree": attempt.truncation.degree,
+        "guarantee": solution.problem.solve.guarantee,
+        "solver": attempt.message,
+        "iterations": solution.iterations,
+        "build_seconds": solution.build_seconds,
+        "solve_seconds": solution.solve_seconds,
+        "seconds": solution.seconds,
+        "routes": [
+            {"length": length, "cost": cost, "feasible": feasible} for length, cost, feasible in solution.routes
+        ],
+    }

@@ -1,0 +1,45 @@
+"""``ensemble-plan doctor``: versions, and one tiny problem solved and replayed."""
+
+from __future__ import annotations
+
+import platform
+import time
+
+from ensemble_ctrl._version import __version__
+from ensemble_ctrl.cli import codes
+from ensemble_ctrl.results import LIBRARIES, installed_version
+
+TINY = """
+name: doctor
+fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}
+horizon: {duration: 4 s, steps: 20}
+regions: {goal: {box: [[1.5, 2.5], [-0.5, 0.5]]}}
+obstacles: {block: {box: [[0.8, 1.2], [-0.3, 0.1]]}}
+task: F[3, 4] in(goal) and G avoid(block)
+"""
+
+
+def examine() -> int:
+    """Print what was found; returns 0 if all works, else 1."""
+    print(f"ensemble_ctrl {__version__}, Python {platform.python_version()}, {platform.platform()}")
+    missing = [name for name in LIBRARIES if installed_version(name) is None]
+    for name in LIBRARIES:
+        print(f"  {name:<12}{installed_version(name) or 'MISSING'}")
+    if missing:
+        print(f"problem: {', '.join(missing)} not installed; install the package again")
+        return codes.INTERNAL
+    return _solve_tiny()
+
+
+def _solve_tiny() -> int:
+    """Plan for one small problem."""
+    from ensemble_ctrl.api import plan
+    from ensemble_ctrl.config import load_text
+
+    began = time.perf_counter()
+    found = plan(load_text(TINY, "doctor"), check=False)
+    seconds = time.perf_counter() - began
+    good = found.status == "planned" and found.verified
+    print(f"  IPOPT       {'works' if good else 'FAILED'}: {found} in {seconds:.2f} s")
+    print("all works" if good else "problem: the tiny plan failed; see the line above")
+    return codes.OK if good else codes.INTERNAL

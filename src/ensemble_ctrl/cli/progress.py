@@ -1,0 +1,114 @@
+"""Progress on stderr: one rewritten line on a terminal, a plain line a second in a pipe; and the wish to stop."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import TextIO
+
+from ensemble_ctrl.ocp.solvers import Iteration
+
+
+class Progress:
+    """Says what is going on; as a callable it is the planner's `progress` and returns whether to stop.
+
+    Parameters
+    ----------
+    quiet : bool
+        Say nothing.
+    verbose : bool
+        Keep every iteration's line instead of rewriting it.
+    """
+
+    def __init__(self, quiet: bool = False, verbose: bool = False, stream: TextIO | None = None) -> None:
+        self.stream = sys.stderr if stream is None else stream
+        self.quiet, self.verbose = quiet, verbose
+        self.live = self.stream.isatty() and os.environ.get("TERM") != "dumb" and not verbose
+        self.phases: list[tuple[str, float]] = []
+        self.stop_signal: int | None = None
+        self._last_line = time.monotonic()
+        self._shown = False
+
+    def __call__(self, phase: str, iteration: Iteration | None) -> bool:
+        """Take note of a phase or an iteration."""
+        if iteration is None:
+            self._begin(phase)
+        elif not self.quiet:
+            self._show(
+                f"{phase}: iteration {iteration.count}, cost {iteration.cost:.4f}, violation {iteration.violation:.1e}"
+            )
+        return self.stop_signal is not None
+
+    def finish(self) -> None:
+        """End the last phase, wipe the live line and say how long each phase took."""
+        self._begin("")
+        self._wipe()
+        if not self.quiet and self.phases:
+            spans = zip(self.phases, self.phases[1:], strict=False)
+            self._write(", ".join(f"{name} {after - at:.2f} s" for (name, at), (_, after) in spans) + "\n")
+
+    def note(self, text: str) -> None:
+        """A line that stays."""
+        self._wipe()
+        self._write(text + "\n")
+
+    def _begin(self, phase: str) -> None:
+        """The next phase."""
+        self.phases.append((phase, time.perf_counter()))
+        if phase and self.live and not self.quiet:
+            self._show(f"{phase} ...")
+
+    def _show(self, text: str) -> None:
+        """Show a passing line."""
+        now = time.monotonic()
+        if self.live:
+            self._write(f"\r\x1b[K{text[: _columns() - 1]}")
+            self._shown = True
+        elif self.verbose or now - self._last_line >= 1.0:
+            self._write(text + "\n")
+            self._last_line = now
+
+    def _wipe(self) -> None:
+        """Remove the live line."""
+        if self._shown:
+            self._write("\r\x1b[K")
+            self._shown = False
+
+    def _write(self, text: str) -> None:
+        """Write and flush; a closed pipe is nobody's fault."""
+        try:
+            self.stream.write(text)
+            self.stream.flush()
+        except (BrokenPipeError, ValueError):
+            self.quiet = True
+
+
+@contextmanager
+def stoppable(progress: Progress) -> Iterator[None]:
+    """Within: the first Ctrl-C or SIGTERM asks to stop and keep the best plan; the second ends at once."""
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if progress.stop_signal is not None:
+            os._exit(128 + number)
+        progress.stop_signal = number
+        progress.note("stopping after this iteration; the best plan so far is kept (again to stop at once)")
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _columns() -> int:
+    """Width of the terminal."""
+    try:
+        return os.get_terminal_size(sys.stderr.fileno()).columns or 80
+    except (OSError, ValueError):
+        return 80

@@ -1,0 +1,107 @@
+"""Which parts of a task fail, by how much, when and for whom: what a person needs when there is no plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import (
+    And,
+    Avoid,
+    Eventually,
+    ExactOps,
+    Formula,
+    Inside,
+    StateSignals,
+    ground,
+    leaves,
+    member_robustness,
+    resolve,
+)
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import replay, trajectories
+
+Floats = NDArray[np.float64]
+
+MEMBERS = 201
+"""Members looked at, spread evenly over the parameter's range."""
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """One part of the task that fails.
+
+    Attributes
+    ----------
+    what : str
+        The obstacle, or the part of the task as text.
+    amount : float
+        Metres by which the worst member falls short, > 0.
+    parameter : float
+        That member's parameter.
+    time : float
+        When, in seconds: the deepest moment in an obstacle, or the closest approach to what should be visited.
+    """
+
+    what: str
+    amount: float
+    parameter: float
+    time: float
+
+
+def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
+    """Everything that fails under `controls`, worst first."""
+    law = problem.fleet.parameter
+    parameters = np.linspace(law.lower, law.upper, MEMBERS)
+    run = replay(problem, controls, parameters=parameters, substeps=4)
+    named = {leaf.name for leaf in leaves(problem.task) if isinstance(leaf, Avoid)}
+    found = [
+        Conflict(f"obstacle {c.obstacle}", -c.distance, c.parameter, c.time)
+        for c in run.clearances
+        if c.distance < 0 and named & {c.obstacle, "obstacles"}
+    ]
+    paths = trajectories(problem, controls, parameters)
+    parts = problem.task.parts if isinstance(problem.task, And) else (problem.task,)
+    for part in parts:
+        if not all(isinstance(leaf, Avoid) for leaf in leaves(part)):
+            found += _failing(problem, part, paths, parameters)
+    return tuple(sorted(found, key=lambda c: -c.amount))
+
+
+def _failing(problem: Problem, part: Formula, paths: Floats, parameters: Floats) -> list[Conflict]:
+    """The conflict of one conjunct, if its worst member fails it."""
+    signals = StateSignals(paths, ("x", "y"), problem.step)
+    values = np.asarray(member_robustness(_ground(problem, part), signals, ExactOps()))[:, 0]
+    worst = int(values.argmin())
+    if values[worst] >= 0:
+        return []
+    at = _closest_time(problem, part, paths[worst])
+    return [Conflict(str(part), -float(values[worst]), float(parameters[worst]), at)]
+
+
+def _closest_time(problem: Problem, part: Formula, path: Floats) -> float:
+    """When one member comes closest to satisfying a visit, or is furthest from a duty; else the horizon's end."""
+    inside = [leaf for leaf in leaves(part) if isinstance(leaf, Inside)]
+    if len(inside) != 1:
+        return problem.duration
+    margin = problem.regions[inside[0].name].margin(path)
+    low, high = _window(problem, part)
+    window = margin[low : high + 1]
+    best = window.argmax() if isinstance(part, Eventually) else window.argmin()
+    return float(problem.times[low + int(best)])
+
+
+def _window(problem: Problem, part: Formula) -> tuple[int, int]:
+    """First and last step of a conjunct's own window."""
+    a, b = getattr(part, "a", None), getattr(part, "b", None)
+    low = 0 if a is None else int(np.ceil(a / problem.step - 1e-9))
+    high = problem.steps if b is None else int(np.floor(min(b, problem.duration) / problem.step + 1e-9))
+    return low, high
+
+
+def _ground(problem: Problem, part: Formula) -> Formula:
+    """The part with predicates as its only leaves."""
+    resolved = resolve(part, problem.duration)
+    return ground(resolved, problem.regions, problem.obstacles, radius=problem.fleet.radius)

@@ -1,0 +1,242 @@
+"""The shared controls run on sampled members, by exact arcs, in blocks of bounded memory.
+
+Nothing here knows how the controls were found.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, ground, member_robustness, resolve
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+BLOCK = 2000
+"""Members in one block, at 160 steps: the arrays of a block stay in the processor's cache."""
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """The closest that any member came to one obstacle.
+
+    Attributes
+    ----------
+    obstacle : str
+        Its name.
+    distance : float
+        Metres from the robot's edge (its centre minus the radius) to the obstacle; negative inside.
+    time : float
+        Seconds.
+    parameter : float
+        Whose parameter it was.
+    inside : int
+        Members that were inside at some time looked at.
+    """
+
+    obstacle: str
+    distance: float
+    time: float
+    parameter: float
+    inside: int
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """What happened to the sampled members.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (members,)
+        Parameters in sampling order; the ends of the range come first.
+    robustness : ndarray, shape (members,)
+        Exact robustness in metres of the whole task at the grid times, one number a member.
+    clearances : tuple of Clearance
+        One for each obstacle, at `substeps` times a step.
+    violating : ndarray of bool, shape (members,)
+        Members that fail the task at the grid times, or are inside an obstacle at any time looked at.
+    substeps : int
+        Times looked at in each step.
+    seconds : float
+        What it took.
+    """
+
+    parameters: Floats
+    robustness: Floats
+    clearances: tuple[Clearance, ...]
+    violating: NDArray[np.bool_]
+    substeps: int
+    seconds: float
+
+    @property
+    def members(self) -> int:
+        """How many members were replayed."""
+        return len(self.parameters)
+
+    @property
+    def satisfied(self) -> float:
+        """Share of the members that do the task and enter no obstacle, 0 to 1."""
+        return float(1.0 - self.violating.mean())
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """Smallest robustness in metres and whose parameter it is."""
+        i = int(self.robustness.argmin())
+        return float(self.robustness[i]), float(self.parameters[i])
+
+    def __repr__(self) -> str:
+        closest = min((c.distance for c in self.clearances), default=float("inf"))
+        return (
+            f"Replay({self.members} members: {100 * self.satisfied:.4g} % satisfy, robustness >= "
+            f"{self.worst[0]:.4f} m, clearance >= {closest:.4f} m, {self.seconds:.2f} s)"
+        )
+
+
+def replay(
+    problem: Problem,
+    controls: Floats,
+    *,
+    members: int | None = None,
+    parameters: Floats | None = None,
+    substeps: int | None = None,
+    seed: int | None = None,
+) -> Replay:
+    """Run `controls` on sampled members.
+
+    Parameters
+    ----------
+    problem : Problem
+        Fleet, map and task.
+    controls : ndarray, shape (steps, n_u)
+        The broadcast commands, one row a step of equal length.
+    members : int, optional
+        How many to draw from the parameter's law, the two ends of its range included; default `problem.verify.members`.
+    parameters : ndarray, shape (members,), optional
+        Parameters to run instead of drawing any.
+    substeps : int, optional
+        Times looked at in each step for obstacles; default `problem.verify.substeps`.
+    seed : int, optional
+        Seed of the draw; default `problem.solve.seed`.
+
+    Returns
+    -------
+    Replay
+
+    Notes
+    -----
+    *Guarantee*: exact for the members and times looked at; says nothing of others.
+    """
+    began = time.perf_counter()
+    substeps = problem.verify.substeps if substeps is None else substeps
+    if substeps < 1:
+        raise ProblemError(f"substeps: expected 1 or more, got {substeps}")
+    drawn = _draw(problem, members, seed) if parameters is None else np.atleast_1d(np.asarray(parameters, float))
+    size = max(1, BLOCK * 160 // (len(controls) * substeps))
+    blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
+    with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
+        results = list(pool.map(lambda block: _run(problem, controls, block, substeps), blocks))
+    robustness = np.concatenate([r for r, _, _ in results])
+    inside = np.concatenate([i for _, i, _ in results], axis=1)
+    clearances = tuple(
+        _closest(name, [found[o] for _, _, found in results], int(inside[o].sum()))
+        for o, name in enumerate(problem.obstacles)
+    )
+    violating = (robustness < 0) | inside.any(axis=0)
+    return Replay(drawn, robustness, clearances, violating, substeps, time.perf_counter() - began)
+
+
+def trajectories(problem: Problem, controls: Floats, parameters: Floats, substeps: int = 1) -> Floats:
+    """Positions of members, shape (members, steps * substeps + 1, 2), metres."""
+    fleet = problem.fleet
+    fine = np.repeat(np.asarray(controls, float), substeps, axis=0)
+    step = problem.duration / len(fine)
+    return fleet.system.positions(fine, fleet.position, fleet.own_heading, parameters, step)
+
+
+_Closest = tuple[float, float, float]
+
+
+def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
+    """Sampled parameters, the ends of the range first."""
+    members = problem.verify.members if members is None else members
+    if members < 1:
+        raise ProblemError(f"members: expected 1 or more, got {members}")
+    law = problem.fleet.parameter
+    ends = np.array([law.lower, law.upper])[:members]
+    rest = law.sample(members - len(ends), problem.solve.seed if seed is None else seed)
+    return np.concatenate([ends, rest])
+
+
+def _run(
+    problem: Problem, controls: Floats, parameters: Floats, substeps: int
+) -> tuple[Floats, NDArray[np.bool_], list[_Closest]]:
+    """One block: robustness, who is inside which obstacle, and the closest approach to each obstacle."""
+    paths = trajectories(problem, controls, parameters, substeps)
+    robustness = _robustness(problem, paths[:, ::substeps])
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    inside = np.zeros((len(problem.obstacles), len(parameters)), dtype=bool)
+    found = []
+    for o, pieces in enumerate(problem.obstacles.values()):
+        member, at, distance = _approach(paths, pieces, problem.fleet.radius, inside[o])
+        found.append((distance, float(times[at]), float(parameters[member])))
+    return robustness, inside, found
+
+
+def _robustness(problem: Problem, paths: Floats) -> Floats:
+    """Robustness of the whole task for every member."""
+    formula = ground(
+        resolve(problem.task, problem.duration), problem.regions, problem.obstacles, radius=problem.fleet.radius
+    )
+    signals = StateSignals(paths, ("x", "y"), problem.duration / (paths.shape[1] - 1))
+    return np.asarray(member_robustness(formula, signals, ExactOps()))[:, 0]
+
+
+def _approach(
+    paths: Floats, pieces: Sequence[Obstacle], radius: float, inside: NDArray[np.bool_]
+) -> tuple[int, int, float]:
+    """Member, time index and distance of the closest approach to the pieces; marks the members that are inside.
+
+    Only times at which the block's bounding box is closer than the best so far, or overlaps, are looked at.
+    """
+    best = (0, 0, np.inf)
+    low, high = paths.min(axis=0), paths.max(axis=0)
+    for piece in pieces:
+        bound = _box_distance(low, high, piece) - radius
+        for columns in _nearest_first(bound):
+            if bound[columns[0]] > max(best[2], 0.0):
+                break
+            distance = piece.distance(paths[:, columns]) - radius
+            inside |= (distance < 0).any(axis=1)
+            member, k = np.unravel_index(int(distance.argmin()), distance.shape)
+            if distance[member, k] < best[2]:
+                best = (int(member), int(columns[k]), float(distance[member, k]))
+    return best
+
+
+def _box_distance(low: Floats, high: Floats, piece: Obstacle) -> Floats:
+    """Distance between the block's bounding box and the piece's at each time: a lower bound of any member's."""
+    corners = piece.vertices
+    apart = np.maximum(np.maximum(low - corners.max(axis=0), corners.min(axis=0) - high), 0.0)
+    return np.asarray(np.hypot(apart[:, 0], apart[:, 1]))
+
+
+def _nearest_first(bound: Floats) -> Iterator[NDArray[np.int64]]:
+    """Time indices in groups of 16, nearest first."""
+    order = np.argsort(bound, kind="stable")
+    for i in range(0, len(order), 16):
+        yield order[i : i + 16]
+
+
+def _closest(name: str, found: Sequence[_Closest], inside: int) -> Clearance:
+    """The closest of all blocks."""
+    distance, at, parameter = min(found)
+    return Clearance(name, distance, at, parameter, inside)
