@@ -30,9 +30,9 @@ Status = Literal["planned", "infeasible", "limit", "interrupted"]
 Progress = Callable[[str, Iteration | None], bool]
 """Called with a phase and, during a solve, the iteration; returning True asks to stop."""
 
-COARSE_STEPS = 40
+COARSE_STEPS = 32
 """The coarse grid has at most this many steps, unless a window of the task needs a finer one."""
-COARSE_ROUNDS, FINE_ROUNDS = 2, 2
+COARSE_ROUNDS, FINE_ROUNDS = 1, 1
 TAIL_LIMIT = 1e-3
 """Metres of truncation error beyond which one more moment is carried."""
 
@@ -187,7 +187,7 @@ def _coarse(search: _Search, controls: Floats) -> Attempt:
     truncation = Truncation(2, 2, True)
     if search.over():
         return start(problem, controls, truncation)
-    options = search.options(1e-3, 1e-3)
+    options = search.options(1e-2, 1e-3)
     return improve(problem, controls, truncation, COARSE_ROUNDS, options, search.watch("coarse solve"))
 
 
@@ -198,7 +198,7 @@ def _fine(search: _Search, coarse: Attempt) -> Attempt:
     truncation = choose(problem, controls)
     attempt = start(problem, controls, truncation)
     for _ in range(3):
-        options = search.options(1e-4, 1e-4)
+        options = search.options(1e-3, 1e-3)
         attempt = improve(problem, attempt.controls, truncation, FINE_ROUNDS, options, search.watch("solve"))
         if search.over() or tail(problem, attempt.controls, truncation) < TAIL_LIMIT:
             break

@@ -12,9 +12,9 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Index arrays into the decision vector ``(v, omega, turned, points, levels)``.
+    """Index arrays into the decision vector ``(v, omega, turned, points, levels and slacks)``.
 
-    ``levels`` are the task's robustness levels; they are handed out by `level` while rows are made.
+    Levels (the task's robustness) and slacks are handed out while rows are made.
 
     Parameters
     ----------
@@ -27,6 +27,7 @@ class Layout:
     steps: int
     count: int
     _levels: list[int] = field(default_factory=list)
+    _slacks: list[int] = field(default_factory=list)
 
     @property
     def controls(self) -> Ints:
@@ -45,16 +46,28 @@ class Layout:
         return first + np.arange((self.steps + 1) * 2 * self.count).reshape(self.steps + 1, -1)
 
     @property
-    def first_level(self) -> int:
-        """Where the levels begin."""
-        return 3 * self.steps + 1 + (self.steps + 1) * 2 * self.count
-
-    @property
     def size(self) -> int:
         """Length of the decision vector so far."""
-        return self.first_level + len(self._levels)
+        states = 3 * self.steps + 1 + (self.steps + 1) * 2 * self.count
+        return states + len(self._levels) + len(self._slacks)
+
+    @property
+    def levels(self) -> Ints:
+        """Indices of the levels handed out so far."""
+        return np.array(self._levels, dtype=np.int64)
+
+    @property
+    def slacks(self) -> Ints:
+        """Indices of the slacks handed out so far."""
+        return np.array(self._slacks, dtype=np.int64)
 
     def level(self) -> int:
         """Hand out the index of a new robustness level."""
         self._levels.append(self.size)
         return self._levels[-1]
+
+    def slack(self, count: int) -> Ints:
+        """Hand out the indices of `count` new slacks."""
+        new = self.size + np.arange(count)
+        self._slacks.extend(new.tolist())
+        return new

@@ -127,7 +127,42 @@ class LevelOps(Ops):
         return self._levels[part]
 
 
-def task_blocks(parts: Sequence[Formula], level: int, layout: Layout, step: float, mean: Floats) -> list[Block]:
+@dataclass(frozen=True, eq=False)
+class TaskRows:
+    """The rows of a task, and the values of its levels that they allow under a guess."""
+
+    blocks: list[Block]
+    ops: LevelOps
+    mean: Floats
+
+    def levels(self, curve: Floats) -> dict[int, float]:
+        """The largest value of each level for points of shape (steps + 1, points, 2), by index."""
+        found: dict[int, float] = {}
+        maxima = {level: parts for parts, level in self.ops.maxima}
+        minima = dict(self.ops.below)
+
+        def value(index: int) -> float:
+            if index not in found:
+                if index in maxima:
+                    values = SHARPNESS * np.array([value(part) for part in maxima[index]])
+                    shifted = np.log(np.exp(values - values.max()).mean())
+                    found[index] = float(values.max() + shifted) / SHARPNESS
+                else:
+                    found[index] = min(term_value(term) for term in minima[index])
+            return found[index]
+
+        def term_value(term: Row | Level) -> float:
+            if isinstance(term, Level):
+                return value(term.index)
+            heights = term.x * curve[term.at, :, 0] + term.y * curve[term.at, :, 1] + term.offset
+            return float(self.mean @ heights if term.mean else heights.min())
+
+        for index in (*maxima, *minima):
+            value(index)
+        return found
+
+
+def task_rows(parts: Sequence[Formula], level: int, layout: Layout, step: float, mean: Floats) -> TaskRows:
     """Rows that keep `level` at or below the robustness of every part.
 
     Parameters
@@ -144,17 +179,19 @@ def task_blocks(parts: Sequence[Formula], level: int, layout: Layout, step: floa
         Weights of the points in the mean member's position.
     """
     ops, signals = LevelOps(layout), PointSignals(layout.steps, step)
-    for part in parts:
-        ops.below.append((level, robustness(part, signals, ops)))
+    whole: Minimum = sum((robustness(part, signals, ops) for part in parts), ())
+    if whole:
+        ops.below.append((level, whole))
     pairs = [(low, term) for low, part in ops.below for term in part]
     rows = [(low, term) for low, term in pairs if isinstance(term, Row)]
     order = [(low, term.index) for low, term in pairs if isinstance(term, Level)]
-    return [
+    blocks = [
         *_row_blocks([r for r in rows if not r[1].mean], layout, np.eye(layout.count)),
         *_row_blocks([r for r in rows if r[1].mean], layout, mean[None, :]),
         *_maximum_blocks(ops.maxima),
         *_order_blocks(order),
     ]
+    return TaskRows(blocks, ops, mean)
 
 
 def _matrix(entries: Sequence[Minimum]) -> Values:

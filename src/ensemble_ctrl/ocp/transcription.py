@@ -1,12 +1,14 @@
 r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in nodal coordinates.
 
-    minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt
+    minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt + price * slacks
     over        v_n, omega_n                        the broadcast commands of step n
                 turned_n = sum_{k<n} omega_k dt     shared by every member
                 P_n                                 points that represent the fleet's position curve
-                level >= 0                          at or below the task's robustness
+                level + slack >= 0                  level: at or below the task's robustness
+                slack >= 0                          at a price that makes it zero wherever a plan is possible
     subject to  P_{n+1} = P_n + C d(v_n, omega_n, turned_n)      exact arcs of the Gauss-node robots, C their points
-                n_on . P_i >= support_on + margin + sagitta      every point, both ends of the step, each obstacle in reach
+                n_on . P_i + slack_on >= support_on + margin + sagitta     every point, both ends of the step, each
+                                                                  obstacle in reach
                 the rows of the task                              (`ensemble_ctrl.ocp.task`)
 """
 
@@ -24,16 +26,19 @@ from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.lines import Lines
 from ensemble_ctrl.ocp.program import Block, Program, assemble
 from ensemble_ctrl.ocp.seeds import conjuncts
-from ensemble_ctrl.ocp.task import task_blocks
+from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation, parameter_nodes, points
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Pairs = NDArray[np.bool_]
 
 PULL = 1e-3
 """Weight that pulls idle levels up to their bounds, so that none drifts away unbounded."""
-SMOOTH = 1e-3
+PRICE = 10.0
+"""Price of a metre of slack: far above the multiplier of any constraint, so that slack is used only where it must be."""
+SMOOTH = 0.05
 """``|v omega|`` is replaced by the larger ``sqrt((v omega)^2 + SMOOTH^2)``, which can be differentiated."""
 
 
@@ -93,14 +98,16 @@ def transcribe(
     steps, count = len(controls), truncation.count
     layout = Layout(steps, count)
     step = problem.duration / steps
-    level = layout.level()
+    level, short = layout.level(), layout.slack(1)
+    slack = layout.slack(int(pairs.sum()))
     mean = truncation.to_moments[0] / np.sqrt(2.0)
-    task = task_blocks(soft_parts(problem), level, layout, step, mean)
+    task = task_rows(soft_parts(problem), level, layout, step, mean)
     blocks = [_turning(layout, step), _moving(problem, truncation, layout, step)]
-    blocks += _avoiding(problem, layout, step, lines, pairs, tail, truncation.hull) + task
-    terms = _terms(problem, truncation, layout, step, level)
+    blocks += _avoiding(problem, layout, slack, lines, pairs, tail, truncation.hull) + task.blocks
+    blocks.append(_satisfying(level, short[0]))
+    terms = _terms(problem, truncation, layout, level)
     lower, upper = _bounds(problem, layout, level)
-    guess = _guess(problem, truncation, layout, controls, level)
+    guess = _guess(problem, truncation, layout, controls, task)
     return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
 
 
@@ -141,37 +148,44 @@ def _moving(problem: Problem, truncation: Truncation, layout: Layout, step: floa
 
 
 def _avoiding(
-    problem: Problem, layout: Layout, step: float, lines: Lines, pairs: Pairs, tail: float, hull: bool
+    problem: Problem, layout: Layout, slack: Ints, lines: Lines, pairs: Pairs, tail: float, hull: bool
 ) -> list[Block]:
-    """Every point, at both ends of the step, on the fleet's side of the pair's line."""
+    """Every point, at both ends of the step, on the fleet's side of the pair's line, or as far short as the slack."""
     piece, at = np.nonzero(pairs)
     if not len(piece):
         return []
     n, fastest = layout.count, max(abs(problem.fleet.parameter.lower), abs(problem.fleet.parameter.upper))
-    curvature = step**2 / 8 * fastest**2 if hull else 0.0
+    curvature = (problem.duration / layout.steps) ** 2 / 8 * fastest**2 if hull else 0.0
     keep = problem.fleet.radius + problem.solve.margin + (tail if hull else 0.0)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
         bulge = curvature * ca.sqrt((z[0] * z[1]) ** 2 + SMOOTH**2)
-        ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[2 : 2 + 2 * n], z[2 + 2 * n :])]
-        return ca.vertcat(*ends) - d[2] - bulge
+        ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n :])]
+        return ca.vertcat(*ends) - d[2] - bulge + z[2]
 
     data = np.column_stack([lines.normal[piece, at], lines.support[piece, at] + keep])
-    columns = np.column_stack([layout.controls[at], layout.points[at], layout.points[at + 1]])
+    columns = np.column_stack([layout.controls[at], slack, layout.points[at], layout.points[at + 1]])
     low, high = np.zeros((len(at), 2 * n)), np.full((len(at), 2 * n), np.inf)
     return [Block("avoiding", build, columns, data, low, high)]
 
 
-def _terms(problem: Problem, truncation: Truncation, layout: Layout, step: float, level: int) -> list[Block]:
-    """Robustness, terminal moment error, effort, and the pull on idle levels."""
-    aim, n = problem.objective, layout.count
+def _satisfying(level: int, slack: int) -> Block:
+    """The task holds, or falls short by the slack."""
+    zero = np.zeros((1, 1))
+    return Block("task", lambda z, d: z[0] + z[1], np.array([[level, slack]]), np.zeros((1, 0)), zero, zero + np.inf)
+
+
+def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int) -> list[Block]:
+    """Robustness, terminal moment error, effort, the price of slack, and the pull on idle levels."""
+    aim, n, step = problem.objective, layout.count, problem.duration / layout.steps
     none = np.zeros((1, 0))
 
     def effort(z: ca.SX, d: ca.SX) -> ca.SX:
         return aim.effort * step * ca.sumsqr(z)
 
     terms = [Block("effort", effort, layout.controls, np.zeros((layout.steps, 0)), none, none)]
-    levels = np.arange(layout.first_level, layout.size)
+    terms.append(Block("slack", lambda z, d: PRICE * z, layout.slacks[:, None], np.zeros((len(layout.slacks), 0)), none, none))
+    levels = layout.levels
 
     def reward(z: ca.SX, d: ca.SX) -> ca.SX:
         return -aim.robustness * z[0] - PULL * ca.sum1(z[1:]) / max(len(levels) - 1, 1)
@@ -191,26 +205,30 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, step: float
 
 
 def _bounds(problem: Problem, layout: Layout, level: int) -> tuple[Floats, Floats]:
-    """Bounds of the decision vector: inputs, the common start, and a task that holds."""
+    """Bounds of the decision vector: inputs, the common start, and slacks."""
     fleet = problem.fleet
     lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     lower[layout.controls], upper[layout.controls] = fleet.input_lower, fleet.input_upper
     for bound in (lower, upper):
         bound[layout.turned[0]] = 0.0
         bound[layout.points[0]] = np.repeat(fleet.position, layout.count)
-    lower[level] = 0.0
+    lower[layout.slacks] = 0.0
     if not soft_parts(problem):
-        upper[level] = 0.0
+        lower[level] = upper[level] = 0.0
     return lower, upper
 
 
-def _guess(problem: Problem, truncation: Truncation, layout: Layout, controls: Floats, level: int) -> Floats:
-    """The decision vector under the guessed controls, with levels a little below zero."""
+def _guess(
+    problem: Problem, truncation: Truncation, layout: Layout, controls: Floats, task: TaskRows
+) -> Floats:
+    """The decision vector under the guessed controls."""
     step = problem.duration / layout.steps
-    x = np.full(layout.size, -0.1)
+    x = np.zeros(layout.size)
     x[layout.controls] = controls
     x[layout.turned] = np.concatenate([[0.0], np.cumsum(controls[:, 1]) * step])
     curve = points(problem, controls, truncation)
     x[layout.points] = np.concatenate([curve[..., 0], curve[..., 1]], axis=1)
-    x[level] = 0.05
+    for index, value in task.levels(curve).items():
+        x[index] = value
+    x[layout.slacks] = 1e-3
     return x

@@ -1,0 +1,77 @@
+"""Checks of a problem as a whole: what each part can't see by itself.
+
+A finding names the key of the problem file that is wrong, so that `ensemble_ctrl.config` can show its line.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ensemble_ctrl.checks.finding import Finding, Path, Severity, path_text
+from ensemble_ctrl.checks.numbers import (
+    ALL_OBSTACLES,
+    MAX_MEMBERS,
+    MAX_SEED,
+    MAX_STEPS,
+    name_findings,
+    number_findings,
+)
+from ensemble_ctrl.checks.places import area_findings, start_findings
+from ensemble_ctrl.checks.reach import reach_findings
+from ensemble_ctrl.checks.task import STATES, task_findings, unused_findings
+from ensemble_ctrl.errors import ProblemError
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.problem import Problem
+
+__all__ = [
+    "ALL_OBSTACLES",
+    "MAX_MEMBERS",
+    "MAX_SEED",
+    "MAX_STEPS",
+    "STATES",
+    "Finding",
+    "Path",
+    "Severity",
+    "findings",
+    "path_text",
+    "require_sound",
+]
+
+
+def require_sound(problem: Problem) -> None:
+    """Refuse a problem with errors.
+
+    Raises
+    ------
+    ProblemError
+        With every error in its message, and as `Finding` in its attribute ``findings``.
+    """
+    errors = tuple(finding for finding in findings(problem) if finding.severity == "error")
+    if errors:
+        refusal = ProblemError("\n".join(map(str, errors)))
+        refusal.findings = errors
+        raise refusal
+
+
+def findings(problem: Problem) -> tuple[Finding, ...]:
+    """Everything wrong or odd in a problem; where a number makes no sense, only such numbers are reported.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    tuple of Finding
+
+    Notes
+    -----
+    *Guarantee*: every error is certain: no plan can satisfy the task and keep clear of the obstacles (at all
+    times, whether or not the task mentions them). The converse does not hold.
+    """
+    numbers = (*number_findings(problem), *name_findings(problem))
+    if numbers:
+        return numbers
+    checks = (area_findings, task_findings, start_findings, reach_findings, unused_findings)
+    return tuple(finding for check in checks for finding in check(problem))

@@ -1,0 +1,96 @@
+"""Numbers outside their range, and names that a task could not tell apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ensemble_ctrl.checks.finding import Finding, Path
+from ensemble_ctrl.constraints.stl import Formula
+from ensemble_ctrl.constraints.stl.leaves import RESERVED
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.problem import Problem
+
+ALL_OBSTACLES = "obstacles"
+"""The name by which a task speaks of every obstacle."""
+
+MAX_SEED = 2**32 - 1
+MAX_STEPS = 100_000
+MAX_MEMBERS = 10_000_000
+
+
+def number_findings(problem: Problem) -> Iterator[Finding]:
+    """Numbers outside their range."""
+    from ensemble_ctrl.problem import MAX_ORDER
+
+    solve, verify = problem.solve, problem.verify
+    yield from _number(("horizon", "duration"), problem.duration, above=0.0, unit=" s")
+    yield from _whole(("horizon", "steps"), problem.steps, 1, MAX_STEPS)
+    if problem.order is not None:
+        yield from _whole(("moments", "order"), problem.order, 1, MAX_ORDER, " (or auto)")
+    yield from _parameter(problem)
+    yield from _number(("fleet", "radius"), problem.fleet.radius, least=0.0, unit=" m")
+    yield from _number(("solve", "time_limit"), solve.time_limit, above=0.0, unit=" s")
+    yield from _number(("solve", "margin"), solve.margin, least=0.0, unit=" m")
+    yield from _whole(("solve", "seed"), solve.seed, 0, MAX_SEED)
+    yield from _whole(("solve", "routes"), solve.routes, 1, 1000)
+    yield from _whole(("solve", "max_iterations"), solve.max_iterations, 1, 1_000_000)
+    yield from _choice(("solve", "method"), solve.method, ("nlp",))
+    yield from _choice(("solve", "guarantee"), solve.guarantee, ("nodes", "hull"))
+    yield from _whole(("verify", "members"), verify.members, 1, MAX_MEMBERS)
+    yield from _whole(("verify", "substeps"), verify.substeps, 1, 1000)
+    if not isinstance(problem.task, Formula):
+        message = f"expected a formula, got {type(problem.task).__name__}"
+        yield Finding(("task",), message, "read a text with ensemble_ctrl.constraints.stl.parse")
+
+
+def _number(
+    path: Path, value: float, least: float = -math.inf, above: float = -math.inf, unit: str = ""
+) -> Iterator[Finding]:
+    """A finite number in range."""
+    if not math.isfinite(value) or value < least or value <= above:
+        bound = f"of at least {least:g}" if least > -math.inf else f"above {above:g}"
+        yield Finding(path, f"expected a finite number {bound}, got {value:g}{unit}")
+
+
+def _whole(path: Path, value: object, least: int, most: int, also: str = "") -> Iterator[Finding]:
+    """A whole number in range."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not least <= value <= most:  # type: ignore[operator]
+        yield Finding(path, f"expected a whole number from {least} to {most}{also}, got {value!r}")
+
+
+def _choice(path: Path, value: object, known: tuple[str, ...]) -> Iterator[Finding]:
+    """One of a few words."""
+    if value not in known:
+        yield Finding(path, f"{value!r} is not one of {', '.join(known)}")
+
+
+def _parameter(problem: Problem) -> Iterator[Finding]:
+    """The parameter's range is positive: a robot with traction zero can't move."""
+    low, high = problem.fleet.parameter.lower, problem.fleet.parameter.upper
+    if low <= 0:
+        path = ("fleet", "parameters", problem.fleet.parameter_name, "range")
+        yield Finding(path, f"expected a range above 0, got [{low:g}, {high:g}]")
+
+
+def name_findings(problem: Problem) -> Iterator[Finding]:
+    """Names that a task could not tell apart."""
+    for kind, names in (("regions", problem.regions), ("obstacles", problem.obstacles)):
+        for name in names:
+            if name in RESERVED or name == ALL_OBSTACLES:
+                yield Finding(
+                    (kind, name),
+                    f"{name!r} is a word of the task language",
+                    "choose another name",
+                    on_key=True,
+                )
+    for name in problem.obstacles:
+        if name in problem.regions:
+            yield Finding(
+                ("obstacles", name), f"{name!r} is a region's name too", "choose another name", on_key=True
+            )

@@ -1,0 +1,65 @@
+"""What the task speaks of: names, windows, and parts of the map that it leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ensemble_ctrl.checks.finding import Finding
+from ensemble_ctrl.checks.numbers import ALL_OBSTACLES
+from ensemble_ctrl.constraints.stl import Avoid, FormulaError, Inside, check_windows, leaves, name_errors
+from ensemble_ctrl.errors import ProblemError
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.problem import Problem
+
+STATES = ("x", "y")
+"""The states that a task's predicates may use."""
+
+
+def task_findings(problem: Problem) -> Iterator[Finding]:
+    """Unknown names, and windows that end after the plan."""
+    for error in name_errors(problem.task, problem.regions, problem.obstacles, STATES):
+        yield _from_formula(error)
+    try:
+        check_windows(problem.task, problem.duration)
+    except FormulaError as error:
+        yield _from_formula(error, "lengthen horizon.duration or end the window earlier")
+    except ProblemError as error:
+        yield Finding(("task",), str(error).partition(": ")[2])
+
+
+def _from_formula(error: FormulaError, hint: str = "") -> Finding:
+    """A formula's error as a finding."""
+    offset = error.column - 1 if error.column else None
+    return Finding(("task",), f"expected {error.expected}, got {error.came}", hint, offset=offset)
+
+
+def mentioned(problem: Problem) -> tuple[set[str], set[str]]:
+    """Names in ``in(...)`` and names in ``avoid(...)``."""
+    found = list(leaves(problem.task))
+    inside = {leaf.name for leaf in found if isinstance(leaf, Inside)}
+    return inside, {leaf.name for leaf in found if isinstance(leaf, Avoid)}
+
+
+def unused_findings(problem: Problem) -> Iterator[Finding]:
+    """Regions and obstacles that the task doesn't speak of."""
+    inside, avoided = mentioned(problem)
+    for name in problem.regions:
+        if name not in inside | avoided:
+            hint = f"add in({name}) or avoid({name}), or remove it"
+            yield Finding(
+                ("regions", name), "the task never mentions this region", hint, "warning", on_key=True
+            )
+    if ALL_OBSTACLES in avoided or not problem.obstacles:
+        return
+    ignored = [name for name in problem.obstacles if name not in avoided]
+    if len(ignored) == len(problem.obstacles):
+        hint = "add `and G avoid(obstacles)` so that they count in its robustness"
+        yield Finding(("obstacles",), "the task never mentions the obstacles", hint, "warning", on_key=True)
+        return
+    for name in ignored:
+        hint = f"add `and G avoid({name})` so that it counts in its robustness"
+        yield Finding(
+            ("obstacles", name), "the task never mentions this obstacle", hint, "warning", on_key=True
+        )

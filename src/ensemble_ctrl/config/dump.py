@@ -1,0 +1,167 @@
+"""From a `Problem` back to a problem file with every default filled in."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from ensemble_ctrl.config.tree import SCALARS
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.stl import Predicate
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.problem import Fleet, Objective, Problem
+
+Floats = NDArray[np.float64]
+Data = dict[str, Any]
+
+
+def dump(problem: Problem) -> str:
+    """A problem file that loads as the same problem, number for number.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    str
+        YAML in SI units and radians, with every default and override filled in.
+
+    Notes
+    -----
+    Obstacles are written as their convex pieces, and polygons by their corners where that is exact.
+    """
+    text: str = yaml.dump(
+        to_data(problem),
+        Dumper=_Dumper,
+        sort_keys=False,
+        default_flow_style=None,
+        width=110,
+        allow_unicode=True,
+    )
+    return text
+
+
+def to_data(problem: Problem) -> Data:
+    """The same as plain data."""
+    return {
+        "version": 1,
+        "name": problem.name,
+        "fleet": _fleet(problem.fleet),
+        "horizon": {"duration": float(problem.duration), "steps": int(problem.steps)},
+        "moments": {"basis": "legendre", "order": "auto" if problem.order is None else int(problem.order)},
+        "regions": {name: _region(region) for name, region in problem.regions.items()},
+        "obstacles": {name: _obstacle(pieces) for name, pieces in problem.obstacles.items()},
+        "task": str(problem.task),
+        "objective": _objective(problem.objective),
+        "solve": asdict(problem.solve),
+        "verify": asdict(problem.verify),
+    }
+
+
+def _fleet(fleet: Fleet) -> Data:
+    """The section on the fleet."""
+    (v_low, omega_low), (v_high, omega_high) = fleet.input_lower.tolist(), fleet.input_upper.tolist()
+    return {
+        "model": fleet.system.name,
+        "parameters": {fleet.parameter_name: {"range": [fleet.parameter.lower, fleet.parameter.upper]}},
+        "start": {
+            "position": fleet.position.tolist(),
+            "heading": _own_heading(fleet),
+            "heading_from": fleet.system.heading_from,
+        },
+        "input_bounds": {"v": [v_low, v_high], "omega": [omega_low, omega_high]},
+        "radius": float(fleet.radius),
+    }
+
+
+def _own_heading(fleet: Fleet) -> float:
+    """The heading in the system's convention, chosen so that reading it gives the same bits."""
+    heading = float(fleet.own_heading)
+    if fleet.system.heading_from == "x":
+        return heading
+    near = (heading, math.nextafter(heading, math.inf), math.nextafter(heading, -math.inf))
+    return next((h for h in near if math.pi / 2 - h == fleet.heading), heading)
+
+
+def _objective(objective: Objective) -> Data:
+    """The section on the objective."""
+    data: Data = {"robustness": float(objective.robustness), "effort": float(objective.effort)}
+    if objective.target is not None:
+        data["terminal"] = {"target": objective.target.tolist(), "weight": float(objective.terminal)}
+    return data
+
+
+def _region(region: Polyhedron) -> Data:
+    """A region in the shortest form that is exact."""
+    if np.array_equal(region.A, np.eye(2)) and np.isfinite([region.lower, region.upper]).all():
+        return {"box": np.column_stack([region.lower, region.upper]).tolist()}
+    if np.isinf(region.upper).all() and np.isfinite(region.lower).all():
+        return _rows(region.A, region.lower)
+    G, h = region.unit_rows()
+    return {"halfspaces": _inequalities(-G, -h)}
+
+
+def _obstacle(pieces: tuple[Obstacle, ...]) -> Data | list[Data]:
+    """An obstacle's pieces."""
+    written = [_piece(piece) for piece in pieces]
+    return written[0] if len(written) == 1 else written
+
+
+def _piece(piece: Obstacle) -> Data:
+    """One convex piece in the shortest form that is exact."""
+    box = np.column_stack([piece.vertices.min(axis=0), piece.vertices.max(axis=0)])
+    exact = _same(Obstacle.box(box), piece.A, piece.b)
+    return {"box": box.tolist()} if exact else _rows(piece.A, piece.b)
+
+
+def _rows(A: Floats, b: Floats) -> Data:
+    """The set ``A x >= b`` by its corners if that is exact, else by its inequalities."""
+    try:
+        corners = np.round(Obstacle(A, b).vertices, 12) + 0.0
+        match = (A[0] == Obstacle.polygon(corners).A).all(axis=1)
+        corners = np.roll(corners, -int(match.argmax()), axis=0)
+        if _same(Obstacle.polygon(corners), A, b):
+            return {"polygon": corners.tolist()}
+    except ProblemError:
+        pass
+    return {"halfspaces": _inequalities(A, b)}
+
+
+def _same(obstacle: Obstacle, A: Floats, b: Floats) -> bool:
+    """Whether an obstacle has exactly these rows."""
+    return np.array_equal(obstacle.A, A) and np.array_equal(obstacle.b, b)
+
+
+def _inequalities(A: Floats, b: Floats) -> list[str]:
+    """``A x >= b`` as texts."""
+    return [
+        str(Predicate((("x", x), ("y", y)), -bound))
+        for (x, y), bound in zip(A.tolist(), b.tolist(), strict=True)
+    ]
+
+
+class _Dumper(yaml.SafeDumper):
+    """Floats with every digit, and quotes wherever some reader would not see a text."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write everything out."""
+        return True
+
+
+def _float(dumper: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
+    """The shortest text that reads back as the same number."""
+    text = repr(value)
+    return dumper.represent_scalar(
+        "tag:yaml.org,2002:float", text if "inf" not in text else text.replace("inf", ".inf")
+    )
+
+
+_Dumper.add_representer(float, _float)
+for _tag, _pattern in SCALARS:
+    _Dumper.add_implicit_resolver(_tag, _pattern, None)

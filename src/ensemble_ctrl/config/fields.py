@@ -1,0 +1,130 @@
+"""The types of a problem file's fields, with the validators that read them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, WithJsonSchema
+
+from ensemble_ctrl.checks import ALL_OBSTACLES
+from ensemble_ctrl.config.units import quantity
+from ensemble_ctrl.config.wrong import Wrong, show, suggestion
+from ensemble_ctrl.constraints.stl import Formula, parse
+from ensemble_ctrl.constraints.stl.leaves import RESERVED
+from ensemble_ctrl.problem import MAX_ORDER
+from ensemble_ctrl.systems import SYSTEMS
+
+NUMERIC = WithJsonSchema({"type": ["number", "string"]})
+_NAME = re.compile(r"[^\W\d][\w.-]*")
+_FOLDER = re.compile(r"(?!\.{1,2}$)[^/\\:*?\"<>|\x00-\x1f\x7f]{1,100}")
+
+
+class Model(BaseModel):
+    """A section: no unknown fields, immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+def whole(least: int, most: int, also: str = "") -> Callable[[Any], int]:
+    """A validator for a whole number in a range."""
+
+    def convert(value: Any) -> int:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or value % 1 != 0 or not least <= value <= most:
+            raise Wrong(f"expected a whole number from {least} to {most}{also}, got {show(value)}")
+        return int(value)
+
+    return convert
+
+
+def pair(shape: str) -> Callable[[Any], Any]:
+    """A validator for a list of two."""
+
+    def check(value: Any) -> Any:
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            raise Wrong(f"expected {shape}, got {show(value)}")
+        return value
+
+    return check
+
+
+def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
+    """Bounds whose low end is not above the high one."""
+    if bounds[0] > bounds[1]:
+        raise Wrong(f"expected [low, high], got [{bounds[0]:g}, {bounds[1]:g}], where low is above high")
+    return bounds
+
+
+def model_name(value: str) -> str:
+    """The name of a system."""
+    if value not in SYSTEMS:
+        raise Wrong(f"{show(value)} is not one of {', '.join(SYSTEMS)}", suggestion(value, SYSTEMS))
+    return value
+
+
+def order_or_auto(value: Any) -> int | None:
+    """A truncation order, None for auto."""
+    return None if value == "auto" else whole(1, MAX_ORDER, " (or auto)")(value)
+
+
+def formula(value: Any) -> Formula:
+    """A formula from its text."""
+    if not isinstance(value, str):
+        raise Wrong(f"expected a formula, got {show(value)}", 'for example "F[0, T] in(goal)"')
+    return parse(value)
+
+
+def format_version(value: Any) -> int:
+    """The version of the file's format."""
+    if value != 1 or isinstance(value, bool):
+        raise Wrong(f"expected 1, got {show(value)}", "this release reads version 1")
+    return 1
+
+
+def place_name(value: str) -> str:
+    """A name that a task can use."""
+    if value in RESERVED or value == ALL_OBSTACLES:
+        raise Wrong(f"{value!r} is a word of the task language", "choose another name")
+    if not _NAME.fullmatch(value):
+        raise Wrong(
+            f"expected a name that starts with a letter, then letters, digits, _ . -, got {show(value)}"
+        )
+    return value
+
+
+def folder_name(value: str) -> str:
+    """A name that results can be stored under."""
+    if not _FOLDER.fullmatch(value):
+        raise Wrong(
+            f"expected a name that a folder can have, got {show(value)}", 'leave out / \\ : * ? " < > |'
+        )
+    return value
+
+
+def positive_range(bounds: tuple[float, float]) -> tuple[float, float]:
+    """A parameter's range."""
+    if bounds[0] <= 0:
+        raise Wrong(f"expected a range above 0, got [{bounds[0]:g}, {bounds[1]:g}]")
+    return bounds
+
+
+Number = Annotated[float, BeforeValidator(quantity("number")), NUMERIC]
+Weight = Annotated[float, BeforeValidator(quantity("number", 0)), NUMERIC]
+Length = Annotated[float, BeforeValidator(quantity("length")), NUMERIC]
+Margin = Annotated[float, BeforeValidator(quantity("length", 0)), NUMERIC]
+Duration = Annotated[float, BeforeValidator(quantity("time", above=0)), NUMERIC]
+Angle = Annotated[float, BeforeValidator(quantity("angle")), NUMERIC]
+Speed = Annotated[float, BeforeValidator(quantity("speed")), NUMERIC]
+TurnRate = Annotated[float, BeforeValidator(quantity("turn rate")), NUMERIC]
+LOW_HIGH = (BeforeValidator(pair("[low, high]")), AfterValidator(ordered))
+Point = Annotated[tuple[Length, Length], BeforeValidator(pair("[x, y]"))]
+Name = Annotated[str, AfterValidator(place_name)]
+Range = Annotated[tuple[Number, Number], *LOW_HIGH, AfterValidator(positive_range)]
+SpeedBounds = Annotated[tuple[Speed, Speed], *LOW_HIGH]
+TurnRateBounds = Annotated[tuple[TurnRate, TurnRate], *LOW_HIGH]
+ModelName = Annotated[str, AfterValidator(model_name), WithJsonSchema({"enum": list(SYSTEMS)})]
+Order = Annotated[int | None, BeforeValidator(order_or_auto), WithJsonSchema({"type": ["integer", "string"]})]
+Task = Annotated[Formula, BeforeValidator(formula), WithJsonSchema({"type": "string"})]
+FolderName = Annotated[str, AfterValidator(folder_name)]

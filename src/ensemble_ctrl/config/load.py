@@ -1,0 +1,191 @@
+"""Load a problem file: every step, and every error at once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any, NoReturn
+
+from pydantic import ValidationError
+
+from ensemble_ctrl.checks import Finding, findings, path_text
+from ensemble_ctrl.config.build import build
+from ensemble_ctrl.config.dump import to_data
+from ensemble_ctrl.config.locate import Locator
+from ensemble_ctrl.config.messages import Diagnostic, findings_of, layout
+from ensemble_ctrl.config.overrides import Override, apply, parse_override
+from ensemble_ctrl.config.schema import ProblemFile
+from ensemble_ctrl.config.source import Source, Text, name_of, read_source
+from ensemble_ctrl.config.tree import TextError, Tree
+from ensemble_ctrl.config.wrong import show
+from ensemble_ctrl.errors import ConfigError, ProblemError
+from ensemble_ctrl.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A problem with what there is to say about its file.
+
+    Attributes
+    ----------
+    problem : Problem
+    warnings : tuple of Diagnostic
+        In file order; each prints as a warning with line and caret.
+    text : str
+        The file's text, as it was read.
+    """
+
+    problem: Problem
+    warnings: tuple[Diagnostic, ...]
+    text: str
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The problem as plain data, with every default and override filled in."""
+        return to_data(self.problem)
+
+
+def load(source: Source, overrides: Iterable[str] = ()) -> Problem:
+    """Read a problem file.
+
+    Parameters
+    ----------
+    source : path, "-" or open file
+        ``-`` is stdin.
+    overrides : iterable of str
+        ``KEY=VALUE`` with a dotted key and a YAML value, applied in order before validation.
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    ConfigError
+        With every error in file order, each with line, column and a hint.
+    """
+    return read(source, overrides).problem
+
+
+def load_text(text: str, name: str = "<text>", overrides: Iterable[str] = ()) -> Problem:
+    """Read a problem from a text; see `load`.
+
+    Examples
+    --------
+    >>> problem = load_text('''
+    ... fleet: {model: unicycle, start: {position: [0, 0], heading: 45 deg}}
+    ... horizon: {duration: 4 s}
+    ... task: F[0, T] x >= 1
+    ... ''')
+    >>> problem.steps, round(problem.fleet.heading, 4)
+    (40, 0.7854)
+    """
+    return read_text(text, name, overrides).problem
+
+
+def read(source: Source, overrides: Iterable[str] = ()) -> Loaded:
+    """Read a problem file, and keep its warnings and its text; see `load`."""
+    try:
+        text = read_source(source)
+    except TextError as error:
+        _refuse([_unplaced(error, name_of(source))], name_of(source))
+    return _read(text, overrides)
+
+
+def read_text(text: str, name: str = "<text>", overrides: Iterable[str] = ()) -> Loaded:
+    """Read a problem from a text, and keep its warnings; see `load`."""
+    return _read(Text(name, text, FilePath()), overrides)
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of a problem file, for editors."""
+    described = ProblemFile.model_json_schema()
+    obstacles = described["properties"]["obstacles"]
+    listed = obstacles["additionalProperties"]
+    obstacles["additionalProperties"] = {"anyOf": [listed["items"], listed]}
+    return described
+
+
+def _read(text: Text, overrides: Iterable[str]) -> Loaded:
+    """All steps."""
+    tree = _tree(text)
+    changes = _overrides(overrides, text.name)
+    data = _changed(tree.data, changes, text.name)
+    locate = Locator(text, tree, data, changes)
+    if not isinstance(data, dict):
+        _refuse(
+            [locate(Finding((), f"expected a problem with fleet, horizon and task, got {show(data)}"))],
+            text.name,
+        )
+    problem = _problem(text, data, locate)
+    warnings = [locate(finding) for finding in findings(problem)]
+    return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content)
+
+
+def _problem(text: Text, data: dict[str, Any], locate: Locator) -> Problem:
+    """Validate and build, collecting every error."""
+    found = locate.repeated()
+    try:
+        file = ProblemFile.model_validate(data, context={"folder": text.folder})
+        problem = build(file, re.sub(r"[^\w .+-]", "", FilePath(text.name).stem) or "problem")
+    except ValidationError as error:
+        found += [locate(finding) for finding in findings_of(error)]
+    except ProblemError as error:
+        found += [locate(finding) for finding in error.findings or [Finding((), str(error))]]
+    if found:
+        _refuse(sorted(found, key=locate.order), text.name)
+    return problem
+
+
+def _tree(text: Text) -> Tree:
+    """The text as data with places."""
+    try:
+        tree = Tree.read(text.content)
+    except TextError as error:
+        _refuse([_unplaced(error, text.name, text.content)], text.name)
+    if tree.data is None:
+        hint = "start from `ensemble-plan init`"
+        _refuse([Diagnostic(text.name, None, None, "error", "", "this file is empty", hint)], text.name)
+    return tree
+
+
+def _overrides(texts: Iterable[str], name: str) -> list[Override]:
+    """Every override, read."""
+    read, wrong = [], []
+    for text in texts:
+        try:
+            read.append(parse_override(text))
+        except TextError as error:
+            wrong.append(Diagnostic(f"--set {text}", None, None, "error", "", error.message, error.hint))
+    if wrong:
+        _refuse(wrong, name)
+    return read
+
+
+def _changed(data: Any, changes: Iterable[Override], name: str) -> Any:
+    """The data with the overrides in it."""
+    for change in changes:
+        try:
+            data = apply(data, [change])
+        except TextError as error:
+            path = path_text(change.path)
+            _refuse([Diagnostic(change.name, None, None, "error", path, error.message, error.hint)], name)
+    return data
+
+
+def _unplaced(error: TextError, name: str, content: str = "") -> Diagnostic:
+    """A text that can't be read, as a diagnostic."""
+    if error.place is None:
+        return Diagnostic(name, None, None, "error", "", error.message, error.hint)
+    lines = content.split("\n")
+    excerpt = lines[error.place.line - 1] if error.place.line <= len(lines) else ""
+    return Diagnostic(
+        name, error.place.line, error.place.column, "error", "", error.message, error.hint, excerpt
+    )
+
+
+def _refuse(errors: list[Diagnostic], name: str) -> NoReturn:
+    """Raise all errors as one."""
+    raise ConfigError(layout(errors, name), tuple(errors))

@@ -1,0 +1,122 @@
+"""The problem file, one pydantic model per section. Values are in SI units and radians."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from ensemble_ctrl.checks import MAX_MEMBERS, MAX_SEED, MAX_STEPS
+from ensemble_ctrl.config import fields as f
+from ensemble_ctrl.config.fields import Model, whole
+from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
+from ensemble_ctrl.problem import Guarantee, Method, Objective, SolveOptions, VerifyOptions
+
+
+class Law(Model):
+    """How a parameter is spread over the fleet: evenly over a range."""
+
+    range: f.Range = (0.9, 1.1)
+
+
+class Parameters(Model):
+    """The parameters that differ between members."""
+
+    traction: Law = Law()
+
+
+class Start(Model):
+    """Where all members start; the heading counts counter-clockwise from +x, or clockwise from +y."""
+
+    position: f.Point
+    heading: f.Angle
+    heading_from: Literal["x", "y"] = "x"
+
+
+class InputBounds(Model):
+    """Bounds of the commands."""
+
+    v: f.SpeedBounds = (-2.0, 2.0)
+    omega: f.TurnRateBounds = (-2.0, 2.0)
+
+
+class FleetSection(Model):
+    """Who moves."""
+
+    model: f.ModelName
+    parameters: Parameters = Parameters()
+    start: Start
+    input_bounds: InputBounds = InputBounds()
+    radius: f.Margin = 0.0
+
+
+class Horizon(Model):
+    """How long, in how many steps (one each 0.1 s by default)."""
+
+    duration: f.Duration
+    steps: Annotated[int, BeforeValidator(whole(1, MAX_STEPS))] | None = None
+
+
+class Moments(Model):
+    """How the fleet is represented."""
+
+    basis: Literal["legendre"] = "legendre"
+    order: f.Order = None
+
+
+class Terminal(Model):
+    """Where the fleet should end."""
+
+    target: f.Point
+    weight: f.Weight = Objective.terminal
+
+
+class ObjectiveSection(Model):
+    """What the plan trades off."""
+
+    robustness: f.Weight = Objective.robustness
+    terminal: Terminal | None = None
+    effort: f.Weight = Objective.effort
+
+
+class Solve(Model):
+    """How to solve."""
+
+    method: Method = SolveOptions.method
+    guarantee: Guarantee = SolveOptions.guarantee
+    time_limit: f.Duration = SolveOptions.time_limit
+    seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = SolveOptions.seed
+    margin: f.Margin = SolveOptions.margin
+    routes: Annotated[int, BeforeValidator(whole(1, 1000))] = SolveOptions.routes
+    max_iterations: Annotated[int, BeforeValidator(whole(1, 1_000_000))] = SolveOptions.max_iterations
+
+
+class Verify(Model):
+    """How to check a plan."""
+
+    members: Annotated[int, BeforeValidator(whole(1, MAX_MEMBERS))] = VerifyOptions.members
+    substeps: Annotated[int, BeforeValidator(whole(1, 1000))] = VerifyOptions.substeps
+
+
+def _listed(value: Any) -> Any:
+    """One shape as a list of one."""
+    return [value] if isinstance(value, dict) else value
+
+
+Shapes = Annotated[list[ObstacleShape], BeforeValidator(_listed)]
+
+
+class ProblemFile(Model):
+    """A problem: only the model, the start, the duration and the task are required."""
+
+    version: Annotated[int, BeforeValidator(f.format_version)] = 1
+    name: f.FolderName | None = None
+    fleet: FleetSection
+    horizon: Horizon
+    moments: Moments = Moments()
+    regions: dict[f.Name, RegionShape] = Field(default_factory=dict)
+    obstacles: dict[f.Name, Shapes] = Field(default_factory=dict)
+    task: f.Task
+    objective: ObjectiveSection = ObjectiveSection()
+    solve: Solve = Solve()
+    verify: Verify = Verify()

@@ -1,0 +1,157 @@
+"""Areas of the map: boxes, polygons, half-planes, and obstacles from WKT and GeoJSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Self, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    PrivateAttr,
+    ValidationInfo,
+    WithJsonSchema,
+    model_validator,
+)
+
+from ensemble_ctrl.checks import STATES
+from ensemble_ctrl.config import fields as f
+from ensemble_ctrl.config.maps import polygons_from_file, polygons_from_wkt
+from ensemble_ctrl.config.wrong import Wrong, show
+from ensemble_ctrl.constraints import Obstacle, Polyhedron, convex_pieces
+from ensemble_ctrl.constraints.stl import Predicate, parse
+from ensemble_ctrl.errors import EnsembleError
+
+Pieces = tuple[Obstacle, ...]
+Floats = NDArray[np.float64]
+Built = TypeVar("Built")
+_EXAMPLE = "for example 'x + 2*y <= 3'"
+
+
+def _side(bounds: tuple[float, float]) -> tuple[float, float]:
+    """A side of a box, with a length."""
+    if bounds[0] >= bounds[1]:
+        raise Wrong(f"expected [low, high] with low below high, got [{bounds[0]:g}, {bounds[1]:g}]")
+    return bounds
+
+
+def _halfplane(value: Any) -> Predicate:
+    """A linear inequality in x and y."""
+    predicate = parse(value) if isinstance(value, str) else None
+    if not isinstance(predicate, Predicate):
+        raise Wrong(f"expected an inequality in x and y, got {show(value)}", _EXAMPLE)
+    unknown = [name for name, _ in predicate.coefficients if name not in STATES]
+    if unknown:
+        raise Wrong(f"expected an inequality in x and y, got the unknown {unknown[0]!r}", _EXAMPLE)
+    return predicate
+
+
+def _some(values: list[Any]) -> list[Any]:
+    """A list that is not empty."""
+    if not values:
+        raise Wrong("expected at least one inequality, got an empty list", _EXAMPLE)
+    return values
+
+
+Side = Annotated[tuple[f.Length, f.Length], BeforeValidator(f.pair("[low, high]")), AfterValidator(_side)]
+Box = Annotated[tuple[Side, Side], BeforeValidator(f.pair("[[x low, x high], [y low, y high]]"))]
+HalfPlane = Annotated[Predicate, BeforeValidator(_halfplane), WithJsonSchema({"type": "string"})]
+HalfPlanes = Annotated[list[HalfPlane], AfterValidator(_some)]
+
+
+class RegionShape(f.Model):
+    """A convex area, in exactly one of these forms."""
+
+    box: Box | None = None
+    polygon: list[f.Point] | None = None
+    halfspaces: HalfPlanes | None = None
+    _area: Polyhedron = PrivateAttr()
+
+    @model_validator(mode="after")
+    def _build(self) -> Self:
+        """Build the area, so that what is wrong with it is reported with everything else."""
+        forms: dict[str, Callable[[Any], Polyhedron]] = {
+            "box": Polyhedron.box,
+            "polygon": _convex,
+            "halfspaces": _intersection,
+        }
+        self._area = _built(self, forms)
+        return self
+
+    @property
+    def area(self) -> Polyhedron:
+        """The area."""
+        return self._area
+
+
+class ObstacleShape(f.Model):
+    """An area to keep out of, in exactly one of these forms; convex or not."""
+
+    box: Box | None = None
+    polygon: list[f.Point] | None = None
+    halfspaces: HalfPlanes | None = None
+    wkt: str | None = None
+    file: str | None = None
+    _pieces: Pieces = PrivateAttr()
+
+    @model_validator(mode="after")
+    def _build(self, info: ValidationInfo) -> Self:
+        """Build the convex pieces, so that what is wrong with them is reported with everything else."""
+        folder = (info.context or {}).get("folder", Path())
+        forms: dict[str, Callable[[Any], Pieces]] = {
+            "box": lambda box: (Obstacle.box(box),),
+            "polygon": lambda corners: _cut([corners]),
+            "halfspaces": lambda rows: (Obstacle(*_rows(rows)),),
+            "wkt": lambda text: _cut(polygons_from_wkt(text)),
+            "file": lambda name: _cut(polygons_from_file(folder / name)),
+        }
+        self._pieces = _built(self, forms)
+        return self
+
+    @property
+    def pieces(self) -> Pieces:
+        """The convex pieces."""
+        return self._pieces
+
+
+def _built(shape: f.Model, forms: Mapping[str, Callable[[Any], Built]]) -> Built:
+    """The one form that is given, built."""
+    given = [form for form in forms if getattr(shape, form) is not None]
+    if len(given) != 1:
+        raise Wrong(f"expected exactly one of {', '.join(forms)}, got {' and '.join(given) or 'none'}")
+    try:
+        return forms[given[0]](getattr(shape, given[0]))
+    except Wrong as error:
+        raise Wrong(error.message, error.hint, (given[0], *error.path), error.offset) from None
+    except EnsembleError as error:
+        raise Wrong(str(error).partition(": ")[2], path=(given[0],)) from None
+
+
+def _cut(polygons: Iterable[ArrayLike]) -> Pieces:
+    """Convex pieces of some polygons."""
+    return tuple(Obstacle.polygon(piece) for polygon in polygons for piece in convex_pieces(polygon))
+
+
+def _convex(corners: ArrayLike) -> Polyhedron:
+    """A convex polygon as a region."""
+    pieces = _cut([corners])
+    if len(pieces) > 1:
+        hint = f"it splits into {len(pieces)} convex ones: name each and write in(a) or in(b)"
+        raise Wrong("expected a convex polygon, got one that is not", hint)
+    return Polyhedron(pieces[0].A, pieces[0].b, np.full(len(pieces[0].b), np.inf))
+
+
+def _intersection(halfplanes: list[Predicate]) -> Polyhedron:
+    """The points that satisfy every inequality."""
+    A, lower = _rows(halfplanes)
+    return Polyhedron(A, lower, np.full(len(lower), np.inf))
+
+
+def _rows(halfplanes: list[Predicate]) -> tuple[Floats, Floats]:
+    """Inequalities as ``A x >= b``."""
+    coefficients = [dict(halfplane.coefficients) for halfplane in halfplanes]
+    A = np.array([[row.get(state, 0.0) for state in STATES] for row in coefficients])
+    return A, np.array([0.0 - halfplane.offset for halfplane in halfplanes])

@@ -1,0 +1,104 @@
+"""Where a problem's text comes from: a file, stdin, or an open file."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from ensemble_ctrl.config.tree import Place, TextError
+from ensemble_ctrl.config.wrong import suggestion
+
+MAX_BYTES = 1_000_000
+MAX_MAP_BYTES = 5_000_000
+_LINE_ENDS = re.compile("\r\n|[\r\x85\u2028\u2029]")
+Source = str | os.PathLike[str] | IO[str] | IO[bytes]
+
+
+@dataclass(frozen=True)
+class Text:
+    """A problem's text with plain line ends, what to call it, and where its relative file names start."""
+
+    name: str
+    content: str
+    folder: Path
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "content", _LINE_ENDS.sub("\n", self.content))
+
+
+def name_of(source: Source) -> str:
+    """What messages call a source."""
+    if isinstance(source, str | os.PathLike):
+        return "<stdin>" if source == "-" else os.fspath(source)
+    name = getattr(source, "name", "<text>")
+    return name if isinstance(name, str) else "<text>"
+
+
+def read_source(source: Source) -> Text:
+    """The text of a source; ``-`` is stdin.
+
+    Raises
+    ------
+    TextError
+        If it can't be read, is too large, or is not text.
+    """
+    name = name_of(source)
+    if isinstance(source, str | os.PathLike) and source != "-":
+        path = Path(source)
+        return Text(name, text_of(read_bytes(path)), path.parent)
+    stream = sys.stdin.buffer if isinstance(source, str | os.PathLike) else source
+    try:
+        content = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise TextError(f"can't be read: {error}") from None
+    return Text(name, text_of(content if isinstance(content, bytes) else content.encode()), Path(name).parent)
+
+
+def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
+    """The first bytes of a file, one more than are allowed if it has them."""
+    try:
+        with path.open("rb") as file:
+            return file.read(most + 1)
+    except FileNotFoundError:
+        raise TextError("no such file", hint=_similar(path)) from None
+    except IsADirectoryError:
+        raise TextError("this is a folder", hint="name a file in it") from None
+    except (OSError, ValueError) as error:
+        raise TextError(f"can't be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def text_of(content: bytes, most: int = MAX_BYTES) -> str:
+    """Bytes as text."""
+    if len(content) > most:
+        limit = most // 1_000_000
+        raise TextError(
+            f"expected at most {limit} MB, got more", hint="put large shapes in a `file` of their own"
+        )
+    if b"\0" in content[:10_000] and not content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise TextError("expected a text file, got a binary one")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise TextError(
+            "expected UTF-8", _place(content, error.start), "save the file with that encoding"
+        ) from None
+    return text
+
+
+def _place(content: bytes, index: int) -> Place:
+    """Line and column of a byte."""
+    before = content[:index]
+    return Place(before.count(b"\n") + 1, index - before.rfind(b"\n"))
+
+
+def _similar(path: Path) -> str:
+    """A file of a similar name in the same folder, as a hint."""
+    try:
+        names = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return ""
+    return suggestion(path.name, names)

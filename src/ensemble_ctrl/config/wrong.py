@@ -1,0 +1,53 @@
+"""What a validator raises, and small helpers for wording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Any
+
+
+class Wrong(ValueError):
+    """A value is not what was wanted; pydantic keeps it with the place at which it was raised.
+
+    Parameters
+    ----------
+    message : str
+        What was wanted and what came.
+    hint : str
+        What to do.
+    path : tuple
+        Keys from the place at which it was raised to the value that is wrong.
+    offset : int, optional
+        0-based place of the mistake within the value's text.
+    """
+
+    def __init__(
+        self, message: str, hint: str = "", path: tuple[str | int, ...] = (), offset: int | None = None
+    ) -> None:
+        super().__init__(message)
+        self.message, self.hint, self.path, self.offset = message, hint, path, offset
+
+
+def show(value: Any) -> str:
+    """A value as it stands in the file, shortened."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return "a section" if value else "an empty section"
+    if isinstance(value, list | tuple):
+        scalars = len(value) <= 4 and not any(isinstance(item, dict | list | tuple) for item in value)
+        return f"[{', '.join(map(show, value))}]" if scalars else f"a list of {len(value)}"
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else f"{'-' if value < 0 else ''}.inf"
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def suggestion(word: Any, known: Iterable[str]) -> str:
+    """The known word most like this one, as a hint; empty if none is."""
+    close = get_close_matches(str(word), list(known), n=1, cutoff=0.6)
+    return f"did you mean {close[0]!r}?" if close else ""

@@ -1,0 +1,188 @@
+"""A convex region bounded by linear inequalities, in state space and in moment space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ensemble_ctrl.constraints._rows import boundary_vertices, checked_rows, is_cone_trivial, is_feasible
+from ensemble_ctrl.errors import ProblemError
+
+Array = NDArray[np.float64]
+
+
+class SignedMoments(Protocol):
+    """The part of a basis that the moment bounds need."""
+
+    def signed_moments(self) -> tuple[Array, Array]:
+        """Integrals of the positive and negative parts, each of shape (order + 1,)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Polyhedron:
+    r"""The set ``lower <= A x <= upper``.
+
+    Parameters
+    ----------
+    A : array_like, shape (rows, n)
+        Dimensionless; every row finite and not zero.
+    lower, upper : array_like, shape (rows,)
+        In the unit of ``A x`` (metres for positions and unit rows). ``-inf`` and ``inf`` leave a side open.
+
+    Raises
+    ------
+    ProblemError
+        If a shape is wrong, a number is NaN, a row is zero or ``lower > upper`` somewhere.
+
+    Notes
+    -----
+    ``S = {x : b <= A x <= c}`` of Arias et al., One Ring to Rule Them All, before ``eq:polyhedron_moment``.
+
+    Examples
+    --------
+    >>> goal = Polyhedron.box([[6.0, 7.0], [5.0, 6.0]])
+    >>> goal.margin([6.5, 5.2]).round(3)
+    np.float64(0.2)
+    """
+
+    A: Array
+    lower: Array
+    upper: Array
+
+    def __init__(self, A: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> None:
+        A = checked_rows(A, "Polyhedron.A")
+        lower = _checked_bound(lower, "Polyhedron.lower", len(A), forbidden=np.inf)
+        upper = _checked_bound(upper, "Polyhedron.upper", len(A), forbidden=-np.inf)
+        wrong = np.flatnonzero(lower > upper)
+        if wrong.size:
+            i = int(wrong[0])
+            raise ProblemError(
+                f"Polyhedron.lower: expected lower <= upper, got {lower[i]} > {upper[i]} in row {i}"
+            )
+        for name, value in (("A", A), ("lower", lower), ("upper", upper)):
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def box(cls, bounds: ArrayLike) -> Polyhedron:
+        """Axis-aligned box ``[[x low, x high], [y low, y high], ...]``, shape (n, 2)."""
+        pairs = np.asarray(bounds, dtype=float)
+        if pairs.ndim != 2 or pairs.shape[1] != 2 or not len(pairs):
+            raise ProblemError(f"Polyhedron.box: expected [[low, high], ...], got shape {pairs.shape}")
+        return cls(np.eye(len(pairs)), pairs[:, 0], pairs[:, 1])
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether each point is inside or on the boundary: (..., n) to (...)."""
+        values = self._points(points) @ self.A.T
+        return np.asarray(np.all((values >= self.lower) & (values <= self.upper), axis=-1))
+
+    def margin(self, points: ArrayLike) -> Array:
+        """Signed distance to the nearest face plane, positive inside.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., n)
+            Metres, for positions.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            Metres; infinite when no row has a finite bound.
+
+        Notes
+        -----
+        *Guarantee*: inside it is the exact distance to the boundary; outside, minus it is a lower bound of
+        the distance to the polyhedron.
+        """
+        x = self._points(points)
+        G, h = self.unit_rows()
+        least = np.full(x.shape[:-1], np.inf)
+        for normal, offset in zip(G, h, strict=True):
+            np.minimum(least, offset - x @ normal, out=least)
+        return least
+
+    def unit_rows(self) -> tuple[Array, Array]:
+        """Finite sides as ``G x <= h``, unit normals: shapes (sides, n), (sides,); uppers first."""
+        length = np.linalg.norm(self.A, axis=1)
+        A, upper, lower = self.A / length[:, None], self.upper / length, self.lower / length
+        above, below = np.isfinite(upper), np.isfinite(lower)
+        return np.vstack([A[above], -A[below]]), np.concatenate([upper[above], -lower[below]])
+
+    def moment_bounds(self, basis: SignedMoments) -> tuple[Array, Array]:
+        r"""Bounds on ``A m_k`` for every order k.
+
+        .. math:: b\,m_k^+ - c\,m_k^- \le A m_k \le c\,m_k^+ - b\,m_k^-
+
+        Parameters
+        ----------
+        basis : object with ``signed_moments()``
+            The basis that the moments belong to.
+
+        Returns
+        -------
+        lower, upper : ndarray, shape (order + 1, rows)
+            In the unit of ``A x``. An open side gives an infinite bound where it matters, and none where
+            ``m_k^- = 0`` removes it.
+
+        Notes
+        -----
+        ``eq:polyhedron_moment`` of Arias et al., One Ring to Rule Them All.
+        *Guarantee*: **necessary, not sufficient**. An ensemble inside the polyhedron satisfies them; an
+        ensemble that satisfies them may have members outside.
+        """
+        positive, negative = basis.signed_moments()
+        low = _outer(positive, self.lower) - _outer(negative, self.upper)
+        high = _outer(positive, self.upper) - _outer(negative, self.lower)
+        return low, high
+
+    @cached_property
+    def is_empty(self) -> bool:
+        """Whether no point satisfies every row (to 1e-9 of the largest bound)."""
+        return not is_feasible(*self.unit_rows())
+
+    @cached_property
+    def is_bounded(self) -> bool:
+        """Whether the set fits in some ball; an empty set does."""
+        return self.is_empty or is_cone_trivial(self.unit_rows()[0])
+
+    @cached_property
+    def vertices(self) -> Array:
+        """Corners of a bounded 2-D polyhedron, counter-clockwise, shape (corners, 2), metres."""
+        if self.A.shape[1] != 2:
+            raise ProblemError(f"Polyhedron.vertices: expected 2 dimensions, got {self.A.shape[1]}")
+        if self.is_empty or not self.is_bounded:
+            state = "an empty" if self.is_empty else "an unbounded"
+            raise ProblemError(
+                f"Polyhedron.vertices: expected a bounded set with points in it, got {state} one"
+            )
+        return boundary_vertices(*self.unit_rows())
+
+    def _points(self, points: ArrayLike) -> Array:
+        """The points as an array whose last axis is checked."""
+        x = np.asarray(points, dtype=float)
+        if x.ndim == 0 or x.shape[-1] != self.A.shape[1]:
+            raise ProblemError(f"points: expected shape (..., {self.A.shape[1]}), got {x.shape}")
+        return x
+
+
+def _checked_bound(value: ArrayLike, name: str, rows: int, forbidden: float) -> Array:
+    """A read-only copy of one side's bounds."""
+    bound = np.array(value, dtype=float)
+    if bound.shape != (rows,):
+        raise ProblemError(f"{name}: expected shape ({rows},) as A has {rows} rows, got {bound.shape}")
+    if np.isnan(bound).any() or (bound == forbidden).any():
+        raise ProblemError(f"{name}: expected numbers, none of them NaN or {forbidden}, got {bound.tolist()}")
+    bound.setflags(write=False)
+    return bound
+
+
+def _outer(moments: Array, bounds: Array) -> Array:
+    """Products ``moments[k] * bounds[i]`` with ``0 * inf = 0``: a part that is zero bounds nothing."""
+    product = np.zeros((len(moments), len(bounds)))
+    used = moments != 0
+    product[used] = moments[used, None] * bounds
+    return product

@@ -1,0 +1,56 @@
+"""Signal Temporal Logic: formulas, their text, and their robustness."""
+
+from ensemble_ctrl.constraints.stl.check import check_names, check_windows, horizon, name_errors
+from ensemble_ctrl.constraints.stl.formula import (
+    Always,
+    And,
+    Eventually,
+    Formula,
+    Mean,
+    Not,
+    Or,
+    Release,
+    Share,
+    Until,
+)
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
+from ensemble_ctrl.constraints.stl.operations import Backend, ExactOps, NumpyBackend, Ops, SmoothOps
+from ensemble_ctrl.constraints.stl.rewrite import ground, leaves, negation_normal_form, resolve
+from ensemble_ctrl.constraints.stl.robustness import member_robustness, robustness
+from ensemble_ctrl.constraints.stl.signals import Signals, StateSignals
+from ensemble_ctrl.constraints.stl.text import FormulaError, parse
+
+__all__ = [
+    "Always",
+    "And",
+    "Avoid",
+    "Backend",
+    "Eventually",
+    "ExactOps",
+    "Formula",
+    "FormulaError",
+    "Inside",
+    "Mean",
+    "Not",
+    "NumpyBackend",
+    "Ops",
+    "Or",
+    "Predicate",
+    "Release",
+    "Share",
+    "Signals",
+    "SmoothOps",
+    "StateSignals",
+    "Until",
+    "check_names",
+    "check_windows",
+    "ground",
+    "horizon",
+    "leaves",
+    "member_robustness",
+    "name_errors",
+    "negation_normal_form",
+    "parse",
+    "resolve",
+    "robustness",
+]

@@ -1,0 +1,209 @@
+"""Formulas to formulas: negations to the leaves, ``T`` to seconds, places to linear predicates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from ensemble_ctrl.constraints.obstacle import Obstacle
+from ensemble_ctrl.constraints.polyhedron import Polyhedron
+from ensemble_ctrl.constraints.stl.formula import (
+    Always,
+    And,
+    Eventually,
+    Formula,
+    Mean,
+    Not,
+    Or,
+    Release,
+    Share,
+    Until,
+)
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
+from ensemble_ctrl.errors import ProblemError
+
+ALL_OBSTACLES = "obstacles"
+Map = Mapping[str, Obstacle | Sequence[Obstacle]]
+
+
+def leaves(formula: Formula) -> Iterator[Formula]:
+    """The leaves from left to right."""
+    if not formula.parts:
+        yield formula
+    for part in formula.parts:
+        yield from leaves(part)
+
+
+def rebuilt(formula: Formula, parts: Iterable[Formula]) -> Formula:
+    """The same operator over other parts."""
+    match formula:
+        case And() | Or():
+            return type(formula)(tuple(parts))
+        case Eventually() | Always() | Not() | Mean() | Share():
+            (child,) = parts
+            return replace(formula, child=child)
+        case Until() | Release():
+            left, right = parts
+            return replace(formula, left=left, right=right)
+    return formula
+
+
+def map_leaves(formula: Formula, change: Callable[[Formula], Formula]) -> Formula:
+    """Replace every leaf."""
+    if not formula.parts:
+        return change(formula)
+    return rebuilt(formula, [map_leaves(part, change) for part in formula.parts])
+
+
+def negation_normal_form(formula: Formula, negate: bool = False) -> Formula:
+    """Push negations down to the leaves.
+
+    Parameters
+    ----------
+    formula : Formula
+    negate : bool
+        Whether to return the negation of `formula`.
+
+    Returns
+    -------
+    Formula
+        With the same robustness, and `Not` only around `Inside` and `Avoid`; a predicate takes the sign into
+        its coefficients.
+    """
+    match formula:
+        case Not(child=child):
+            return negation_normal_form(child, not negate)
+        case Predicate():
+            return formula.negated() if negate else formula
+        case Inside() | Avoid():
+            return Not(formula) if negate else formula
+    parts = tuple(negation_normal_form(part, negate) for part in formula.parts)
+    return _dual(formula, parts) if negate else rebuilt(formula, parts)
+
+
+def _dual(formula: Formula, parts: tuple[Formula, ...]) -> Formula:
+    """The operator that a negation turns this one into, over negated parts."""
+    match formula:
+        case And():
+            return Or(parts)
+        case Or():
+            return And(parts)
+        case Eventually():
+            return Always(parts[0], formula.a, formula.b, formula.column)
+        case Always():
+            return Eventually(parts[0], formula.a, formula.b, formula.column)
+        case Until():
+            return Release(parts[0], parts[1], formula.a, formula.b, formula.column)
+        case Release():
+            return Until(parts[0], parts[1], formula.a, formula.b, formula.column)
+        case Share():
+            return Share(1 - formula.p, parts[0], strict=not formula.strict)
+    return rebuilt(formula, parts)
+
+
+def resolve(formula: Formula, duration: float) -> Formula:
+    """Put the plan's duration, in seconds, where a window has ``T``.
+
+    Raises
+    ------
+    ProblemError
+        If that makes a window run backwards.
+    """
+    parts = [resolve(part, duration) for part in formula.parts]
+    formula = rebuilt(formula, parts)
+    if isinstance(formula, Eventually | Always | Until | Release) and math.inf in (formula.a, formula.b):
+        a, b = (duration if time == math.inf else time for time in (formula.a, formula.b))
+        return replace(formula, a=a, b=b)
+    return formula
+
+
+def ground(
+    formula: Formula,
+    regions: Mapping[str, Polyhedron],
+    obstacles: Map,
+    *,
+    position: Sequence[str] = ("x", "y"),
+    radius: float = 0.0,
+) -> Formula:
+    """Replace named places by linear predicates over the position, so that predicates are the only leaves.
+
+    Parameters
+    ----------
+    formula : Formula
+    regions : mapping of str to Polyhedron
+    obstacles : mapping of str to Obstacle, or to a sequence of them (the convex pieces of one)
+        ``avoid(obstacles)`` means all of them; ``avoid(name)`` may name a region too.
+    position : sequence of str
+        Names of the states that a place's columns stand for.
+    radius : float
+        Metres by which what is avoided grows.
+
+    Returns
+    -------
+    Formula
+        ``in(r)`` as the conjunction of the faces of `r`, with robustness `Polyhedron.margin`; ``avoid(o)`` as
+        a disjunction over the facets of every piece, with robustness `Obstacle.facet_clearance` minus
+        `radius`.
+
+    Raises
+    ------
+    ProblemError
+        For a name that isn't known, or a place in other dimensions than `position`.
+    """
+
+    def change(leaf: Formula) -> Formula:
+        match leaf:
+            case Inside(name=name):
+                G, h = _place(regions, name, "region").unit_rows()
+                return _joined(And, [_face(-g, bound, leaf, position) for g, bound in zip(G, h, strict=True)])
+            case Avoid():
+                return _joined(
+                    And, [_outside(p, leaf, position, radius) for p in _avoided(leaf, regions, obstacles)]
+                )
+        return leaf
+
+    return map_leaves(formula, change)
+
+
+def _avoided(leaf: Avoid, regions: Mapping[str, Polyhedron], obstacles: Map) -> list[Obstacle | Polyhedron]:
+    """The convex pieces that a leaf keeps out of."""
+    if leaf.name == ALL_OBSTACLES and leaf.name not in obstacles:
+        found = [piece for entry in obstacles.values() for piece in _pieces(entry)]
+        return [*found]
+    if leaf.name in obstacles:
+        return [*_pieces(obstacles[leaf.name])]
+    return [_place(regions, leaf.name, "obstacle or region")]
+
+
+def _pieces(entry: Obstacle | Sequence[Obstacle]) -> Sequence[Obstacle]:
+    """One obstacle's convex pieces."""
+    return [entry] if isinstance(entry, Obstacle) else entry
+
+
+def _place(regions: Mapping[str, Polyhedron], name: str, kind: str) -> Polyhedron:
+    """Look a region up."""
+    if name not in regions:
+        raise ProblemError(f"formula: expected the name of a {kind}, got {name!r}")
+    return regions[name]
+
+
+def _outside(place: Obstacle | Polyhedron, leaf: Avoid, position: Sequence[str], radius: float) -> Formula:
+    """On the free side of some facet, a radius away from its line."""
+    G, h = place.unit_rows()
+    return _joined(Or, [_face(g, -bound - radius, leaf, position) for g, bound in zip(G, h, strict=True)])
+
+
+def _face(g: Iterable[float], offset: float, leaf: Inside | Avoid, position: Sequence[str]) -> Formula:
+    """``g x + offset >= 0``."""
+    row = [float(value) for value in g]
+    if len(row) != len(position):
+        raise ProblemError(f"{leaf}: expected a place in {len(position)} dimensions, got one in {len(row)}")
+    return Predicate(tuple(zip(position, row, strict=True)), float(offset), str(leaf), leaf.column)
+
+
+def _joined(kind: type[And] | type[Or], parts: list[Formula]) -> Formula:
+    """The conjunction or disjunction; one part stands for itself."""
+    if not parts:
+        raise ProblemError("formula: expected a place with a face, or at least one obstacle, got none")
+    return parts[0] if len(parts) == 1 else kind(tuple(parts))

@@ -1,0 +1,160 @@
+"""One walk over a formula, for any number system.
+
+The walk asks only for the times that it needs: at time 0, ``F[14,16] f`` on a 0.1 s grid evaluates f at 21
+times. Windows on a grid: [a, b] at step k covers the steps ``k + ceil(a/step - 1e-9) .. k + floor(b/step +
+1e-9)``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ensemble_ctrl.constraints.stl.formula import (
+    Always,
+    And,
+    Eventually,
+    Formula,
+    Mean,
+    Or,
+    Release,
+    Share,
+    Until,
+)
+from ensemble_ctrl.constraints.stl.leaves import Predicate
+from ensemble_ctrl.constraints.stl.operations import Ops, Value
+from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, resolve
+from ensemble_ctrl.constraints.stl.signals import Signals
+from ensemble_ctrl.errors import ProblemError
+
+Temporal = Eventually | Always | Until | Release
+
+
+def robustness(formula: Formula, signals: Signals, ops: Ops, time: int = 0) -> Any:
+    """How well the whole fleet satisfies a formula: its worst member's robustness.
+
+    Parameters
+    ----------
+    formula : Formula
+        With predicates as its only leaves (`ground`).
+    signals : Signals
+        The leaves' values.
+    ops : Ops
+        `ExactOps` or `SmoothOps`.
+    time : int
+        Step at which the formula is evaluated.
+
+    Returns
+    -------
+    scalar
+        In the unit of the predicates, metres for places; positive if satisfied, negative if not.
+
+    Raises
+    ------
+    ProblemError
+        If the formula looks past the last time, or a window holds no time of the grid.
+
+    Notes
+    -----
+    *Guarantee*: with `SmoothOps` a lower bound of the value with `ExactOps` for the same leaves.
+    """
+    return ops.worst_member(member_robustness(formula, signals, ops, time, time))[0, 0]
+
+
+def member_robustness(formula: Formula, signals: Signals, ops: Ops, first: int = 0, last: int = 0) -> Value:
+    """Robustness of each member at the steps first..last.
+
+    Parameters
+    ----------
+    formula, signals, ops
+        As for `robustness`.
+    first, last : int
+        Steps.
+
+    Returns
+    -------
+    matrix, shape (members, last - first + 1)
+        A fleet reading has the same value in every row.
+    """
+    if not 0 <= first <= last <= signals.steps:
+        raise ProblemError(f"time: expected steps within 0..{signals.steps}, got {first}..{last}")
+    formula = negation_normal_form(resolve(formula, signals.steps * signals.step))
+    end = last + reach(formula, signals.step)
+    if end > signals.steps:
+        span = f"{signals.steps} steps of {signals.step:g} s"
+        raise ProblemError(f"formula: expected windows within {span}, got one that ends at step {end}")
+    return _walk(formula, signals, ops, first, last)
+
+
+def reach(formula: Formula, step: float) -> int:
+    """How many steps after its time of evaluation a formula has to look, with ``T`` resolved."""
+    below = max((reach(part, step) for part in formula.parts), default=0)
+    if not isinstance(formula, Temporal) or formula.a is None:
+        return below
+    return below + _window_steps(formula, step)[1]
+
+
+def _walk(formula: Formula, signals: Signals, ops: Ops, first: int, last: int) -> Value:
+    """Values of a formula in negation normal form, shape (members, last - first + 1)."""
+    match formula:
+        case Predicate():
+            return signals.leaf(formula, first, last)
+        case And(children=children):
+            return ops.all_of(_walk(child, signals, ops, first, last) for child in children)
+        case Or(children=children):
+            return ops.any_of(_walk(child, signals, ops, first, last) for child in children)
+        case Mean(child=child):
+            return _repeated(_walk(child, signals.mean(), ops, first, last), signals, ops)
+        case Share(child=child):
+            value = _walk(child, signals, ops, first, last)
+            return _repeated(ops.ranked(value, formula.rank(signals.members)), signals, ops)
+        case Eventually() | Always() | Until() | Release():
+            if formula.a is None:
+                return _open_window(formula, signals, ops, first, last)
+            return _window(formula, signals, ops, first, last)
+    raise ProblemError(f"formula: expected predicates as its leaves, got {formula}; use ground(formula, ...)")
+
+
+def _window(formula: Temporal, signals: Signals, ops: Ops, first: int, last: int) -> Value:
+    """A temporal operator with a window."""
+    low, high = _window_steps(formula, signals.step)
+    right = _walk(formula.parts[-1], signals, ops, first + low, last + high)
+    match formula:
+        case Eventually():
+            return ops.eventually(right, high - low + 1, last - first + 1)
+        case Always():
+            return ops.always(right, high - low + 1, last - first + 1)
+    left = _walk(formula.left, signals, ops, first, last + high)
+    operator = ops.until if isinstance(formula, Until) else ops.release
+    return operator(left, right, low, high)
+
+
+def _open_window(formula: Temporal, signals: Signals, ops: Ops, first: int, last: int) -> Value:
+    """A temporal operator up to the last time at which its operands still fit in the horizon."""
+    end = signals.steps - max(reach(part, signals.step) for part in formula.parts)
+    count = last - first + 1
+    right = _walk(formula.parts[-1], signals, ops, first, end)
+    match formula:
+        case Eventually():
+            return ops.eventually(right, 0, count)
+        case Always():
+            return ops.always(right, 0, count)
+    left = _walk(formula.left, signals, ops, first, end)
+    operator = ops.until_end if isinstance(formula, Until) else ops.release_end
+    return operator(left, right, count)
+
+
+def _window_steps(formula: Temporal, step: float) -> tuple[int, int]:
+    """First and last step of a window."""
+    low = math.ceil((formula.a or 0.0) / step - 1e-9)
+    high = math.floor((formula.b or 0.0) / step + 1e-9)
+    if low > high:
+        raise ProblemError(
+            f"formula: expected windows that hold a time of the {step:g} s grid, got {formula}"
+        )
+    return low, high
+
+
+def _repeated(row: Value, signals: Signals, ops: Ops) -> Value:
+    """A fleet's value in every member's row."""
+    return row if signals.members == 1 else ops.members([row] * signals.members)

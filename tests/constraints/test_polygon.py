@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ensemble_ctrl.constraints import Obstacle, convex_pieces
+from ensemble_ctrl.constraints.polygon import is_convex
+from ensemble_ctrl.errors import ProblemError
+
+
+@given(st.integers(0, 10_000), st.integers(3, 25))
+def test_pieces_cover_the_polygon_once(seed: int, corners: int) -> None:
+    rng = np.random.default_rng(seed)
+    angle = (np.arange(corners) + rng.uniform(0, 0.8, corners)) * 2 * np.pi / corners
+    star = (rng.uniform(0.3, 2, corners) * np.array([np.cos(angle), np.sin(angle)])).T
+    if not shapely.Polygon(star).is_valid:
+        return
+    pieces = convex_pieces(star[::-1] if seed % 2 else star)
+    shapes = [shapely.Polygon(piece) for piece in pieces]
+    area = shapely.Polygon(star).area
+    assert sum(shape.area for shape in shapes) == pytest.approx(area, abs=1e-9)
+    assert shapely.unary_union(shapes).symmetric_difference(shapely.Polygon(star)).area < 1e-9
+    for piece in pieces:
+        Obstacle.polygon(piece)
+
+
+def comb(teeth: int) -> list[list[float]]:
+    upper = [
+        [x, y]
+        for i in range(teeth)
+        for x, y in ((2 * i, 2.0), (2 * i, 1.0), (2 * i + 1, 1.0), (2 * i + 1, 2.0))
+    ]
+    return [[-1.0, 2.0], [-1.0, 0.0], [2 * teeth, 0.0], [2 * teeth, 2.0], *upper[::-1]]
+
+
+@pytest.mark.parametrize(
+    ("corners", "count"),
+    [
+        ([[0, 0], [1, 0], [1, 1], [0, 1]], 1),
+        ([[0, 0], [1, 0], [2, 0], [2, 1], [0, 1], [0, 0]], 1),
+        ([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 2),
+        ([[0, 0], [3, 0], [3, 1], [2, 1], [2, 2], [1, 2], [1, 1], [0, 1]], None),
+        (comb(6), None),
+    ],
+)
+def test_pieces_of_known_shapes(corners: list[list[float]], count: int | None) -> None:
+    pieces = convex_pieces(corners)
+    assert count is None or len(pieces) == count
+    assert all(is_convex(piece) for piece in pieces)
+    assert sum(shapely.Polygon(p).area for p in pieces) == pytest.approx(shapely.Polygon(corners).area)
+
+
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        ([[0, 0], [2, 2], [2, 0], [0, 1]], "cross itself"),
+        ([[0, 0], [4, 0], [4, 4], [2, 0], [0, 4]], "cross itself"),
+        ([[0, 0], [2, 0], [1, 0]], "area"),
+        ([[0, 0], [2, 0], [3, 0], [2, 0], [2, 2]], "cross itself"),
+        ([[0, 0], [1, 0], [np.inf, 1]], "finite"),
+        ([[0, 0, 0], [1, 0, 0], [1, 1, 0]], "shape"),
+    ],
+)
+def test_degenerate_polygons_are_refused(corners: list[list[float]], message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        convex_pieces(corners)
