@@ -8,18 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import (
-    And,
-    Avoid,
     Eventually,
     ExactOps,
     Formula,
     Inside,
     StateSignals,
-    ground,
     leaves,
     member_robustness,
-    resolve,
 )
+from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay, trajectories
 
@@ -56,24 +53,21 @@ def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
     law = problem.fleet.parameter
     parameters = np.linspace(law.lower, law.upper, MEMBERS)
     run = replay(problem, controls, parameters=parameters, substeps=4)
-    named = {leaf.name for leaf in leaves(problem.task) if isinstance(leaf, Avoid)}
     found = [
-        Conflict(f"obstacle {c.obstacle}", -c.distance, c.parameter, c.time)
+        Conflict(f"avoid({c.obstacle})", -c.distance, c.parameter, c.time)
         for c in run.clearances
-        if c.distance < 0 and named & {c.obstacle, "obstacles"}
+        if c.distance < 0
     ]
     paths = trajectories(problem, controls, parameters)
-    parts = problem.task.parts if isinstance(problem.task, And) else (problem.task,)
-    for part in parts:
-        if not all(isinstance(leaf, Avoid) for leaf in leaves(part)):
-            found += _failing(problem, part, paths, parameters)
+    for part in other_parts(problem):
+        found += _failing(problem, part, paths, parameters)
     return tuple(sorted(found, key=lambda c: -c.amount))
 
 
 def _failing(problem: Problem, part: Formula, paths: Floats, parameters: Floats) -> list[Conflict]:
     """The conflict of one conjunct, if its worst member fails it."""
     signals = StateSignals(paths, ("x", "y"), problem.step)
-    values = np.asarray(member_robustness(_ground(problem, part), signals, ExactOps()))[:, 0]
+    values = np.asarray(member_robustness(grounded(problem, part), signals, ExactOps()))[:, 0]
     worst = int(values.argmin())
     if values[worst] >= 0:
         return []
@@ -99,9 +93,3 @@ def _window(problem: Problem, part: Formula) -> tuple[int, int]:
     low = 0 if a is None else int(np.ceil(a / problem.step - 1e-9))
     high = problem.steps if b is None else int(np.floor(min(b, problem.duration) / problem.step + 1e-9))
     return low, high
-
-
-def _ground(problem: Problem, part: Formula) -> Formula:
-    """The part with predicates as its only leaves."""
-    resolved = resolve(part, problem.duration)
-    return ground(resolved, problem.regions, problem.obstacles, radius=problem.fleet.radius)

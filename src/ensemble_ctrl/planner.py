@@ -4,19 +4,21 @@
 2. Each is solved on a coarse grid at a low order; the best is kept.
 3. The horizon's own grid and the order asked for, started from there.
 4. Where the truncated curve is too far from the true one, one more moment is carried and it is solved again.
+5. The result is certified; where the proof falls short, the margin grows by what is missing and it is solved again.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
@@ -33,6 +35,9 @@ Progress = Callable[[str, Iteration | None], bool]
 COARSE_STEPS = 32
 """The coarse grid has at most this many steps, unless a window of the task needs a finer one."""
 COARSE_ROUNDS, FINE_ROUNDS = 1, 1
+CERTIFY_ROUNDS = 3
+CLOSE = 0.2
+"""Metres by which an attempt may violate its task for tightening to be worth while."""
 TAIL_LIMIT = 1e-3
 """Metres of truncation error beyond which one more moment is carried."""
 
@@ -57,6 +62,8 @@ class Solution:
         Time of each phase.
     iterations, build_seconds, solve_seconds
         Work of all solves together.
+    certificate : Certificate or None
+        What is proven of the controls, if the problem asks for it.
     """
 
     problem: Problem
@@ -68,6 +75,7 @@ class Solution:
     iterations: int = 0
     build_seconds: float = 0.0
     solve_seconds: float = 0.0
+    certificate: Certificate | None = None
 
 
 @dataclass(eq=False)
@@ -139,18 +147,26 @@ def solve(
     seconds: dict[str, float] = {}
     search.tell("guess")
     steps = coarse_steps(problem)
-    starts = [(0.0, guess)] if guess is not None else [
-        (seed.length, seed.controls) for seed in seeds(problem, steps, problem.solve.routes)
-    ]
+    starts = (
+        [(0.0, guess)]
+        if guess is not None
+        else [(seed.length, seed.controls) for seed in seeds(problem, steps, problem.solve.routes)]
+    )
     seconds["guess"] = time.perf_counter() - search.began
     search.tell("solve")
     tried = [(length, _coarse(search, controls)) for length, controls in starts]
     best = min((attempt for _, attempt in tried), key=_rank)
-    final = best if search.over() else _fine(search, best)
-    seconds["solve"] = time.perf_counter() - search.began - seconds["guess"]
+    final = best if search.over() else _fine(search, _refined(best.controls, problem.steps), problem)
+    work = [a for _, a in tried] + ([final] if final is not best else [])
+    seconds["solve"] = time.perf_counter() - search.began - sum(seconds.values())
+    certificate = None
+    if problem.verify.certificate:
+        search.tell("certify")
+        final, certificate, more = _certified(search, final)
+        work += more
+        seconds["certify"] = time.perf_counter() - search.began - sum(seconds.values())
     routes = tuple((length, a.value.cost, a.value.keeps(0.0)) for length, a in tried)
     controls = _refined(final.controls, problem.steps)
-    work = [a for _, a in tried] + ([final] if final is not best else [])
     return Solution(
         problem,
         controls,
@@ -161,6 +177,7 @@ def solve(
         sum(a.iterations for a in work),
         sum(a.build_seconds for a in work),
         sum(a.solve_seconds for a in work),
+        certificate,
     )
 
 
@@ -191,10 +208,30 @@ def _coarse(search: _Search, controls: Floats) -> Attempt:
     return improve(problem, controls, truncation, COARSE_ROUNDS, options, search.watch("coarse solve"))
 
 
-def _fine(search: _Search, coarse: Attempt) -> Attempt:
-    """The problem's own grid and order, started from the coarse controls."""
-    problem = search.problem
-    controls = _refined(coarse.controls, problem.steps)
+def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate, list[Attempt]]:
+    """Certify; where that falls short, solve again with as much more margin, at most `CERTIFY_ROUNDS` times."""
+    problem, work = search.problem, []
+    certificate = certify(problem, _refined(attempt.controls, problem.steps))
+    for _ in range(CERTIFY_ROUNDS):
+        if certificate.proven == "yes" or not attempt.value.keeps(-CLOSE) or search.over():
+            break
+        short = max(0.0, -certificate.clearance, -certificate.robustness)
+        if not np.isfinite(short):
+            break
+        problem = problem.with_(solve=replace(problem.solve, margin=problem.solve.margin + 1.5 * short + 1e-3))
+        tighter = _fine(search, attempt.controls, problem)
+        work.append(tighter)
+        again = certify(search.problem, _refined(tighter.controls, problem.steps))
+        if again.proven == "yes" or min(again.clearance, again.robustness) > min(
+            certificate.clearance, certificate.robustness
+        ):
+            attempt, certificate = tighter, again
+    return attempt, certificate, work
+
+
+def _fine(search: _Search, controls: Floats, problem: Problem) -> Attempt:
+    """The problem's own grid and order, started from `controls` on that grid."""
+    controls = _refined(controls, problem.steps)
     truncation = choose(problem, controls)
     attempt = start(problem, controls, truncation)
     for _ in range(3):

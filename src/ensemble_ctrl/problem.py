@@ -70,7 +70,9 @@ class Fleet:
         for name in ("position", "input_lower", "input_upper"):
             object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"fleet.{name}"))
         if not np.isfinite([self.heading, self.radius]).all() or self.radius < 0:
-            raise ProblemError(f"fleet: expected a finite heading and a radius >= 0, got {self.heading}, {self.radius}")
+            raise ProblemError(
+                f"fleet: expected a finite heading and a radius >= 0, got {self.heading}, {self.radius}"
+            )
         if (self.input_lower > self.input_upper).any():
             raise ProblemError(f"fleet.input_bounds: low above high: {self.input_lower}, {self.input_upper}")
 
@@ -126,7 +128,7 @@ class SolveOptions:
     seed : int
         Seed of every random draw (replayed members).
     margin : float
-        Clearance in metres that the program keeps from obstacles beyond the robot's radius.
+        Metres that the program keeps to spare: from obstacles beyond the robot's radius, and in the task's robustness.
     routes : int
         How many geometric routes are tried before the best is refined.
     max_iterations : int
@@ -144,10 +146,21 @@ class SolveOptions:
 
 @dataclass(frozen=True)
 class VerifyOptions:
-    """How a plan is checked: `members` replayed robots, each looked at `substeps` times a step."""
+    """How a plan is checked.
+
+    Parameters
+    ----------
+    members : int
+        Robots that are replayed.
+    substeps : int
+        How many times a step each is looked at.
+    certificate : bool
+        Whether to prove the plan for every parameter and instant, and to tighten it until that succeeds.
+    """
 
     members: int = 10_000
     substeps: int = 1
+    certificate: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, ground, member_robustness, resolve
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness
+from ensemble_ctrl.duties import Duty, duties, grounded
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.problem import Problem
 
@@ -139,16 +140,20 @@ def replay(
     substeps = problem.verify.substeps if substeps is None else substeps
     if substeps < 1:
         raise ProblemError(f"substeps: expected 1 or more, got {substeps}")
-    drawn = _draw(problem, members, seed) if parameters is None else np.atleast_1d(np.asarray(parameters, float))
+    drawn = (
+        _draw(problem, members, seed) if parameters is None else np.atleast_1d(np.asarray(parameters, float))
+    )
     size = max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
-    with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
+    with ThreadPoolExecutor(
+        min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)
+    ) as pool:
         results = list(pool.map(lambda block: _run(problem, controls, block, substeps), blocks))
     robustness = np.concatenate([r for r, _, _ in results])
     inside = np.concatenate([i for _, i, _ in results], axis=1)
     clearances = tuple(
-        _closest(name, [found[o] for _, _, found in results], int(inside[o].sum()))
-        for o, name in enumerate(problem.obstacles)
+        _closest(duty.name, [found[o] for _, _, found in results], int(inside[o].sum()))
+        for o, duty in enumerate(duties(problem))
     )
     violating = (robustness < 0) | inside.any(axis=0)
     return Replay(drawn, robustness, clearances, violating, substeps, time.perf_counter() - began)
@@ -183,38 +188,36 @@ def _run(
     paths = trajectories(problem, controls, parameters, substeps)
     robustness = _robustness(problem, paths[:, ::substeps])
     times = np.linspace(0.0, problem.duration, paths.shape[1])
-    inside = np.zeros((len(problem.obstacles), len(parameters)), dtype=bool)
+    kept = duties(problem)
+    inside = np.zeros((len(kept), len(parameters)), dtype=bool)
     found = []
-    for o, pieces in enumerate(problem.obstacles.values()):
-        member, at, distance = _approach(paths, pieces, problem.fleet.radius, inside[o])
-        found.append((distance, float(times[at]), float(parameters[member])))
+    for o, duty in enumerate(kept):
+        when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
+        member, at, distance = _approach(paths[:, when], duty, inside[o])
+        found.append((distance, float(times[when][at]), float(parameters[member])))
     return robustness, inside, found
 
 
 def _robustness(problem: Problem, paths: Floats) -> Floats:
     """Robustness of the whole task for every member."""
-    formula = ground(
-        resolve(problem.task, problem.duration), problem.regions, problem.obstacles, radius=problem.fleet.radius
-    )
+    formula = grounded(problem, problem.task)
     signals = StateSignals(paths, ("x", "y"), problem.duration / (paths.shape[1] - 1))
     return np.asarray(member_robustness(formula, signals, ExactOps()))[:, 0]
 
 
-def _approach(
-    paths: Floats, pieces: Sequence[Obstacle], radius: float, inside: NDArray[np.bool_]
-) -> tuple[int, int, float]:
-    """Member, time index and distance of the closest approach to the pieces; marks the members that are inside.
+def _approach(paths: Floats, duty: Duty, inside: NDArray[np.bool_]) -> tuple[int, int, float]:
+    """Member, time index and distance of the closest approach; marks the members that are inside.
 
     Only times at which the block's bounding box is closer than the best so far, or overlaps, are looked at.
     """
     best = (0, 0, np.inf)
     low, high = paths.min(axis=0), paths.max(axis=0)
-    for piece in pieces:
-        bound = _box_distance(low, high, piece) - radius
+    for piece in duty.pieces:
+        bound = _box_distance(low, high, piece) - duty.radius
         for columns in _nearest_first(bound):
             if bound[columns[0]] > max(best[2], 0.0):
                 break
-            distance = piece.distance(paths[:, columns]) - radius
+            distance = piece.distance(paths[:, columns]) - duty.radius
             inside |= (distance < 0).any(axis=1)
             member, k = np.unravel_index(int(distance.argmin()), distance.shape)
             if distance[member, k] < best[2]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from typing import Any
 
@@ -72,21 +71,12 @@ def _fleet(fleet: Fleet) -> Data:
         "parameters": {fleet.parameter_name: {"range": [fleet.parameter.lower, fleet.parameter.upper]}},
         "start": {
             "position": fleet.position.tolist(),
-            "heading": _own_heading(fleet),
+            "heading": float(fleet.own_heading),
             "heading_from": fleet.system.heading_from,
         },
         "input_bounds": {"v": [v_low, v_high], "omega": [omega_low, omega_high]},
         "radius": float(fleet.radius),
     }
-
-
-def _own_heading(fleet: Fleet) -> float:
-    """The heading in the system's convention, chosen so that reading it gives the same bits."""
-    heading = float(fleet.own_heading)
-    if fleet.system.heading_from == "x":
-        return heading
-    near = (heading, math.nextafter(heading, math.inf), math.nextafter(heading, -math.inf))
-    return next((h for h in near if math.pi / 2 - h == fleet.heading), heading)
 
 
 def _objective(objective: Objective) -> Data:

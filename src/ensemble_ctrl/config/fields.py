@@ -39,6 +39,13 @@ def whole(least: int, most: int, also: str = "") -> Callable[[Any], int]:
     return convert
 
 
+def flag(value: Any) -> bool:
+    """Only ``true`` or ``false``."""
+    if not isinstance(value, bool):
+        raise Wrong(f"expected true or false, got {show(value)}")
+    return value
+
+
 def pair(shape: str) -> Callable[[Any], Any]:
     """A validator for a list of two."""
 

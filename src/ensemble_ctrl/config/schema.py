@@ -96,6 +96,7 @@ class Verify(Model):
 
     members: Annotated[int, BeforeValidator(whole(1, MAX_MEMBERS))] = VerifyOptions.members
     substeps: Annotated[int, BeforeValidator(whole(1, 1000))] = VerifyOptions.substeps
+    certificate: Annotated[bool, BeforeValidator(f.flag)] = VerifyOptions.certificate
 
 
 def _listed(value: Any) -> Any:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, robustness
+from ensemble_ctrl.duties import duties, grounded, other_parts
 from ensemble_ctrl.moments import LegendreBasis
 from ensemble_ctrl.ocp.lines import separate
-from ensemble_ctrl.ocp.transcription import soft_parts
 from ensemble_ctrl.ocp.truncation import Truncation, points, positions
 from ensemble_ctrl.problem import Problem
 
@@ -52,13 +52,13 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     s = np.concatenate([[-1.0], basis.nodes, [1.0]])
     paths = positions(problem, controls, np.asarray(problem.fleet.parameter.to_parameter(s)))
     signals, ops = StateSignals(paths, ("x", "y"), step), ExactOps()
-    worst = min((float(robustness(part, signals, ops)) for part in soft_parts(problem)), default=0.0)
+    parts = [grounded(problem, part) for part in other_parts(problem)]
+    worst = min((float(robustness(part, signals, ops)) for part in parts), default=0.0)
     terminal = 0.0
     if aim.target is not None:
         off = ((paths[1:-1, -1] - aim.target) ** 2).sum(axis=-1)
         terminal = aim.terminal * float(basis.weights @ off)
     effort = aim.effort * step * float((controls**2).sum())
-    pieces = tuple(piece for _, piece in problem.pieces)
-    gap = separate(points(problem, controls, truncation), pieces).gap.min(initial=np.inf)
+    lines = separate(points(problem, controls, truncation), duties(problem), problem.duration)
     cost = -aim.robustness * worst + terminal + effort
-    return Value(cost, worst, terminal, effort, float(gap) - problem.fleet.radius)
+    return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)))

@@ -7,12 +7,13 @@ feasible, so the rounds never get worse.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.duties import Duty
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -27,37 +28,51 @@ class Lines:
 
     Attributes
     ----------
+    radius : ndarray, shape (pieces,)
+        Metres by which each piece grows.
+    active : ndarray of bool, shape (pieces, steps)
+        Whether the piece is to be kept out of during the step.
     normal : ndarray, shape (pieces, steps, 2)
         Unit normals, pointing to the fleet's side.
     support : ndarray, shape (pieces, steps)
         Largest ``n . vertex`` of the piece, metres.
     gap : ndarray, shape (pieces, steps)
-        Distance in metres between the points of the step and the piece along the normal; negative where no line
-        separates them.  *Guarantee*: never above the true distance between their convex hulls.
+        Distance in metres, beyond the radius, between the points of the step and the piece along the normal; negative
+        where no line separates them, infinite where the pair is not active.  *Guarantee*: never above the true
+        distance between their convex hulls.
     """
 
+    radius: Floats
+    active: NDArray[np.bool_]
     normal: Floats
     support: Floats
     gap: Floats
 
 
-def separate(points: Floats, pieces: tuple[Obstacle, ...]) -> Lines:
+def separate(points: Floats, duties: Sequence[Duty], duration: float) -> Lines:
     """Best separating lines for every step, points at both its ends together.
 
     Parameters
     ----------
     points : ndarray, shape (steps + 1, points, 2)
         Metres.
-    pieces : tuple of Obstacle
-        Convex pieces.
+    duties : sequence of Duty
+        What to keep out of, and when.
+    duration : float
+        Seconds from the first point to the last.
     """
+    steps = len(points) - 1
     both = np.concatenate([points[:-1], points[1:]], axis=1)
-    found = [_best(both, piece.vertices) for piece in pieces]
-    if not found:
-        steps = len(points) - 1
-        return Lines(np.zeros((0, steps, 2)), np.zeros((0, steps)), np.zeros((0, steps)))
-    normal, support, gap = (np.stack(part) for part in zip(*found, strict=True))
-    return Lines(normal, support, gap)
+    pieces = [(piece, duty) for duty in duties for piece in duty.pieces]
+    if not pieces:
+        none = np.zeros((0, steps))
+        return Lines(np.zeros(0), none.astype(bool), np.zeros((0, steps, 2)), none, none)
+    normal, support, gap = (
+        np.stack(part) for part in zip(*(_best(both, piece.vertices) for piece, _ in pieces), strict=True)
+    )
+    radius = np.array([duty.radius for _, duty in pieces])
+    active = np.stack([duty.steps(steps, duration) for _, duty in pieces])
+    return Lines(radius, active, normal, support, np.where(active, gap - radius[:, None], np.inf))
 
 
 def _best(points: Floats, vertices: Floats) -> tuple[Floats, Floats, Floats]:

@@ -101,7 +101,7 @@ def assemble(size: int, blocks: Sequence[Block], terms: Sequence[Block]) -> Prog
     ]
     g = ca.vertcat(*[m.value for m in mapped]) if mapped else ca.MX(0, 1)
     f = sum((ca.sum1(c.value) for c in costs), ca.MX(0))
-    gradient = _scatter([(c.jacobian_places * [0, 1], c.jacobian) for c in costs], (1, size)).T
+    gradient = _scatter([(c.jacobian_places * np.array([0, 1]), c.jacobian) for c in costs], (1, size)).T
     jacobian = _scatter([(m.jacobian_places, m.jacobian) for m in mapped], (n_rows, size))
     hessian = _scatter([(m.hessian_places, m.hessian) for m in (*mapped, *costs)], (size, size))
     functions = {

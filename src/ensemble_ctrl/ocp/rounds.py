@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.duties import duties
 from ensemble_ctrl.ocp.evaluate import Value, evaluate
 from ensemble_ctrl.ocp.lines import Lines, separate
 from ensemble_ctrl.ocp.solvers import SOLVERS, IpoptOptions, Outcome, Status, Watch
@@ -71,8 +71,7 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
     """One choice of lines: solve, and solve again with the pairs that the solution violates."""
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
-    pieces = tuple(piece for _, piece in problem.pieces)
-    lines, error = separate(curve, pieces), tail(problem, guess, truncation)
+    lines, error = separate(curve, duties(problem), problem.duration), tail(problem, guess, truncation)
     pairs = lines.gap < REACH * _map_size(problem, curve)
     total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)
     for _ in range(4):
@@ -92,7 +91,13 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
 
 
 def _after(
-    problem: Problem, total: Attempt, program: Transcription, outcome: Outcome, controls: Floats, built: float, solved: float
+    problem: Problem,
+    total: Attempt,
+    program: Transcription,
+    outcome: Outcome,
+    controls: Floats,
+    built: float,
+    solved: float,
 ) -> Attempt:
     """The attempt after one more solve."""
     return replace(
@@ -121,7 +126,8 @@ def _violated(problem: Problem, lines: Lines, curve: Floats) -> NDArray[np.bool_
     """Pairs whose line the new points cross, shape (pieces, steps)."""
     both = np.concatenate([curve[:-1], curve[1:]], axis=1)
     near = np.einsum("tpd,otd->otp", both, lines.normal).min(axis=2, initial=np.inf)
-    return np.asarray(near - lines.support < problem.fleet.radius + problem.solve.margin - TIGHT)
+    short = near - lines.support - lines.radius[:, None] < problem.solve.margin - TIGHT
+    return np.asarray(short & lines.active)
 
 
 def _widened(pairs: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -135,7 +141,5 @@ def _widened(pairs: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _map_size(problem: Problem, curve: Floats) -> float:
     """Larger side of the box around the fleet's way and the obstacles, metres."""
-    corners = [curve.reshape(-1, 2), *(piece.vertices for _, piece in problem.pieces)]
+    corners = [curve.reshape(-1, 2), *(piece.vertices for duty in duties(problem) for piece in duty.pieces)]
     return float(np.ptp(np.concatenate(corners), axis=0).max())
-
-

@@ -44,15 +44,30 @@ class Route:
     word: Word
 
 
-def routes(start: Floats, goal: Floats, pieces: Sequence[Obstacle], clearance: float, most: int) -> list[Route]:
+def routes(
+    start: Floats, goal: Floats, pieces: Sequence[Obstacle], clearance: float, most: int
+) -> list[Route]:
     """The `most` shortest routes of different kinds that keep `clearance` metres from the obstacles."""
     corners = np.array([start, goal, *_corners(pieces, clearance)], dtype=float)
     keep = _clear_points(corners, pieces, clearance)
     keep[:2] = True
     corners = corners[keep]
     lengths = _visible_lengths(corners, pieces, clearance)
+    if not _is_connected(lengths):
+        return []
     anchors = np.array([piece.vertices.mean(axis=0) for piece in pieces]).reshape(-1, 2)
     return list(islice(_search(corners, lengths, anchors), most))
+
+
+def _is_connected(lengths: Floats) -> bool:
+    """Whether any way leads from corner 0 to corner 1; where none does, the search would try every word first."""
+    reached = np.arange(len(lengths)) == 0
+    while not reached[1]:
+        wider = reached | np.isfinite(lengths[reached]).any(axis=0)
+        if (wider == reached).all():
+            return False
+        reached = wider
+    return True
 
 
 def _search(corners: Floats, lengths: Floats, anchors: Floats) -> Iterator[Route]:
@@ -68,11 +83,11 @@ def _search(corners: Floats, lengths: Floats, anchors: Floats) -> Iterator[Route
         if here == 1:
             yield Route(corners[list(path)], length, word)
             continue
-        for there in np.flatnonzero(np.isfinite(lengths[here])):
+        for there in np.flatnonzero(np.isfinite(lengths[here])).tolist():
             longer = _extended(word, corners[here], corners[there], anchors)
             if there not in path and (there, longer) not in best:
                 step = length + float(lengths[here, there])
-                heapq.heappush(queue, (step, next(order), int(there), longer, (*path, int(there))))
+                heapq.heappush(queue, (step, next(order), there, longer, (*path, there)))
 
 
 def _extended(word: Word, a: Floats, b: Floats, anchors: Floats) -> Word:
@@ -135,4 +150,4 @@ def _hits(a: Floats, b: Floats, piece: Obstacle, grown: float) -> NDArray[np.boo
     enter = np.where((depth_a < 0) & (depth_b >= 0), crossing, 0.0).max(axis=1)
     leave = np.where((depth_a >= 0) & (depth_b < 0), crossing, 1.0).min(axis=1)
     outside = ((depth_a < 0) & (depth_b < 0)).any(axis=1)
-    return ~outside & (enter < leave - 1e-9)
+    return np.asarray(~outside & (enter < leave - 1e-9))

@@ -8,7 +8,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import And, Eventually, Formula, Inside
+from ensemble_ctrl.constraints.stl import Eventually, Inside
+from ensemble_ctrl.duties import duties, other_parts
 from ensemble_ctrl.ocp.routes import Route, routes
 from ensemble_ctrl.problem import Problem
 
@@ -50,7 +51,7 @@ def itinerary(problem: Problem) -> list[Stop]:
     """Where the task sends the fleet, by time: the regions it must visit, then the terminal target."""
     visits = [
         Stop(_inside(problem, leaf.name), _arrival(problem, part))
-        for part in conjuncts(problem.task)
+        for part in other_parts(problem)
         if isinstance(part, Eventually) and isinstance(leaf := part.child, Inside)
     ]
     stops = sorted(visits, key=lambda stop: stop.time)
@@ -59,11 +60,6 @@ def itinerary(problem: Problem) -> list[Stop]:
         last = problem.fleet.position if target is None else target
         stops.append(Stop(np.asarray(last), problem.duration))
     return stops
-
-
-def conjuncts(task: Formula) -> tuple[Formula, ...]:
-    """The parts of a task that must all hold."""
-    return task.parts if isinstance(task, And) else (task,)
 
 
 def _inside(problem: Problem, region: str) -> Floats:
@@ -83,7 +79,7 @@ def _arrival(problem: Problem, visit: Eventually) -> float:
 
 def _leg_routes(problem: Problem, start: Floats, goal: Floats, most: int) -> list[Route]:
     """Routes of different kinds for one leg; each kind with the widest clearance that admits it."""
-    pieces = [piece for _, piece in problem.pieces]
+    pieces = [piece for duty in duties(problem) for piece in duty.pieces]
     base = problem.fleet.radius + problem.solve.margin
     corners = np.concatenate([[start, goal], *(piece.vertices for piece in pieces)])
     scale = float(np.ptp(corners, axis=0).max()) / 10
@@ -123,7 +119,8 @@ def _follow(problem: Problem, path: Floats) -> Floats:
     """Commands with which the nominal robot follows `path`, within the input bounds."""
     fleet, step = problem.fleet, problem.duration / (len(path) - 1)
     nominal = float(fleet.parameter.center)
-    low, high = TOP_SPEED_SHARE * fleet.input_lower, TOP_SPEED_SHARE * fleet.input_upper
+    low = np.maximum(TOP_SPEED_SHARE * fleet.input_lower, fleet.input_lower)
+    high = np.minimum(TOP_SPEED_SHARE * fleet.input_upper, fleet.input_upper)
     sign = 1.0 if fleet.system.heading_from == "x" else -1.0
     place, heading = fleet.position.copy(), fleet.heading
     controls = np.zeros((len(path) - 1, 2))
@@ -134,7 +131,7 @@ def _follow(problem: Problem, path: Floats) -> Floats:
         error = (wanted - heading + np.pi) % (2 * np.pi) - np.pi
         turn = np.clip(sign * 2 * error / (step * nominal), low[1], high[1]) if distance > 1e-3 else 0.0
         speed = np.clip(distance * max(np.cos(error), 0.0) / (step * nominal), low[0], high[0])
-        controls[n] = speed, 0.7 * turn
+        controls[n] = speed, np.clip(0.7 * turn, low[1], high[1])
         half = sign * nominal * controls[n, 1] * step / 2
         place = place + nominal * speed * step * np.array([np.cos(heading + half), np.sin(heading + half)])
         heading += 2 * half

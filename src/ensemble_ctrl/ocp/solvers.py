@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -67,13 +67,20 @@ class Outcome:
 
 
 def ipopt(
-    program: Program, guess: Floats, lower: Floats, upper: Floats, options: IpoptOptions, watch: Watch | None = None
+    program: Program,
+    guess: Floats,
+    lower: Floats,
+    upper: Floats,
+    options: IpoptOptions,
+    watch: Watch | None = None,
 ) -> Outcome:
     """Solve `program` with IPOPT from `guess` between the variables' bounds."""
     watcher = _Watcher(program, watch) if watch else None
-    settings = {**_settings(options), **({"iteration_callback": watcher} if watcher else {})}
-    derivatives = {name: program.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
-    solver = ca.nlpsol("solver", "ipopt", program.nlp, {**settings, **derivatives})
+    settings: Any = _settings(options) | {name: program.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
+    if watcher:
+        settings["iteration_callback"] = watcher
+    nlp: Any = program.nlp
+    solver = ca.nlpsol("solver", "ipopt", nlp, settings)
     result = solver(
         x0=guess, p=program.parameters, lbx=lower, ubx=upper, lbg=program.lower, ubg=program.upper
     )
@@ -109,7 +116,7 @@ def _settings(options: IpoptOptions) -> dict[str, object]:
     return {"print_time": False, "calc_lam_p": False, "no_nlp_grad": True, "ipopt": inner}
 
 
-class _Watcher(ca.Callback):  # type: ignore[misc]
+class _Watcher(ca.Callback):
     """IPOPT's iteration callback: reports, stops on request, and keeps an exception for after the solve."""
 
     def __init__(self, program: Program, watch: Watch) -> None:
@@ -117,7 +124,12 @@ class _Watcher(ca.Callback):  # type: ignore[misc]
         self.watch = watch
         self.count = 0
         self.error: BaseException | None = None
-        self.sizes = {"x": program.nlp["x"].numel(), "f": 1, "g": program.lower.size, "p": program.parameters.size}
+        self.sizes = {
+            "x": program.nlp["x"].numel(),
+            "f": 1,
+            "g": program.lower.size,
+            "p": program.parameters.size,
+        }
         self.lower, self.upper = program.lower, program.upper
         self.construct("watcher", {})
 
@@ -137,12 +149,12 @@ class _Watcher(ca.Callback):  # type: ignore[misc]
         name = ca.nlpsol_out(i).removeprefix("lam_")
         return ca.Sparsity.dense(self.sizes[name])
 
-    def eval(self, arg: list[ca.DM]) -> list[float]:
+    def eval(self, arg: Sequence[ca.DM]) -> list[ca.DM]:
         try:
             g = np.array(arg[2]).ravel()
             violation = float(np.maximum(self.lower - g, g - self.upper).max(initial=0.0))
             self.count += 1
-            return [float(self.watch(Iteration(self.count - 1, float(arg[1]), violation)))]
+            return [ca.DM(self.watch(Iteration(self.count - 1, float(arg[1]), violation)))]
         except BaseException as error:  # an exception must not cross into the solver
             self.error = error
-            return [1.0]
+            return [ca.DM(1.0)]

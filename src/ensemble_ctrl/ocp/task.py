@@ -228,7 +228,8 @@ def _maximum_block(n: int, columns: NDArray[np.int64]) -> Block:
     """``level <= smooth maximum of n parts`` for each row of `columns`."""
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
-        return ca.logsumexp(SHARPNESS * z[:n]) / SHARPNESS - np.log(n) / SHARPNESS - z[n]
+        largest: ca.SX = ca.logsumexp(SHARPNESS * z[:n]) / SHARPNESS
+        return largest - float(np.log(n)) / SHARPNESS - z[n]
 
     return _at_least_zero(build, columns, np.zeros((len(columns), 0)), 1)
 

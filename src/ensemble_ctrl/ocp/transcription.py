@@ -1,15 +1,15 @@
 r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in nodal coordinates.
 
-    minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt + price * slacks
-    over        v_n, omega_n                        the broadcast commands of step n
-                turned_n = sum_{k<n} omega_k dt     shared by every member
-                P_n                                 points that represent the fleet's position curve
-                level + slack >= 0                  level: at or below the task's robustness
-                slack >= 0                          at a price that makes it zero wherever a plan is possible
-    subject to  P_{n+1} = P_n + C d(v_n, omega_n, turned_n)      exact arcs of the Gauss-node robots, C their points
-                n_on . P_i + slack_on >= support_on + margin + sagitta     every point, both ends of the step, each
-                                                                  obstacle in reach
-                the rows of the task                              (`ensemble_ctrl.ocp.task`)
+minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt + price * slacks
+over        v_n, omega_n                        the broadcast commands of step n
+turned_n = sum_{k<n} omega_k dt     shared by every member
+P_n                                 points that represent the fleet's position curve
+level + slack >= margin             level: at or below the task's robustness
+slack >= 0                          at a price that makes it zero wherever a plan is possible
+subject to  P_{n+1} = P_n + C d(v_n, omega_n, turned_n)      exact arcs of the Gauss-node robots, C their points
+n_on . P_i + slack_on >= support_on + margin + sagitta     every point, both ends of the step, each
+obstacle in reach
+the rows of the task                              (`ensemble_ctrl.ocp.task`)
 """
 
 from __future__ import annotations
@@ -21,11 +21,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import Always, Avoid, Formula, ground, resolve
+from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.lines import Lines
 from ensemble_ctrl.ocp.program import Block, Program, assemble
-from ensemble_ctrl.ocp.seeds import conjuncts
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation, parameter_nodes, points
 from ensemble_ctrl.problem import Problem
@@ -101,44 +100,39 @@ def transcribe(
     level, short = layout.level(), layout.slack(1)
     slack = layout.slack(int(pairs.sum()))
     mean = truncation.to_moments[0] / np.sqrt(2.0)
-    task = task_rows(soft_parts(problem), level, layout, step, mean)
+    parts = [grounded(problem, part) for part in other_parts(problem)]
+    task = task_rows(parts, level, layout, step, mean)
     blocks = [_turning(layout, step), _moving(problem, truncation, layout, step)]
     blocks += _avoiding(problem, layout, slack, lines, pairs, tail, truncation.hull) + task.blocks
-    blocks.append(_satisfying(level, short[0]))
+    blocks.append(_satisfying(level, short[0], problem.solve.margin if parts else 0.0))
     terms = _terms(problem, truncation, layout, level)
     lower, upper = _bounds(problem, layout, level)
     guess = _guess(problem, truncation, layout, controls, task)
     return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
 
 
-def always_avoids(part: Formula) -> bool:
-    """Whether a conjunct is ``G avoid(...)``, which becomes lines for whole step intervals."""
-    return isinstance(part, Always) and isinstance(part.child, Avoid)
-
-
-def soft_parts(problem: Problem) -> list[Formula]:
-    """The conjuncts whose robustness is a level, with predicates as leaves."""
-    parts = [p for p in conjuncts(problem.task) if not always_avoids(p)]
-    return [
-        ground(resolve(p, problem.duration), problem.regions, problem.obstacles, radius=problem.fleet.radius)
-        for p in parts
-    ]
-
-
 def _turning(layout: Layout, step: float) -> Block:
     """``turned`` is the running integral of omega."""
     columns = np.column_stack([layout.controls[:, 1], layout.turned[:-1], layout.turned[1:]])
     zero = np.zeros((layout.steps, 1))
-    return Block("turning", lambda z, d: z[2] - z[1] - step * z[0], columns, np.zeros((layout.steps, 0)), zero, zero)
+    return Block(
+        "turning", lambda z, d: z[2] - z[1] - step * z[0], columns, np.zeros((layout.steps, 0)), zero, zero
+    )
 
 
 def _moving(problem: Problem, truncation: Truncation, layout: Layout, step: float) -> Block:
     """The points move by the image of the Gauss-node robots' exact displacements."""
     system, heading = problem.fleet.system, problem.fleet.own_heading
-    traction, image, n = ca.DM(parameter_nodes(problem, truncation)), ca.DM(truncation.to_points), layout.count
+    traction, image, n = (
+        ca.DM(parameter_nodes(problem, truncation)),
+        ca.DM(truncation.to_points),
+        layout.count,
+    )
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
         before, after = z[3 : 3 + 2 * n], z[3 + 2 * n :]
+        dx: ca.SX
+        dy: ca.SX
         dx, dy = system.displacement(z[0], z[1], z[2], heading, traction, step, CasadiArrays)
         return after - before - ca.vertcat(ca.mtimes(image, dx), ca.mtimes(image, dy))
 
@@ -156,7 +150,7 @@ def _avoiding(
         return []
     n, fastest = layout.count, max(abs(problem.fleet.parameter.lower), abs(problem.fleet.parameter.upper))
     curvature = (problem.duration / layout.steps) ** 2 / 8 * fastest**2 if hull else 0.0
-    keep = problem.fleet.radius + problem.solve.margin + (tail if hull else 0.0)
+    keep = lines.radius[piece] + problem.solve.margin + (tail if hull else 0.0)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
         bulge = curvature * ca.sqrt((z[0] * z[1]) ** 2 + SMOOTH**2)
@@ -169,10 +163,11 @@ def _avoiding(
     return [Block("avoiding", build, columns, data, low, high)]
 
 
-def _satisfying(level: int, slack: int) -> Block:
-    """The task holds, or falls short by the slack."""
-    zero = np.zeros((1, 1))
-    return Block("task", lambda z, d: z[0] + z[1], np.array([[level, slack]]), np.zeros((1, 0)), zero, zero + np.inf)
+def _satisfying(level: int, slack: int, margin: float) -> Block:
+    """The task holds with the margin, or falls short by the slack."""
+    low = np.full((1, 1), margin)
+    columns = np.array([[level, slack]])
+    return Block("task", lambda z, d: z[0] + z[1], columns, np.zeros((1, 0)), low, low + np.inf)
 
 
 def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int) -> list[Block]:
@@ -184,13 +179,22 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int)
         return aim.effort * step * ca.sumsqr(z)
 
     terms = [Block("effort", effort, layout.controls, np.zeros((layout.steps, 0)), none, none)]
-    terms.append(Block("slack", lambda z, d: PRICE * z, layout.slacks[:, None], np.zeros((len(layout.slacks), 0)), none, none))
+    terms.append(
+        Block(
+            "slack",
+            lambda z, d: PRICE * z,
+            layout.slacks[:, None],
+            np.zeros((len(layout.slacks), 0)),
+            none,
+            none,
+        )
+    )
     levels = layout.levels
 
     def reward(z: ca.SX, d: ca.SX) -> ca.SX:
         return -aim.robustness * z[0] - PULL * ca.sum1(z[1:]) / max(len(levels) - 1, 1)
 
-    if soft_parts(problem):
+    if other_parts(problem):
         terms.append(Block("robustness", reward, levels[None, :], none, none, none))
     if aim.target is not None:
         target = aim.target
@@ -198,7 +202,9 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int)
 
         def terminal(z: ca.SX, d: ca.SX) -> ca.SX:
             off = [z[:n] - target[0], z[n:] - target[1]]
-            return aim.terminal * sum(ca.bilin(weight, part, part) for part in off)
+            x: ca.SX = ca.bilin(weight, off[0], off[0])
+            y: ca.SX = ca.bilin(weight, off[1], off[1])
+            return aim.terminal * (x + y)
 
         terms.append(Block("terminal", terminal, layout.points[-1:], none, none, none))
     return terms
@@ -213,7 +219,7 @@ def _bounds(problem: Problem, layout: Layout, level: int) -> tuple[Floats, Float
         bound[layout.turned[0]] = 0.0
         bound[layout.points[0]] = np.repeat(fleet.position, layout.count)
     lower[layout.slacks] = 0.0
-    if not soft_parts(problem):
+    if not other_parts(problem):
         lower[level] = upper[level] = 0.0
     return lower, upper
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.moments import LegendreBasis, moments_to_bernstein, nodes_to_bernstein, nodes_to_moments
+from ensemble_ctrl.moments import LegendreBasis, bernstein_to_moments, nodes_to_bernstein, nodes_to_moments
 from ensemble_ctrl.problem import MAX_ORDER, Problem
 
 Floats = NDArray[np.float64]
@@ -69,7 +69,7 @@ class Truncation:
     def to_moments(self) -> Floats:
         """Matrix from points to the moments they carry, shape (degree + 1, points)."""
         if self.hull:
-            return np.linalg.inv(moments_to_bernstein(LegendreBasis(self.degree)))
+            return bernstein_to_moments(LegendreBasis(self.degree))
         return nodes_to_moments(self.basis)
 
     def evaluation(self, s: Floats) -> Floats:
@@ -93,7 +93,7 @@ def positions(problem: Problem, controls: Floats, parameters: Floats) -> Floats:
 def points(problem: Problem, controls: Floats, truncation: Truncation) -> Floats:
     """The representing points under `controls`, shape (steps + 1, points, 2), metres."""
     nodal = positions(problem, controls, parameter_nodes(problem, truncation))
-    return np.einsum("ij,jtd->tid", truncation.to_points, nodal)
+    return np.asarray(np.einsum("ij,jtd->tid", truncation.to_points, nodal))
 
 
 def tail(problem: Problem, controls: Floats, truncation: Truncation) -> float:

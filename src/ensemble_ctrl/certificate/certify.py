@@ -1,0 +1,181 @@
+"""The certificate of a plan: bounds for every duty and every part of the task, and a verdict."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.clearance import Bound, Prover
+from ensemble_ctrl.certificate.enclosure import Flow
+from ensemble_ctrl.certificate.task import TaskBound, bound_task
+from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+Verdict = Literal["yes", "no", "undecided"]
+
+
+@dataclass(frozen=True)
+class CounterExample:
+    """A member that violates the task.
+
+    Attributes
+    ----------
+    what : str
+        The obstacle kept out of, or the part of the task.
+    parameter : float
+        Whose parameter it is; replaying this member shows the violation.
+    time : float or None
+        When, in seconds, where it is an obstacle.
+    amount : float
+        Metres by which it violates, > 0.
+    """
+
+    what: str
+    parameter: float
+    time: float | None
+    amount: float
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What is proven of a plan, for every parameter in `lower`..`upper` and every instant.
+
+    Attributes
+    ----------
+    proven : {"yes", "no", "undecided"}
+        ``yes``: every bound is positive or zero. ``no``: `counter_example` violates the task.
+    clearances : tuple of Bound
+        Proven and sampled clearance for each duty.
+    parts : tuple of TaskBound
+        Proven and sampled robustness of the other parts of the task.
+    counter_example : CounterExample or None
+        A concrete violation.
+    lower, upper : float
+        Range of the parameter that the claim is about.
+    boxes : int
+        Parameter-time boxes examined for clearances.
+    seconds : float
+        What it took.
+    inputs : str
+        SHA-256 of the controls and of everything in the problem that the claim depends on.
+
+    Notes
+    -----
+    *Guarantee*: with ``yes``, every member of the exact model with its parameter in the range does the task in dense
+    time, rounding included. Not covered: sensor noise, model error, rounding in the robot.
+    """
+
+    proven: Verdict
+    clearances: tuple[Bound, ...]
+    parts: tuple[TaskBound, ...]
+    counter_example: CounterExample | None
+    lower: float
+    upper: float
+    boxes: int
+    seconds: float
+    inputs: str
+
+    @property
+    def clearance(self) -> float:
+        """Smallest proven clearance in metres; infinite without obstacles."""
+        return min((b.proven for b in self.clearances), default=np.inf)
+
+    @property
+    def robustness(self) -> float:
+        """Smallest proven robustness in metres of the parts that are not duties; infinite without such parts."""
+        return min((b.proven for b in self.parts), default=np.inf)
+
+    def __repr__(self) -> str:
+        return (
+            f"Certificate(proven: {self.proven}, parameter {self.lower:g}..{self.upper:g}, clearance >= "
+            f"{self.clearance:.4f} m, robustness >= {self.robustness:.4f} m, {self.seconds:.2f} s)"
+        )
+
+
+def certify(problem: Problem, controls: Floats, parameter: Interval | None = None) -> Certificate:
+    """Prove, refute or leave undecided that `controls` are good for every member.
+
+    Parameters
+    ----------
+    problem : Problem
+        Fleet, map and task.
+    controls : ndarray, shape (steps, n_u)
+        Broadcast commands.
+    parameter : Interval, optional
+        Another range of the parameter than the fleet's.
+
+    Returns
+    -------
+    Certificate
+    """
+    began = time.perf_counter()
+    law = problem.fleet.parameter if parameter is None else parameter
+    flow = Flow.of(problem, controls, law)
+    prover = Prover(flow, law.lower, law.upper)
+    clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
+    parts = tuple(
+        _named(part, bound_task(flow, grounded(problem, part), law.lower, law.upper)) for part in other_parts(problem)
+    )
+    found = _counter_example(clearances, parts)
+    good = all(b.proven >= 0 for b in clearances) and all(b.covered and b.proven >= 0 for b in parts)
+    verdict: Verdict = "no" if found else "yes" if good else "undecided"
+    return Certificate(
+        verdict,
+        clearances,
+        parts,
+        found,
+        law.lower,
+        law.upper,
+        prover.boxes,
+        time.perf_counter() - began,
+        fingerprint(problem, controls, law),
+    )
+
+
+def fingerprint(problem: Problem, controls: Floats, law: Interval) -> str:
+    """SHA-256 of the controls and of everything that the claim depends on."""
+    fleet = problem.fleet
+    digest = hashlib.sha256()
+    numbers: Sequence[object] = [
+        fleet.system,
+        fleet.position.tolist(),
+        fleet.heading,
+        fleet.radius,
+        problem.duration,
+        law.lower,
+        law.upper,
+        str(problem.task),
+        [(name, region.A.tolist(), region.lower.tolist(), region.upper.tolist()) for name, region in problem.regions.items()],
+        [(name, piece.A.tolist(), piece.b.tolist()) for name, piece in problem.pieces],
+    ]
+    digest.update(repr(numbers).encode())
+    digest.update(np.ascontiguousarray(controls, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
+    """The worst piece of one duty."""
+    steps = np.flatnonzero(duty.steps(prover.flow.steps, problem.duration))
+    found = [prover.bound(duty.name, piece, steps, duty.radius) for piece in duty.pieces]
+    worst = min(found, key=lambda b: b.sampled)
+    return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameter, worst.time)
+
+
+def _named(part: object, bound: TaskBound) -> TaskBound:
+    """The bound under the part's text as it was written."""
+    return TaskBound(str(part), bound.proven, bound.sampled, bound.parameter, bound.covered)
+
+
+def _counter_example(clearances: Sequence[Bound], parts: Sequence[TaskBound]) -> CounterExample | None:
+    """The worst violation seen."""
+    found = [CounterExample(f"avoid({b.obstacle})", b.parameter, b.time, -b.sampled) for b in clearances if b.sampled < 0]
+    found += [CounterExample(b.part, b.parameter, None, -b.sampled) for b in parts if b.covered and b.sampled < 0]
+    return max(found, key=lambda c: c.amount, default=None)

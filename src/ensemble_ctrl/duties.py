@@ -1,0 +1,110 @@
+"""A task in two parts: what must be kept out of all the time, and the rest.
+
+Conjuncts of the form ``G[a,b] avoid(...)`` are safety: the planner turns them into separating lines for whole step
+intervals, replay and certificate check them at every instant.  Everything else has a robustness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, Not, ground, resolve
+from ensemble_ctrl.problem import Problem
+
+ALL = "obstacles"
+"""The name that stands for every obstacle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Duty:
+    """Keep out of one named obstacle or region during a window.
+
+    Attributes
+    ----------
+    name : str
+        Of the obstacle or region.
+    pieces : tuple of Obstacle
+        Its convex pieces.
+    radius : float
+        Metres by which it grows: the robot's radius for ``avoid``, none for ``not in``.
+    begin, end : float
+        Seconds.
+    """
+
+    name: str
+    pieces: tuple[Obstacle, ...]
+    radius: float
+    begin: float
+    end: float
+
+    def steps(self, steps: int, duration: float) -> NDArray[np.bool_]:
+        """Which of `steps` equal steps overlap the window, shape (steps,)."""
+        edges = np.linspace(0.0, duration, steps + 1)
+        slack = 1e-9 * duration
+        overlap = (edges[:-1] < self.end - slack) & (edges[1:] > self.begin + slack)
+        if self.begin == self.end:
+            overlap = (edges[:-1] <= self.end + slack) & (edges[1:] >= self.begin - slack)
+        return np.asarray(overlap)
+
+
+def conjuncts(task: Formula) -> tuple[Formula, ...]:
+    """The parts of a task that must all hold."""
+    return task.parts if isinstance(task, And) else (task,)
+
+
+def duties(problem: Problem) -> tuple[Duty, ...]:
+    """Every duty of the task, one for each obstacle or region and window."""
+    return tuple(duty for part in conjuncts(problem.task) for duty in _duties(problem, part))
+
+
+def other_parts(problem: Problem) -> tuple[Formula, ...]:
+    """The conjuncts that are not duties, as they were written."""
+    return tuple(part for part in conjuncts(problem.task) if not _kept_out(part))
+
+
+def grounded(problem: Problem, part: Formula) -> Formula:
+    """A part of the task with linear predicates as its only leaves and ``T`` resolved."""
+    resolved = resolve(part, problem.duration)
+    return ground(resolved, problem.regions, problem.obstacles, radius=problem.fleet.radius)
+
+
+def _kept_out(part: Formula) -> tuple[Formula, ...]:
+    """The leaves of ``G (avoid(a) and not in(b) and ...)``, none for any other formula."""
+    if not isinstance(part, Always):
+        return ()
+    leaves = conjuncts(part.child)
+    return leaves if all(isinstance(leaf, Avoid) or _is_not_in(leaf) for leaf in leaves) else ()
+
+
+def _is_not_in(leaf: Formula) -> bool:
+    """Whether a formula is ``not in(region)``."""
+    return isinstance(leaf, Not) and isinstance(leaf.child, Inside)
+
+
+def _duties(problem: Problem, part: Formula) -> Iterator[Duty]:
+    """The duties of one conjunct."""
+    for leaf in _kept_out(part):
+        resolved = resolve(part, problem.duration)
+        begin = getattr(resolved, "a", None) or 0.0
+        end = getattr(resolved, "b", None)
+        window = (begin, problem.duration if end is None else float(end))
+        if isinstance(leaf, Avoid):
+            names = (
+                list(problem.obstacles) if leaf.name == ALL and ALL not in problem.obstacles else [leaf.name]
+            )
+            for name in names:
+                yield Duty(name, _pieces(problem, name), problem.fleet.radius, *window)
+        elif isinstance(leaf, Not) and isinstance(leaf.child, Inside):
+            yield Duty(leaf.child.name, _pieces(problem, leaf.child.name), 0.0, *window)
+
+
+def _pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
+    """The convex pieces of an obstacle, or the one of a region."""
+    if name in problem.obstacles:
+        return problem.obstacles[name]
+    return (Obstacle.polygon(problem.regions[name].vertices),)
