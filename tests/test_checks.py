@@ -237,9 +237,11 @@ def test_a_flat_region_is_no_crash() -> None:
 
 
 def test_what_the_task_leaves_out() -> None:
+    far = {"goal": GOAL, "spare": Polyhedron.box([[-5, -4], [0, 1]])}
     spare = {"goal": GOAL, "spare": Polyhedron.box([[0, 1], [0, 1]])}
     (odd,) = findings(problem(regions=spare))
     assert (odd.severity, odd.path) == ("warning", ("regions", "spare"))
+    assert findings(problem("F in(goal) and G avoid(obstacles) and G avoid(spare)", regions=far)) == ()
     (odd,) = findings(problem("F in(goal)"))
     assert (odd.severity, odd.path) == ("warning", ("obstacles",))
     two = {"a": (Obstacle.box([[3, 4], [0, 1]]),), "b": (Obstacle.box([[5, 6], [0, 1]]),)}

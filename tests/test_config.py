@@ -178,9 +178,7 @@ def test_every_form_of_an_obstacle_that_is_not_convex(shape: str, tmp_path: Path
     file.write_text(edited(("{box: [[2.0, 3.0], [1.5, 3.0]]}", shape)))
     pieces = config.load(file).obstacles["o1"]
     assert len(pieces) == 2
-    inside = [
-        min(float(piece.distance(p)) for piece in pieces) < 0 for p in ([3.5, 4.5], [4.5, 3.5], [4.5, 4.5])
-    ]
+    inside = [min(float(piece.distance(p)) for piece in pieces) < 0 for p in ([3.5, 4.5], [4.5, 3.5], [4.5, 4.5])]
     assert inside == [True, True, False]
 
 
@@ -221,7 +219,7 @@ FACTORS |= {"deg": ("angle", math.pi / 180), "m/s": ("speed", 1.0), "rad/s": ("t
 @given(st.floats(-1e9, 1e9), st.sampled_from(sorted(FACTORS)), st.sampled_from(["", " ", "  "]))
 def test_a_unit_scales_its_number(number: float, unit: str, gap: str) -> None:
     kind, factor = FACTORS[unit]
-    assert quantity(kind)(f"{number!r}{gap}{unit}") == pytest.approx(number * factor, rel=1e-15, abs=0)
+    assert quantity(kind)(f"{number!r}{gap}{unit}") == pytest.approx(number * factor, rel=1e-15, abs=1e-300)
     assert quantity(kind)(repr(number)) == number
 
 
@@ -267,10 +265,16 @@ CASES = {
         "known here: basis, order",
     ),
     "field of a later release": (
-        ("moments:", "verify: {certificate: true}\nmoments:"),
-        (7, 10, "verify.certificate"),
+        ("  radius:", "  parameters: {traction: {beta: [2, 5]}}\n  radius:"),
+        (5, 27, "fleet.parameters.traction.beta"),
         "unknown field",
-        "known here: members, substeps",
+        "known here: range",
+    ),
+    "a word as a boolean": (
+        ("moments:", "verify: {certificate: yes}\nmoments:"),
+        (7, 23, "verify.certificate"),
+        "expected true or false, got 'yes'",
+        "",
     ),
     "method of a later release": (
         ("moments:", "solve: {method: minlp}\nmoments:"),
@@ -445,8 +449,7 @@ CASES = {
     "self-crossing polygon": (
         (O1, "{polygon: [[2, 2], [3, 3], [3, 2], [2, 4]]}"),
         (11, 17, "obstacles.o1.polygon"),
-        "expected a polygon that does not cross itself, "
-        "got Self-intersection[2.66666666666667 2.66666666666667]",
+        "expected a polygon that does not cross itself, got Self-intersection[2.66666666666667 2.66666666666667]",
         "",
     ),
     "flat polygon": (
@@ -735,9 +738,7 @@ def test_nothing_in_a_file_steers_the_terminal() -> None:
 
 
 def test_warnings_have_a_place_too() -> None:
-    text = edited(
-        ("  goal:", "  spare: {halfspaces: [x >= 9]}\n  goal:"), (" and G[0, 16] avoid(obstacles)", "")
-    )
+    text = edited(("  goal:", "  spare: {halfspaces: [x >= 9]}\n  goal:"), (" and G[0, 16] avoid(obstacles)", ""))
     warnings = config.read_text(text, "odd.yaml").warnings
     assert [(w.severity, *place(w)) for w in warnings] == [
         ("warning", 9, 3, "regions.spare"),
@@ -749,6 +750,18 @@ def test_warnings_have_a_place_too() -> None:
         "the task never mentions this region",
         "the task never mentions the obstacles",
     }
+
+
+def test_warnings_are_in_file_order_and_not_errors() -> None:
+    first = "obstacles: {o1: {box: [[2, 3], [1.5, 3]]}}\nregions: {spare: {box: [[5, 6], [5, 6]]}}\n"
+    warnings = config.read_text(first + LEAST).warnings
+    assert [place(w) for w in warnings] == [(1, 1, "obstacles"), (2, 11, "regions.spare")]
+
+
+@pytest.mark.parametrize("end", ["\r", "\r\n", "\x85", "\u2028", "\n"])
+def test_every_line_end_counts_once(end: str) -> None:
+    error = only(f"# one{end}# two{end}" + LEAST.replace("F x >= 1", "F x >= 1 m"))
+    assert (error.line, error.column, error.excerpt) == (5, 16, "task: F x >= 1 m")
 
 
 # --- overrides
@@ -808,9 +821,7 @@ def assert_same(one: Problem, two: Problem) -> None:
     assert list(one.regions) == list(two.regions)
     for name, region in one.regions.items():
         np.testing.assert_array_equal(region.A, two.regions[name].A)
-        np.testing.assert_array_equal(
-            [region.lower, region.upper], [two.regions[name].lower, two.regions[name].upper]
-        )
+        np.testing.assert_array_equal([region.lower, region.upper], [two.regions[name].lower, two.regions[name].upper])
     assert [name for name, _ in one.pieces] == [name for name, _ in two.pieces]
     for (_, piece), (_, other) in zip(one.pieces, two.pieces, strict=True):
         np.testing.assert_array_equal(piece.A, other.A)
@@ -820,9 +831,7 @@ def assert_same(one: Problem, two: Problem) -> None:
     np.testing.assert_array_equal(one.objective.target, two.objective.target)
 
 
-@pytest.mark.parametrize(
-    "text", [FIVE.read_text(), GOOD, LEAST, SHAPES], ids=["five", "good", "least", "shapes"]
-)
+@pytest.mark.parametrize("text", [FIVE.read_text(), GOOD, LEAST, SHAPES], ids=["five", "good", "least", "shapes"])
 def test_dump_and_load_give_the_same_problem(text: str) -> None:
     problem = config.load_text(text)
     written = config.dump(problem)
@@ -865,7 +874,5 @@ def test_the_schema_knows_every_field() -> None:
 
 def test_importing_config_loads_no_solver() -> None:
     script = "import sys, ensemble_ctrl.config as c; c.load(sys.argv[1]); print(*sys.modules)"
-    run = subprocess.run(
-        [sys.executable, "-c", script, str(FIVE)], capture_output=True, text=True, check=True
-    )
+    run = subprocess.run([sys.executable, "-c", script, str(FIVE)], capture_output=True, text=True, check=True)
     assert not {"casadi", "scipy", "matplotlib", "shapely"} & set(re.findall(r"[\w.]+", run.stdout))

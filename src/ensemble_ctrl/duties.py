@@ -98,12 +98,12 @@ def _duties(problem: Problem, part: Formula) -> Iterator[Duty]:
                 list(problem.obstacles) if leaf.name == ALL and ALL not in problem.obstacles else [leaf.name]
             )
             for name in names:
-                yield Duty(name, _pieces(problem, name), problem.fleet.radius, *window)
+                yield Duty(name, named_pieces(problem, name), problem.fleet.radius, *window)
         elif isinstance(leaf, Not) and isinstance(leaf.child, Inside):
-            yield Duty(leaf.child.name, _pieces(problem, leaf.child.name), 0.0, *window)
+            yield Duty(leaf.child.name, named_pieces(problem, leaf.child.name), 0.0, *window)
 
 
-def _pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
+def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
     """The convex pieces of an obstacle, or the one of a region."""
     if name in problem.obstacles:
         return problem.obstacles[name]

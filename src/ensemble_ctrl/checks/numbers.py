@@ -40,7 +40,7 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     yield from _whole(("solve", "routes"), solve.routes, 1, 1000)
     yield from _whole(("solve", "max_iterations"), solve.max_iterations, 1, 1_000_000)
     yield from _choice(("solve", "method"), solve.method, ("nlp",))
-    yield from _choice(("solve", "guarantee"), solve.guarantee, ("nodes", "hull"))
+    yield from _choice(("solve", "guarantee"), solve.guarantee, ("moment", "nodes", "hull"))
     yield from _whole(("verify", "members"), verify.members, 1, MAX_MEMBERS)
     yield from _whole(("verify", "substeps"), verify.substeps, 1, 1000)
     if not isinstance(problem.task, Formula):
@@ -91,6 +91,4 @@ def name_findings(problem: Problem) -> Iterator[Finding]:
                 )
     for name in problem.obstacles:
         if name in problem.regions:
-            yield Finding(
-                ("obstacles", name), f"{name!r} is a region's name too", "choose another name", on_key=True
-            )
+            yield Finding(("obstacles", name), f"{name!r} is a region's name too", "choose another name", on_key=True)

@@ -30,13 +30,9 @@ def area_findings(problem: Problem) -> Iterator[Finding]:
         if region.A.shape[1] != 2:
             yield Finding(path, f"expected 2 dimensions, got {region.A.shape[1]}", on_key=True)
         elif region.is_empty:
-            yield Finding(
-                path, "this region is empty: no point satisfies all of its inequalities", on_key=True
-            )
+            yield Finding(path, "this region is empty: no point satisfies all of its inequalities", on_key=True)
         elif not region.is_bounded:
-            yield Finding(
-                path, "this region is unbounded", "close it if that is not meant", "warning", on_key=True
-            )
+            yield Finding(path, "this region is unbounded", "close it if that is not meant", "warning", on_key=True)
         elif name in inside and _is_covered(region, problem):
             names = ", ".join(_near(region, problem))
             message = f"obstacles cover the whole region: {names}{_grown(problem)}"
@@ -90,9 +86,7 @@ def start_findings(problem: Problem) -> Iterator[Finding]:
         depth = problem.fleet.radius - min(distances, default=math.inf)
         if depth > SLACK:
             x, y = problem.fleet.position
-            message = (
-                f"the start ({x:g}, {y:g}) is {depth:.3g} m deep inside obstacle {name!r}{_grown(problem)}"
-            )
+            message = f"the start ({x:g}, {y:g}) is {depth:.3g} m deep inside obstacle {name!r}{_grown(problem)}"
             yield Finding(("fleet", "start", "position"), message, "move the start or the obstacle")
 
 

@@ -68,9 +68,7 @@ def _top_speed(problem: Problem) -> float:
 def _wrong_start(leaf: Inside, distance: float, problem: Problem) -> Finding:
     """A finding for a region that has to hold from the start."""
     x, y = problem.fleet.position
-    message = (
-        f"members have to be in {leaf.name!r} from the start, but ({x:g}, {y:g}) is {distance:.3g} m outside"
-    )
+    message = f"members have to be in {leaf.name!r} from the start, but ({x:g}, {y:g}) is {distance:.3g} m outside"
     return Finding(("task",), message, "move the start, or let the window begin later", offset=_offset(leaf))
 
 

@@ -48,9 +48,7 @@ def unused_findings(problem: Problem) -> Iterator[Finding]:
     for name in problem.regions:
         if name not in inside | avoided:
             hint = f"add in({name}) or avoid({name}), or remove it"
-            yield Finding(
-                ("regions", name), "the task never mentions this region", hint, "warning", on_key=True
-            )
+            yield Finding(("regions", name), "the task never mentions this region", hint, "warning", on_key=True)
     if ALL_OBSTACLES in avoided or not problem.obstacles:
         return
     ignored = [name for name in problem.obstacles if name not in avoided]
@@ -60,6 +58,4 @@ def unused_findings(problem: Problem) -> Iterator[Finding]:
         return
     for name in ignored:
         hint = f"add `and G avoid({name})` so that it counts in its robustness"
-        yield Finding(
-            ("obstacles", name), "the task never mentions this obstacle", hint, "warning", on_key=True
-        )
+        yield Finding(("obstacles", name), "the task never mentions this obstacle", hint, "warning", on_key=True)

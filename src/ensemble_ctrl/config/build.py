@@ -32,8 +32,7 @@ def build(file: ProblemFile, name: str) -> Problem:
         task=file.task,
         regions={name: shape.area for name, shape in file.regions.items()},
         obstacles={
-            name: tuple(piece for shape in shapes for piece in shape.pieces)
-            for name, shapes in file.obstacles.items()
+            name: tuple(piece for shape in shapes for piece in shape.pieces) for name, shapes in file.obstacles.items()
         },
         objective=_objective(file.objective),
         order=file.moments.order,

@@ -130,10 +130,7 @@ def _same(obstacle: Obstacle, A: Floats, b: Floats) -> bool:
 
 def _inequalities(A: Floats, b: Floats) -> list[str]:
     """``A x >= b`` as texts."""
-    return [
-        str(Predicate((("x", x), ("y", y)), -bound))
-        for (x, y), bound in zip(A.tolist(), b.tolist(), strict=True)
-    ]
+    return [str(Predicate((("x", x), ("y", y)), -bound)) for (x, y), bound in zip(A.tolist(), b.tolist(), strict=True)]
 
 
 class _Dumper(yaml.SafeDumper):

@@ -95,18 +95,14 @@ def place_name(value: str) -> str:
     if value in RESERVED or value == ALL_OBSTACLES:
         raise Wrong(f"{value!r} is a word of the task language", "choose another name")
     if not _NAME.fullmatch(value):
-        raise Wrong(
-            f"expected a name that starts with a letter, then letters, digits, _ . -, got {show(value)}"
-        )
+        raise Wrong(f"expected a name that starts with a letter, then letters, digits, _ . -, got {show(value)}")
     return value
 
 
 def folder_name(value: str) -> str:
     """A name that results can be stored under."""
     if not _FOLDER.fullmatch(value):
-        raise Wrong(
-            f"expected a name that a folder can have, got {show(value)}", 'leave out / \\ : * ? " < > |'
-        )
+        raise Wrong(f"expected a name that a folder can have, got {show(value)}", 'leave out / \\ : * ? " < > |')
     return value
 
 

@@ -181,9 +181,7 @@ def _unplaced(error: TextError, name: str, content: str = "") -> Diagnostic:
         return Diagnostic(name, None, None, "error", "", error.message, error.hint)
     lines = content.split("\n")
     excerpt = lines[error.place.line - 1] if error.place.line <= len(lines) else ""
-    return Diagnostic(
-        name, error.place.line, error.place.column, "error", "", error.message, error.hint, excerpt
-    )
+    return Diagnostic(name, error.place.line, error.place.column, "error", "", error.message, error.hint, excerpt)
 
 
 def _refuse(errors: list[Diagnostic], name: str) -> NoReturn:

@@ -51,9 +51,7 @@ class Locator:
     def repeated(self) -> list[Diagnostic]:
         """Every key that is given twice."""
         return [
-            self._placed(
-                Finding(path, f"given twice, first on line {line}", "remove one of them"), path, place
-            )
+            self._placed(Finding(path, f"given twice, first on line {line}", "remove one of them"), path, place)
             for path, line, place in self._tree.repeated
         ]
 
@@ -95,6 +93,4 @@ class Locator:
 def _diagnostic(finding: Finding, path: Path, source: str, place: Place | None, excerpt: str) -> Diagnostic:
     """A finding in its final form."""
     line, column = (place.line, place.column) if place else (None, None)
-    return Diagnostic(
-        source, line, column, finding.severity, path_text(path), finding.message, finding.hint, excerpt
-    )
+    return Diagnostic(source, line, column, finding.severity, path_text(path), finding.message, finding.hint, excerpt)

@@ -22,9 +22,7 @@ def polygons_from_wkt(text: str) -> list[Corners]:
     try:
         geometry = shapely.from_wkt(text)
     except shapely.errors.GEOSException:
-        raise Wrong(
-            f"expected WKT, got {show(text)}", "for example 'POLYGON ((0 0, 2 0, 1 1, 0 0))'"
-        ) from None
+        raise Wrong(f"expected WKT, got {show(text)}", "for example 'POLYGON ((0 0, 2 0, 1 1, 0 0))'") from None
     return _polygons(geometry)
 
 
@@ -46,9 +44,7 @@ def polygons_from_file(path: Path) -> list[Corners]:
 
 def _polygons(geometry: Any) -> list[Corners]:
     """Corners of every polygon, without the repeated last one."""
-    parts = [
-        part for outer in getattr(geometry, "geoms", [geometry]) for part in getattr(outer, "geoms", [outer])
-    ]
+    parts = [part for outer in getattr(geometry, "geoms", [geometry]) for part in getattr(outer, "geoms", [outer])]
     found = []
     for part in parts:
         if part.geom_type != "Polygon" or part.is_empty:

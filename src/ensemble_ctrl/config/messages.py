@@ -79,9 +79,7 @@ def _shortened(code: str, column: int, width: int = 100) -> tuple[str, int]:
 
 def _printable(text: str) -> str:
     """Text that can't steer a terminal."""
-    return "".join(
-        character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in text
-    )
+    return "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in text)
 
 
 def layout(diagnostics: Iterable[Diagnostic], name: str) -> str:

@@ -75,17 +75,13 @@ def text_of(content: bytes, most: int = MAX_BYTES) -> str:
     """Bytes as text."""
     if len(content) > most:
         limit = most // 1_000_000
-        raise TextError(
-            f"expected at most {limit} MB, got more", hint="put large shapes in a `file` of their own"
-        )
+        raise TextError(f"expected at most {limit} MB, got more", hint="put large shapes in a `file` of their own")
     if b"\0" in content[:10_000] and not content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise TextError("expected a text file, got a binary one")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise TextError(
-            "expected UTF-8", _place(content, error.start), "save the file with that encoding"
-        ) from None
+        raise TextError("expected UTF-8", _place(content, error.start), "save the file with that encoding") from None
     return text
 
 

@@ -77,9 +77,7 @@ class Tree:
         except yaml.reader.ReaderError as error:
             before = text[: error.position]
             place = Place(before.count("\n") + 1, len(before) - before.rfind("\n"))
-            raise TextError(
-                f"expected text, got the control character {chr(error.character)!r}", place
-            ) from None
+            raise TextError(f"expected text, got the control character {chr(error.character)!r}", place) from None
         tree.data = None if root is None else tree._value(root, ())
         return tree
 

@@ -77,11 +77,7 @@ def _in_si(value: Any, kind: str) -> float:
         return number
     measured, numerator, denominator = _unit(unit, kind)
     if measured != kind:
-        raise Wrong(
-            f"expected {WANTED[kind]}, got {show(value)}, which is a {measured}".replace(
-                "a angle", "an angle"
-            )
-        )
+        raise Wrong(f"expected {WANTED[kind]}, got {show(value)}, which is a {measured}".replace("a angle", "an angle"))
     return number * numerator / denominator
 
 

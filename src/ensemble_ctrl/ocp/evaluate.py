@@ -31,7 +31,8 @@ class Value:
     robustness : float
         Exact robustness in metres of the task without its ``G avoid`` parts, worst of 19 members at the grid times.
     gap : float
-        Smallest distance in metres, beyond the robot's radius, between an obstacle and the fleet's hull.
+        Smallest distance in metres, beyond the robot's radius, between an obstacle and the fleet's hull (of the mean
+        robot, for the guarantee ``moment``).
     """
 
     cost: float
@@ -52,6 +53,10 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     s = np.concatenate([[-1.0], basis.nodes, [1.0]])
     paths = positions(problem, controls, np.asarray(problem.fleet.parameter.to_parameter(s)))
     signals, ops = StateSignals(paths, ("x", "y"), step), ExactOps()
+    in_moments = problem.solve.guarantee == "moment"
+    if in_moments:
+        average = np.einsum("j,jtd->td", basis.weights / 2, paths[1:-1])
+        signals = StateSignals(average[None], ("x", "y"), step)
     parts = [grounded(problem, part) for part in other_parts(problem)]
     worst = min((float(robustness(part, signals, ops)) for part in parts), default=0.0)
     terminal = 0.0
@@ -59,6 +64,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
         off = ((paths[1:-1, -1] - aim.target) ** 2).sum(axis=-1)
         terminal = aim.terminal * float(basis.weights @ off)
     effort = aim.effort * step * float((controls**2).sum())
-    lines = separate(points(problem, controls, truncation), duties(problem), problem.duration)
+    curve = average[:, None] if in_moments else points(problem, controls, truncation)
+    lines = separate(curve, duties(problem), problem.duration)
     cost = -aim.robustness * worst + terminal + effort
     return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)))

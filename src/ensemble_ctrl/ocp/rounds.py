@@ -72,7 +72,8 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
     lines, error = separate(curve, duties(problem), problem.duration), tail(problem, guess, truncation)
-    pairs = lines.gap < REACH * _map_size(problem, curve)
+    in_moments = problem.solve.guarantee == "moment"
+    pairs = (lines.gap < REACH * _map_size(problem, curve)) & (not in_moments)
     total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)
     for _ in range(4):
         began = time.perf_counter()
@@ -84,7 +85,7 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
         controls = program.controls(outcome.x)
         total = _after(problem, total, program, outcome, controls, built - began, time.perf_counter() - built)
         missing = _violated(problem, lines, points(problem, controls, truncation)) & ~pairs
-        if outcome.status != "solved" or not missing.any():
+        if outcome.status != "solved" or in_moments or not missing.any():
             break
         pairs |= _widened(missing)
     return replace(total, pairs=int(pairs.sum()))

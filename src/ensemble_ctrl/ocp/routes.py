@@ -16,7 +16,7 @@ from itertools import count, islice
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
 
 Floats = NDArray[np.float64]
 Word = tuple[int, ...]
@@ -68,6 +68,31 @@ def _is_connected(lengths: Floats) -> bool:
             return False
         reached = wider
     return True
+
+
+def corridor_route(start: Floats, goal: Floats, regions: Sequence[Polyhedron]) -> Route | None:
+    """The shortest route that never leaves the union of convex `regions`, through the middles of their overlaps."""
+    middles = [
+        both.vertices.mean(axis=0)
+        for i, a in enumerate(regions)
+        for b in regions[i + 1 :]
+        if not (both := Polyhedron(*(np.concatenate(part) for part in _rows(a, b)))).is_empty
+        and both.is_bounded
+        and len(both.vertices)
+    ]
+    places = np.array([start, goal, *middles], dtype=float)
+    inside = np.array([region.contains(places) for region in regions])
+    together = (inside[:, :, None] & inside[:, None, :]).any(axis=0)
+    apart = np.linalg.norm(places[:, None] - places, axis=-1)
+    lengths = np.where(together & (apart > 0), apart, np.inf)
+    return next(_search(places, lengths, np.zeros((0, 2))), None)
+
+
+def _rows(a: Polyhedron, b: Polyhedron) -> Iterator[tuple[Floats, Floats]]:
+    """The rows and bounds of two polyhedra, to be joined."""
+    yield a.A, b.A
+    yield a.lower, b.lower
+    yield a.upper, b.upper
 
 
 def _search(corners: Floats, lengths: Floats, anchors: Floats) -> Iterator[Route]:

@@ -1,138 +1,201 @@
-"""First guesses: a geometric route through the task's regions in order, driven by a nominal robot."""
+"""First guesses: geometric routes through the places that a skeleton visits, driven by a nominal robot."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import Eventually, Inside
-from ensemble_ctrl.duties import duties, other_parts
-from ensemble_ctrl.ocp.routes import Route, routes
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.duties import duties, named_pieces
+from ensemble_ctrl.ocp.drive import follow, smoothed
+from ensemble_ctrl.ocp.routes import Route, corridor_route, routes
+from ensemble_ctrl.ocp.skeleton import Skeleton, Visit, skeletons
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
 CLEARANCES = (0.3, 0.15, 0.05, 0.01)
-"""Clearances beyond radius and margin that a route tries to keep, as shares of a tenth of the map's size, widest first."""
-TOP_SPEED_SHARE = 0.95
-"""Share of the input bounds that a guess uses, so that it starts inside them."""
+"""Clearances beyond radius and margin that a route tries to keep, in tenths of the map's size, widest first."""
+LONGER = 4.0
+"""Routes longer than this many times the shortest are not tried."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seed:
-    """A guess: the controls, shape (steps, 2), and the route they follow."""
+    """A guess.
+
+    Attributes
+    ----------
+    controls : ndarray, shape (steps, 2)
+        Commands of the nominal robot.
+    corners : ndarray, shape (corners, 2)
+        The route it follows, metres.
+    length : float
+        Of the route, metres.
+    visits : tuple of str
+        Regions in the order they are visited.
+    """
 
     controls: Floats
     corners: Floats
     length: float
+    visits: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
-class Stop:
-    """A place to be at, and when (seconds)."""
+class _Trip:
+    """An order of visits with a route for each leg."""
 
-    place: Floats
-    time: float
+    visits: tuple[Visit, ...]
+    legs: tuple[Route, ...]
+
+    @property
+    def length(self) -> float:
+        """Metres."""
+        return sum(leg.length for leg in self.legs)
 
 
 def seeds(problem: Problem, steps: int, most: int) -> list[Seed]:
     """Up to `most` guesses on a grid of `steps`, shortest route first; a straight line where there is no route."""
-    stops = itinerary(problem)
-    legs = [problem.fleet.position, *(stop.place for stop in stops)]
-    found = [_leg_routes(problem, a, b, most) for a, b in zip(legs[:-1], legs[1:], strict=True)]
-    chains = sorted(product(*found), key=lambda chain: sum(r.length for r in chain))[:most]
-    return [_seed(problem, chain, [stop.time for stop in stops], steps) for chain in chains]
+    planner = _Trips(problem, most)
+    trips = sorted((trip for s in skeletons(problem) for trip in planner.trips(s)), key=lambda t: t.length)
+    trips = [trip for trip in trips if trip.length <= LONGER * trips[0].length + 1e-9][:most]
+    return [_seed(problem, trip, steps) for trip in trips]
 
 
-def itinerary(problem: Problem) -> list[Stop]:
-    """Where the task sends the fleet, by time: the regions it must visit, then the terminal target."""
-    visits = [
-        Stop(_inside(problem, leaf.name), _arrival(problem, part))
-        for part in other_parts(problem)
-        if isinstance(part, Eventually) and isinstance(leaf := part.child, Inside)
-    ]
-    stops = sorted(visits, key=lambda stop: stop.time)
+@dataclass(eq=False)
+class _Trips:
+    """Finds trips; legs are searched once."""
+
+    problem: Problem
+    most: int
+    _legs: dict[tuple[bytes, bytes, frozenset[str], tuple[str, ...]], list[Route]] = field(default_factory=dict)
+
+    def trips(self, skeleton: Skeleton) -> list[_Trip]:
+        """The shortest trips of one skeleton: every order with its best legs, and other legs for the best order."""
+        firsts = [trip for order in skeleton.orders() if (trip := self._trip(skeleton, order, 0))]
+        best = sorted(firsts, key=lambda t: t[0].length)[: self.most]
+        if not best:
+            return []
+        others = [_Trip(best[0][0].visits, legs) for legs in product(*best[0][1])]
+        whole = [trip for trip, _ in best] + sorted(others, key=lambda t: t.length)[1 : self.most]
+        return sorted(whole, key=lambda t: t.length)[: self.most]
+
+    def _trip(
+        self, skeleton: Skeleton, order: tuple[int, ...], choice: int
+    ) -> tuple[_Trip, list[list[Route]]] | None:
+        """One order of visits with its shortest legs, and every choice for each leg."""
+        place, legs = self.problem.fleet.position, []
+        for k, index in enumerate(order):
+            closed = frozenset(door.name for door in skeleton.doors if door.until not in order[:k])
+            goal = _place_in(self.problem, skeleton.visits[index], place)
+            legs.append(self._leg(place, goal, closed, skeleton.corridor))
+            place = goal
+        target = self.problem.objective.target
+        if target is not None and np.linalg.norm(place - target) > 1e-6:
+            closed = frozenset(door.name for door in skeleton.doors if door.until not in order)
+            legs.append(self._leg(place, target, closed, skeleton.corridor))
+        visits = tuple(skeleton.visits[i] for i in order)
+        return _Trip(visits, tuple(choices[choice] for choices in legs)), legs
+
+    def _leg(
+        self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]
+    ) -> list[Route]:
+        """Routes of different kinds for one leg."""
+        key = (start.tobytes(), goal.tobytes(), closed, corridor)
+        if key not in self._legs:
+            self._legs[key] = self._search(start, goal, closed, corridor)
+        return self._legs[key]
+
+    def _search(
+        self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]
+    ) -> list[Route]:
+        """Each kind with the widest clearance that admits it; a straight line, at a price, where there is none."""
+        straight = Route(np.stack([start, goal]), 10 * float(np.linalg.norm(goal - start)) + 1e-9, ())
+        if corridor:
+            found = corridor_route(start, goal, [self.problem.regions[name] for name in corridor])
+            return [found or straight]
+        pieces = [piece for duty in duties(self.problem) for piece in duty.pieces]
+        pieces += [piece for name in sorted(closed) for piece in named_pieces(self.problem, name)]
+        return self._kinds(start, goal, pieces) or [straight]
+
+    def _kinds(self, start: Floats, goal: Floats, pieces: Sequence[Obstacle]) -> list[Route]:
+        """Up to `most` routes of different kinds, shortest first."""
+        corners = np.concatenate([[start, goal], *(piece.vertices for piece in pieces)])
+        scale = float(np.ptp(corners, axis=0).max()) / 10
+        base = self.problem.fleet.radius + self.problem.solve.margin
+        kinds: dict[tuple[int, ...], Route] = {}
+        for share in CLEARANCES:
+            for route in routes(start, goal, pieces, base + share * scale, self.most):
+                kinds.setdefault(route.word, route)
+            if len(kinds) >= self.most:
+                break
+        return sorted(kinds.values(), key=lambda route: route.length)
+
+
+def _place_in(problem: Problem, visit: Visit, come_from: Floats) -> Floats:
+    """Where in a region to go: the terminal target if it is there, else its middle, or for half-planes the way in."""
     target = problem.objective.target
-    if not stops or (target is not None and np.linalg.norm(stops[-1].place - target) > 1e-6):
-        last = problem.fleet.position if target is None else target
-        stops.append(Stop(np.asarray(last), problem.duration))
-    return stops
-
-
-def _inside(problem: Problem, region: str) -> Floats:
-    """A point of the region: the terminal target if it is there, else the middle."""
-    area, target = problem.regions[region], problem.objective.target
-    if target is not None and bool(area.contains(target)):
+    if target is not None and bool(visit.region.contains(target)):
         return np.asarray(target)
-    return np.asarray(area.vertices.mean(axis=0))
+    if visit.region.is_bounded:
+        return np.asarray(visit.region.vertices.mean(axis=0))
+    return _projected(visit.region, come_from)
 
 
-def _arrival(problem: Problem, visit: Eventually) -> float:
-    """The middle of the window, within the horizon."""
-    a, b = visit.a or 0.0, visit.b
-    end = problem.duration if b is None else min(b, problem.duration)
-    return (a + end) / 2
+def _projected(region: Polyhedron, point: Floats) -> Floats:
+    """A point inside an unbounded region near `point`, by cyclic projection a little past each face."""
+    G, h = region.unit_rows()
+    point = np.array(point, dtype=float)
+    for _ in range(100):
+        for g, bound in zip(G, h, strict=True):
+            point -= max(0.0, float(g @ point) - bound + 0.1) * g
+    return point
 
 
-def _leg_routes(problem: Problem, start: Floats, goal: Floats, most: int) -> list[Route]:
-    """Routes of different kinds for one leg; each kind with the widest clearance that admits it."""
-    pieces = [piece for duty in duties(problem) for piece in duty.pieces]
-    base = problem.fleet.radius + problem.solve.margin
-    corners = np.concatenate([[start, goal], *(piece.vertices for piece in pieces)])
-    scale = float(np.ptp(corners, axis=0).max()) / 10
-    kinds: dict[tuple[int, ...], Route] = {}
-    for share in CLEARANCES:
-        for route in routes(start, goal, pieces, base + share * scale, most):
-            kinds.setdefault(route.word, route)
-        if len(kinds) >= most:
-            break
-    straight = Route(np.stack([start, goal]), float(np.linalg.norm(goal - start)), ())
-    return sorted(kinds.values(), key=lambda route: route.length) or [straight]
-
-
-def _seed(problem: Problem, chain: tuple[Route, ...], arrivals: list[float], steps: int) -> Seed:
-    """Controls that follow a chain of routes, each arriving at its time."""
-    times, places = [0.0], [chain[0].corners[:1]]
-    for route, arrival in zip(chain, arrivals, strict=True):
-        along = np.linalg.norm(np.diff(route.corners, axis=0), axis=1).cumsum()
-        share = along / max(along[-1], 1e-12)
-        times.extend(times[-1] + share * max(arrival - times[-1], 1e-6))
-        places.append(route.corners[1:])
+def _seed(problem: Problem, trip: _Trip, steps: int) -> Seed:
+    """Controls that follow a trip in time."""
     grid = np.linspace(0.0, problem.duration, steps + 1)
-    corners = np.concatenate(places)
+    times, corners = (np.concatenate(part) for part in zip(*_timed(problem, trip), strict=True))
     path = np.stack([np.interp(grid, times, corners[:, axis]) for axis in (0, 1)], axis=1)
-    return Seed(_follow(problem, _smoothed(path)), corners, sum(route.length for route in chain))
+    names = tuple(visit.name for visit in trip.visits)
+    return Seed(follow(problem, smoothed(path)), corners, trip.length, names)
 
 
-def _smoothed(path: Floats) -> Floats:
-    """A moving average over a sixteenth of the horizon, ends kept."""
-    half = max(len(path) // 32, 1)
-    padded = np.concatenate([np.repeat(path[:1], half, axis=0), path, np.repeat(path[-1:], half, axis=0)])
-    kernel = np.full(2 * half + 1, 1 / (2 * half + 1))
-    return np.stack([np.convolve(padded[:, axis], kernel, "valid") for axis in (0, 1)], axis=1)
+def _timed(problem: Problem, trip: _Trip) -> Iterator[tuple[Floats, Floats]]:
+    """The corners of a trip with the times to be at them."""
+    start = problem.fleet.position
+    yield np.zeros(1), start[None, :]
+    now = 0.0
+    for arrival, dwell, leg in zip(*_schedule(problem, trip), trip.legs, strict=True):
+        along = np.linalg.norm(np.diff(leg.corners, axis=0), axis=1).cumsum()
+        share = along / max(float(along[-1]), 1e-12)
+        yield now + share * max(arrival - now, 1e-6), leg.corners[1:]
+        now = max(arrival, now + 1e-6)
+        if dwell > 0:
+            now += dwell
+            yield np.array([now]), leg.corners[-1:]
 
 
-def _follow(problem: Problem, path: Floats) -> Floats:
-    """Commands with which the nominal robot follows `path`, within the input bounds."""
-    fleet, step = problem.fleet, problem.duration / (len(path) - 1)
-    nominal = float(fleet.parameter.center)
-    low = np.maximum(TOP_SPEED_SHARE * fleet.input_lower, fleet.input_lower)
-    high = np.minimum(TOP_SPEED_SHARE * fleet.input_upper, fleet.input_upper)
-    sign = 1.0 if fleet.system.heading_from == "x" else -1.0
-    place, heading = fleet.position.copy(), fleet.heading
-    controls = np.zeros((len(path) - 1, 2))
-    for n in range(len(controls)):
-        ahead = path[n + 1] - place
-        distance = float(np.hypot(*ahead))
-        wanted = np.arctan2(ahead[1], ahead[0]) if distance > 1e-3 else heading
-        error = (wanted - heading + np.pi) % (2 * np.pi) - np.pi
-        turn = np.clip(sign * 2 * error / (step * nominal), low[1], high[1]) if distance > 1e-3 else 0.0
-        speed = np.clip(distance * max(np.cos(error), 0.0) / (step * nominal), low[0], high[0])
-        controls[n] = speed, np.clip(0.7 * turn, low[1], high[1])
-        half = sign * nominal * controls[n, 1] * step / 2
-        place = place + nominal * speed * step * np.array([np.cos(heading + half), np.sin(heading + half)])
-        heading += 2 * half
-    return controls
+def _schedule(problem: Problem, trip: _Trip) -> tuple[list[float], list[float]]:
+    """Arrival and dwelling time of each leg: an even speed, moved into the visits' windows."""
+    windows = [(v.early, v.late, v.dwell) for v in trip.visits]
+    windows += [(problem.duration, problem.duration, 0.0)] * (len(trip.legs) - len(windows))
+    ends = [
+        (early + late) / 2 if late - early < 0.5 * problem.duration else min(late, 0.92 * problem.duration - dwell)
+        for early, late, dwell in windows
+    ]
+    total = max(sum(leg.length for leg in trip.legs), 1e-12)
+    moving = max(ends[-1] - sum(dwell for _, _, dwell in windows[:-1]), 0.1 * problem.duration) if ends else 1.0
+    arrivals, now = [], 0.0
+    for (early, late, dwell), leg in zip(windows, trip.legs, strict=True):
+        now = min(max(now + moving * leg.length / total, early), max(late, now))
+        arrivals.append(now)
+        now += dwell
+    if ends:
+        arrivals[-1] = max(arrivals[-1], min(ends[-1], windows[-1][1]))
+    return arrivals, [dwell for _, _, dwell in windows]

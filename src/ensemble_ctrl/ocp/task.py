@@ -31,6 +31,8 @@ Values = NDArray[np.object_]
 
 SHARPNESS = 20.0
 """K of the log-sum-exp, per metre: a maximum of n parts is underestimated by at most log(n) / K metres."""
+BAND = 0.35
+"""Metres below the largest part, at the guess, within which parts of a maximum are kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,42 @@ class Level:
 
 
 Minimum = tuple[Row | Level, ...]
+
+
+class GuessValues:
+    """What rows and levels are worth at the guess.
+
+    Parameters
+    ----------
+    curve : ndarray, shape (steps + 1, points, 2)
+        The points under the guess, metres.
+    mean : ndarray, shape (points,)
+        Weights of the points in the mean member's position.
+    """
+
+    def __init__(self, curve: Floats, mean: Floats) -> None:
+        self.curve, self.mean = curve, mean
+        self.levels: dict[int, float] = {}
+        self._known: dict[Minimum, float] = {}
+
+    def of(self, part: Minimum) -> float:
+        """The value of a minimum of terms."""
+        if part not in self._known:
+            self._known[part] = min(self._term(term) for term in part)
+        return self._known[part]
+
+    def note(self, level: int, parts: Sequence[float]) -> None:
+        """Set a level to the smooth maximum of its parts."""
+        scaled = SHARPNESS * np.array(parts)
+        top = scaled.max()
+        self.levels[level] = float(top + np.log(np.exp(scaled - top).mean())) / SHARPNESS
+
+    def _term(self, term: Row | Level) -> float:
+        """The value of one term."""
+        if isinstance(term, Level):
+            return self.levels[term.index]
+        heights = term.x * self.curve[term.at, :, 0] + term.y * self.curve[term.at, :, 1] + term.offset
+        return float(self.mean @ heights if term.mean else heights.min())
 
 
 @dataclass(frozen=True)
@@ -80,10 +118,15 @@ class PointSignals:
 
 
 class LevelOps(Ops):
-    """Minimum by union of terms, maximum by a new level; `maxima` lists the rows to add."""
+    """Minimum by union of terms, maximum by a new level; `maxima` lists the rows to add.
 
-    def __init__(self, layout: Layout) -> None:
+    Of the parts of a maximum only those are kept that come within `BAND` of the largest at the guess: the others would
+    add nothing to a log-sum-exp of this sharpness, and leaving parts out only lowers it.
+    """
+
+    def __init__(self, layout: Layout, guess: GuessValues) -> None:
         self.layout = layout
+        self.guess = guess
         self.maxima: list[tuple[list[int], int]] = []
         self.below: list[tuple[int, Minimum]] = []
         self._levels: dict[Minimum, int] = {}
@@ -111,9 +154,12 @@ class LevelOps(Ops):
 
     def _maximum(self, parts: list[Minimum]) -> Minimum:
         """A new level at or below the smooth maximum of the parts."""
+        values = [self.guess.of(part) for part in parts]
+        parts = [part for part, value in zip(parts, values, strict=True) if value >= max(values) - BAND]
         if len(parts) == 1:
             return parts[0]
         level = self.layout.level()
+        self.guess.note(level, [self.guess.of(part) for part in parts])
         self.maxima.append(([self._level(part) for part in parts], level))
         return (Level(level),)
 
@@ -123,46 +169,22 @@ class LevelOps(Ops):
             return part[0].index
         if part not in self._levels:
             self._levels[part] = self.layout.level()
+            self.guess.note(self._levels[part], [self.guess.of(part)])
             self.below.append((self._levels[part], part))
         return self._levels[part]
 
 
 @dataclass(frozen=True, eq=False)
 class TaskRows:
-    """The rows of a task, and the values of its levels that they allow under a guess."""
+    """The rows of a task, and the largest values of its levels that they allow under the guess, by index."""
 
     blocks: list[Block]
-    ops: LevelOps
-    mean: Floats
-
-    def levels(self, curve: Floats) -> dict[int, float]:
-        """The largest value of each level for points of shape (steps + 1, points, 2), by index."""
-        found: dict[int, float] = {}
-        maxima = {level: parts for parts, level in self.ops.maxima}
-        minima = dict(self.ops.below)
-
-        def value(index: int) -> float:
-            if index not in found:
-                if index in maxima:
-                    values = SHARPNESS * np.array([value(part) for part in maxima[index]])
-                    shifted = np.log(np.exp(values - values.max()).mean())
-                    found[index] = float(values.max() + shifted) / SHARPNESS
-                else:
-                    found[index] = min(term_value(term) for term in minima[index])
-            return found[index]
-
-        def term_value(term: Row | Level) -> float:
-            if isinstance(term, Level):
-                return value(term.index)
-            heights = term.x * curve[term.at, :, 0] + term.y * curve[term.at, :, 1] + term.offset
-            return float(self.mean @ heights if term.mean else heights.min())
-
-        for index in (*maxima, *minima):
-            value(index)
-        return found
+    levels: dict[int, float]
 
 
-def task_rows(parts: Sequence[Formula], level: int, layout: Layout, step: float, mean: Floats) -> TaskRows:
+def task_rows(
+    parts: Sequence[Formula], level: int, layout: Layout, step: float, mean: Floats, curve: Floats
+) -> TaskRows:
     """Rows that keep `level` at or below the robustness of every part.
 
     Parameters
@@ -177,11 +199,15 @@ def task_rows(parts: Sequence[Formula], level: int, layout: Layout, step: float,
         Seconds.
     mean : ndarray, shape (points,)
         Weights of the points in the mean member's position.
+    curve : ndarray, shape (steps + 1, points, 2)
+        The points under the guess, metres.
     """
-    ops, signals = LevelOps(layout), PointSignals(layout.steps, step)
+    guess = GuessValues(curve, mean)
+    ops, signals = LevelOps(layout, guess), PointSignals(layout.steps, step)
     whole: Minimum = sum((robustness(part, signals, ops) for part in parts), ())
     if whole:
         ops.below.append((level, whole))
+        guess.note(level, [guess.of(whole)])
     pairs = [(low, term) for low, part in ops.below for term in part]
     rows = [(low, term) for low, term in pairs if isinstance(term, Row)]
     order = [(low, term.index) for low, term in pairs if isinstance(term, Level)]
@@ -191,7 +217,7 @@ def task_rows(parts: Sequence[Formula], level: int, layout: Layout, step: float,
         *_maximum_blocks(ops.maxima),
         *_order_blocks(order),
     ]
-    return TaskRows(blocks, ops, mean)
+    return TaskRows(blocks, guess.levels)
 
 
 def _matrix(entries: Sequence[Minimum]) -> Values:

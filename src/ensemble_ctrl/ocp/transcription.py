@@ -21,9 +21,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.constraints.stl import Mean
 from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.lines import Lines
+from ensemble_ctrl.ocp.moment_form import moment_blocks
 from ensemble_ctrl.ocp.program import Block, Program, assemble
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation, parameter_nodes, points
@@ -100,14 +102,20 @@ def transcribe(
     level, short = layout.level(), layout.slack(1)
     slack = layout.slack(int(pairs.sum()))
     mean = truncation.to_moments[0] / np.sqrt(2.0)
-    parts = [grounded(problem, part) for part in other_parts(problem)]
-    task = task_rows(parts, level, layout, step, mean)
+    in_moments = problem.solve.guarantee == "moment"
+    parts = [grounded(problem, Mean(part) if in_moments else part) for part in other_parts(problem)]
+    curve = points(problem, controls, truncation)
+    task = task_rows(parts, level, layout, step, mean, curve)
     blocks = [_turning(layout, step), _moving(problem, truncation, layout, step)]
-    blocks += _avoiding(problem, layout, slack, lines, pairs, tail, truncation.hull) + task.blocks
+    if in_moments:
+        blocks += moment_blocks(problem, truncation, layout)
+    else:
+        blocks += _avoiding(problem, layout, slack, lines, pairs, tail, truncation.hull)
+    blocks += task.blocks
     blocks.append(_satisfying(level, short[0], problem.solve.margin if parts else 0.0))
     terms = _terms(problem, truncation, layout, level)
     lower, upper = _bounds(problem, layout, level)
-    guess = _guess(problem, truncation, layout, controls, task)
+    guess = _guess(layout, controls, curve, step, task)
     return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
 
 
@@ -224,17 +232,13 @@ def _bounds(problem: Problem, layout: Layout, level: int) -> tuple[Floats, Float
     return lower, upper
 
 
-def _guess(
-    problem: Problem, truncation: Truncation, layout: Layout, controls: Floats, task: TaskRows
-) -> Floats:
+def _guess(layout: Layout, controls: Floats, curve: Floats, step: float, task: TaskRows) -> Floats:
     """The decision vector under the guessed controls."""
-    step = problem.duration / layout.steps
     x = np.zeros(layout.size)
     x[layout.controls] = controls
     x[layout.turned] = np.concatenate([[0.0], np.cumsum(controls[:, 1]) * step])
-    curve = points(problem, controls, truncation)
     x[layout.points] = np.concatenate([curve[..., 0], curve[..., 1]], axis=1)
-    for index, value in task.levels(curve).items():
+    for index, value in task.levels.items():
         x[index] = value
     x[layout.slacks] = 1e-3
     return x

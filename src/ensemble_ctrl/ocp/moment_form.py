@@ -1,0 +1,145 @@
+"""The paper's own constraints on moments: polyhedra for every order, and big-M obstacles with a smooth OR.
+
+*Guarantee*: **necessary, not sufficient**.  Every fleet whose members all keep the constraint satisfies these rows, but
+these rows let members break it: for obstacles only the rows of order 0 ever bind, so in effect the *mean* robot avoids.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Polyhedron
+from ensemble_ctrl.constraints.stl import Always, Inside, resolve
+from ensemble_ctrl.duties import duties, other_parts
+from ensemble_ctrl.ocp.layout import Layout
+from ensemble_ctrl.ocp.program import Block, Build
+from ensemble_ctrl.ocp.task import SHARPNESS
+from ensemble_ctrl.ocp.truncation import Truncation
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+BIG_M = 20.0
+"""The paper's M, metres, for maps of up to that size; larger maps use four times their size."""
+
+
+def moment_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+    """Rows for everything that must hold all the time: obstacles to avoid and regions to stay in."""
+    return [
+        *_free_side_blocks(problem, truncation, layout),
+        *_obstacle_moment_blocks(problem, truncation, layout),
+        *_region_blocks(problem, truncation, layout),
+    ]
+
+
+def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+    """``eq:setPolyObsArr`` at order 0: the mean is on the free side of some facet, by a smooth OR."""
+    n, mean = layout.count, ca.DM(_mean(truncation)).T
+    by_facets: dict[int, list[tuple[int, Floats, Floats]]] = defaultdict(list)
+    for duty in duties(problem):
+        times = _times(duty.steps(layout.steps, problem.duration))
+        for piece in duty.pieces:
+            G, h = piece.unit_rows()
+            by_facets[len(h)] += [(int(k), G, h + duty.radius) for k in times]
+
+    def build(facets: int) -> Build:
+        def rows(z: ca.SX, d: ca.SX) -> ca.SX:
+            x, y = ca.mtimes(mean, z[:n]), ca.mtimes(mean, z[n:])
+            clearance = d[:facets] * x + d[facets : 2 * facets] * y - d[2 * facets :]
+            largest: ca.SX = ca.logsumexp(SHARPNESS * clearance) / SHARPNESS
+            return largest - float(np.log(facets)) / SHARPNESS
+
+        return rows
+
+    return [
+        _bounded(
+            "avoiding (mean)",
+            build(facets),
+            layout.points[[k for k, _, _ in entries]],
+            np.array([np.concatenate([G[:, 0], G[:, 1], h]) for _, G, h in entries]),
+            np.full((len(entries), 1), problem.solve.margin),
+            np.full((len(entries), 1), np.inf),
+        )
+        for facets, entries in sorted(by_facets.items())
+    ]
+
+
+def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+    """``eq:setPolyObsArr`` at orders 1..N; of parallel facets only the tightest row is kept, for the others follow."""
+    rows: dict[tuple[int, float, float], float] = {}
+    big = _big_m(problem)
+    for duty in duties(problem):
+        for k in _times(duty.steps(layout.steps, problem.duration)).tolist():
+            for piece in duty.pieces:
+                for (gx, gy), h in zip(*piece.unit_rows(), strict=True):
+                    sign = 1.0 if (gx, gy) > (0.0, 0.0) else -1.0
+                    key = (k, round(sign * float(gx), 12), round(sign * float(gy), 12))
+                    rows[key] = min(rows.get(key, np.inf), 2 * big - float(h))
+    if not rows or truncation.order == 0:
+        return []
+    at = np.array([k for k, _, _ in rows])
+    data = np.array([[gx, gy] for _, gx, gy in rows])
+    positive, _ = truncation.basis.signed_moments()
+    high = np.outer(list(rows.values()), positive[1:])
+    build = _moments_along(truncation, layout, 1)
+    return [_bounded("avoiding (moments)", build, layout.points[at], data, -high, high)]
+
+
+def _region_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+    """``eq:polyhedron_moment`` for every ``G[a,b] in(region)``, all orders and all faces."""
+    blocks = []
+    for part in other_parts(problem):
+        if isinstance(part, Always) and isinstance(part.child, Inside):
+            resolved = resolve(part, problem.duration)
+            begin, end = getattr(resolved, "a", None) or 0.0, getattr(resolved, "b", None)
+            grid = np.linspace(0.0, problem.duration, layout.steps + 1)
+            inside = (grid >= begin - 1e-9) & (grid <= (problem.duration if end is None else end) + 1e-9)
+            times = np.flatnonzero(inside & (grid > 0))
+            blocks.append(_region_block(problem.regions[part.child.name], times, truncation, layout))
+    return blocks
+
+
+def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layout: Layout) -> Block:
+    """The moment rows of one region at the given grid times."""
+    lower, upper = region.moment_bounds(truncation.basis)
+    pairs = [(k, face) for k in times.tolist() for face in range(len(region.A))]
+    at, face = (np.array(part) for part in zip(*pairs, strict=True))
+    build = _moments_along(truncation, layout, 0)
+    return _bounded("staying in (moments)", build, layout.points[at], region.A[face], lower.T[face], upper.T[face])
+
+
+def _moments_along(truncation: Truncation, layout: Layout, first: int) -> Build:
+    """The moments ``first..N`` of ``d[0] x + d[1] y``."""
+    n, image = layout.count, ca.DM(truncation.to_moments[first:])
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        moments: ca.SX = ca.mtimes(image, d[0] * z[:n] + d[1] * z[n:])
+        return moments
+
+    return build
+
+
+def _mean(truncation: Truncation) -> Floats:
+    """Weights of the points in the mean position."""
+    return np.asarray(truncation.to_moments[0] / np.sqrt(2.0))
+
+
+def _times(steps: NDArray[np.bool_]) -> Ints:
+    """Grid times at the ends of the active steps, without the start."""
+    return np.flatnonzero(steps) + 1
+
+
+def _big_m(problem: Problem) -> float:
+    """An M that no position or facet offset on the map exceeds."""
+    corners = np.concatenate([problem.fleet.position[None, :], *(p.vertices for _, p in problem.pieces)])
+    return max(BIG_M, 4 * float(np.abs(corners).max()))
+
+
+def _bounded(name: str, build: Build, columns: Ints, data: Floats, low: Floats, high: Floats) -> Block:
+    """A block of rows between bounds."""
+    return Block(name, build, columns, data, low, high)
