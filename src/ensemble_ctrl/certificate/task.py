@@ -21,7 +21,7 @@ from ensemble_ctrl.constraints.stl.robustness import Temporal
 Floats = NDArray[np.float64]
 
 TIGHT = 5e-4
-"""Metres within which the proven robustness meets the best centre's before refinement ends."""
+"""Metres within which the bound of a cell meets that of the worst centre before refinement ends."""
 MAX_CELLS = 4096
 UP = 1 + 1e-12
 """Factor by which half widths are rounded up."""
@@ -128,14 +128,16 @@ def bound_task(flow: Flow, formula: Formula, lower: float, upper: float, cells: 
     edges = np.linspace(lower, upper, cells + 1)
     centres, half = (edges[:-1] + edges[1:]) / 2, np.full(cells, (upper - lower) / cells / 2 * UP + 1e-15)
     whole = _reads_the_fleet(formula)
-    proven, sampled, parameter, total = np.inf, np.inf, np.nan, 0
+    proven, sampled, target, parameter, total = np.inf, np.inf, np.inf, np.nan, 0
     while len(centres):
         total += len(centres)
         low = _evaluate(formula, CellSignals.of(flow, centres, half))
         best = _evaluate(formula, CellSignals.of(flow, centres, np.zeros_like(half), upper=True))
         if best.min() < sampled:
             sampled, parameter = float(best.min()), float(centres[best.argmin()])
-        open_ = low < sampled - TIGHT
+        centre = _evaluate(formula, CellSignals.of(flow, centres, np.zeros_like(half)))
+        target = min(target, float(centre.min()))
+        open_ = low < target - TIGHT
         if whole:
             proven = float(low.min())
             open_ = np.full(len(low), bool(open_.any()))

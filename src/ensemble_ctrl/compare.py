@@ -1,0 +1,91 @@
+"""The same problem under each guarantee, side by side: what the paper's constraints let through, and what safety costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ensemble_ctrl.api import Plan, plan
+from ensemble_ctrl.planner import Progress
+from ensemble_ctrl.problem import Guarantee, Problem
+
+GUARANTEES: tuple[Guarantee, ...] = ("moment", "nodes", "hull")
+SUBSTEPS = 10
+"""Times a step at which the compared plans are replayed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """One guarantee's plan, replayed.
+
+    Attributes
+    ----------
+    guarantee : str
+        Which constraints it was planned with.
+    plan : Plan
+        The plan with its replay, `SUBSTEPS` looks a step.
+    seconds : float
+        Time of the search.
+    iterations : int
+        Of all solves.
+    cost : float
+        As minimised: for ``moment`` with the mean robot's robustness, for the others with the worst member's.
+    violating : int
+        Replayed members that fail the task or enter an obstacle.
+    depth : float
+        Metres by which the worst member fails; 0 if none does.
+    """
+
+    guarantee: Guarantee
+    plan: Plan
+    seconds: float
+    iterations: int
+    cost: float
+    violating: int
+    depth: float
+
+
+def compare(
+    problem: Problem, guarantees: Sequence[Guarantee] = GUARANTEES, progress: Progress | None = None
+) -> tuple[Compared, ...]:
+    """Plan `problem` once with each guarantee, without certified tightening, and replay the plans.
+
+    Notes
+    -----
+    Nothing is tightened after the first solution, so that each row shows what its constraints alone give.
+    """
+    return tuple(_compared(problem, guarantee, progress) for guarantee in guarantees)
+
+
+def _compared(problem: Problem, guarantee: Guarantee, progress: Progress | None) -> Compared:
+    """One row."""
+    variant = problem.with_(
+        solve=replace(problem.solve, guarantee=guarantee),
+        verify=replace(problem.verify, certificate=False, substeps=SUBSTEPS),
+    )
+    found = plan(variant, progress=progress, check=False)
+    run = found.replayed
+    assert run is not None
+    shortest = min([run.worst[0], *(c.distance for c in run.clearances)])
+    return Compared(
+        guarantee,
+        found,
+        sum(found.details["seconds"].values()),
+        found.details["iterations"],
+        found.details["cost"],
+        int(run.violating.sum()),
+        max(0.0, -shortest),
+    )
+
+
+def table(rows: Sequence[Compared]) -> list[str]:
+    """The comparison as text, a line each."""
+    lines = [f"{'guarantee':<10}{'status':<12}{'time':>8}{'iterations':>12}{'cost':>10}{'violating':>18}{'worst depth':>13}"]
+    for row in rows:
+        members = row.plan.replayed.members if row.plan.replayed else 0
+        share = f"{row.violating} ({100 * row.violating / max(members, 1):.1f} %)"
+        lines.append(
+            f"{row.guarantee:<10}{row.plan.status:<12}{row.seconds:>6.2f} s{row.iterations:>12}{row.cost:>10.4f}"
+            f"{share:>18}{row.depth:>11.4f} m"
+        )
+    return lines

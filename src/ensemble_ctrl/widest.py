@@ -1,0 +1,130 @@
+"""How wide may the fleet be?  The largest range of the parameter around its nominal value with a certified plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from ensemble_ctrl.api import Plan, plan
+from ensemble_ctrl.conflicts import Conflict
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.problem import Problem
+
+Tell = Callable[[Interval, bool], None]
+"""Called after each range tried, with whether it was certified."""
+
+GROWTH = 1.5
+"""Factor by which the range grows until it is too wide."""
+NARROWEST = 0.05
+"""Smallest parameter considered, as a share of the nominal one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Widest:
+    """The answer.
+
+    Attributes
+    ----------
+    interval : Interval or None
+        The widest range certified, None if not even the narrowest tried was.
+    plan : Plan or None
+        Its certified plan.
+    blocked : tuple of Conflict
+        What failed in the best attempt at the next wider range tried, worst first.
+    beyond : Interval or None
+        That wider range; None where the limit of the search was reached.
+    tried : int
+        Ranges tried.
+    """
+
+    interval: Interval | None
+    plan: Plan | None
+    blocked: tuple[Conflict, ...]
+    beyond: Interval | None
+    tried: int
+
+
+def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None) -> Widest:
+    """Search by doubling and bisection for the widest certified range around the nominal parameter.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its own range gives the nominal value, and the first width to try.
+    tolerance : float
+        The half width is found to within this, in units of the parameter.
+    tell : callable, optional
+        Told of each range tried.
+
+    Notes
+    -----
+    *Guarantee*: the plan returned is certified for its whole range. That no wider plan exists is not proven: the
+    planner just found none.
+    """
+    search = _Search(problem, tell)
+    nominal = problem.fleet.parameter.center
+    limit = nominal * (1 - NARROWEST)
+    good, bad = 0.0, limit
+    half = min(max(problem.fleet.parameter.half_width, tolerance), limit)
+    if not search.certified(half):
+        bad, half = half, half / 2
+        while half > tolerance / 2 and not search.certified(half):
+            bad, half = half, half / 2
+        good = half if search.best is not None else 0.0
+    else:
+        good = half
+        while good < limit and search.certified(min(good * GROWTH, limit)):
+            good = min(good * GROWTH, limit)
+        bad = min(good * GROWTH, limit)
+    while search.best is not None and bad - good > tolerance and good < limit:
+        middle = (good + bad) / 2
+        good, bad = (middle, bad) if search.certified(middle) else (good, middle)
+    return search.answer()
+
+
+@dataclass(eq=False)
+class _Search:
+    """The ranges tried so far: the best plan, and the narrowest failure."""
+
+    problem: Problem
+    tell: Tell | None
+    best: Plan | None = None
+    failed: Plan | None = None
+    tried: int = 0
+
+    def certified(self, half: float) -> bool:
+        """Whether a certified plan is found for the nominal value give or take `half`."""
+        nominal = self.problem.fleet.parameter.center
+        law = Interval(nominal - half, nominal + half)
+        problem = self.problem.with_(
+            fleet=replace(self.problem.fleet, parameter=law),
+            verify=replace(self.problem.verify, certificate=True, members=1000),
+        )
+        found = self._plan(problem)
+        good = found.certificate is not None and found.certificate.proven == "yes"
+        self.tried += 1
+        if good:
+            self.best = found
+        elif self.failed is None or law.half_width < self.failed.problem.fleet.parameter.half_width:
+            self.failed = found
+        if self.tell:
+            self.tell(law, good)
+        return good
+
+    def _plan(self, problem: Problem) -> Plan:
+        """From the last good plan; where that fails, from routes."""
+        if self.best is not None:
+            found = plan(problem, guess=self.best, check=False)
+            if found.certificate is not None and found.certificate.proven == "yes":
+                return found
+        return plan(problem, check=False)
+
+    def answer(self) -> Widest:
+        """What was found."""
+        return Widest(
+            self.best.problem.fleet.parameter if self.best else None,
+            self.best,
+            self.failed.conflicts() if self.failed else (),
+            self.failed.problem.fleet.parameter if self.failed else None,
+            self.tried,
+        )
