@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import ensemble_ctrl as ec
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.clearance import Prover, separation
-from ensemble_ctrl.certificate.enclosure import Flow, Track
+from ensemble_ctrl.certificate.enclosure import Flow, Track, growth
 from ensemble_ctrl.certificate.task import bound_task, on_grid
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, ground, member_robustness, parse
@@ -268,3 +268,25 @@ def test_nested_formula_against_dense_sampling() -> None:
     fine = trajectories(problem, controls, np.linspace(0.9, 1.1, 51), 8)
     dense = member_robustness(formula, StateSignals(fine, ("x", "y"), problem.step / 8), ExactOps()).min()
     assert dense - 3e-2 <= bound.proven <= dense + 1e-9
+
+
+@settings(max_examples=200, deadline=None)
+@given(seeds, st.sampled_from([0.02, 0.2, 0.4]))
+def test_taylor_remainder_and_bulge_bound_the_truth(seed: int, half: float) -> None:
+    rng = np.random.default_rng(seed)
+    steps = int(rng.integers(1, 12))
+    problem = problem_of(steps, 0.45, "x", {}, "F in(home)")
+    turning = 2.0 if rng.random() < 0.5 else -2.0
+    controls = np.column_stack([rng.uniform(-2, 2, steps), np.full(steps, turning)])
+    flow = Flow.of(problem, controls, problem.fleet.parameter)
+    track = Track.of(flow, np.array([1.0]))
+    offset = rng.uniform(-half, half)
+    truth = Track.of(flow, np.array([1.0 + offset])).position[0]
+    remainder = np.linalg.norm(truth - track.position[0] - offset * track.slope[0], axis=1)
+    assert (remainder <= offset**2 / 2 * flow.remainder() + 1e-12).all()
+    n = np.arange(steps)
+    share = rng.random(steps)
+    inside, _ = flow.moved(n, share, np.ones(steps))
+    ends, _ = flow.moved(n, np.ones(steps), np.ones(steps))
+    bulge = growth(flow, n, np.full(steps, flow.step), np.ones(steps), np.zeros(steps), flow.remainder())
+    assert (np.linalg.norm(inside - share[:, None] * ends, axis=1) <= bulge + 1e-12).all()
