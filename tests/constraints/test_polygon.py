@@ -26,11 +26,7 @@ def test_pieces_cover_the_polygon_once(seed: int, corners: int) -> None:
 
 
 def comb(teeth: int) -> list[list[float]]:
-    upper = [
-        [x, y]
-        for i in range(teeth)
-        for x, y in ((2 * i, 2.0), (2 * i, 1.0), (2 * i + 1, 1.0), (2 * i + 1, 2.0))
-    ]
+    upper = [[x, y] for i in range(teeth) for x, y in ((2 * i, 2.0), (2 * i, 1.0), (2 * i + 1, 1.0), (2 * i + 1, 2.0))]
     return [[-1.0, 2.0], [-1.0, 0.0], [2 * teeth, 0.0], [2 * teeth, 2.0], *upper[::-1]]
 
 

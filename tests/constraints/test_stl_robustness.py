@@ -52,9 +52,7 @@ def test_exact_is_the_definition(formula: Formula, seed: int) -> None:
     got = member_robustness(formula, data, EXACT, 0, last)
     wanted = np.stack([naive(formula, data, k) for k in range(last + 1)], axis=1)
     np.testing.assert_allclose(got, wanted, atol=1e-9)
-    assert robustness(formula, data, EXACT) == pytest.approx(
-        naive(formula, data, 0).min(), rel=1e-12, abs=1e-9
-    )
+    assert robustness(formula, data, EXACT) == pytest.approx(naive(formula, data, 0).min(), rel=1e-12, abs=1e-9)
 
 
 @settings(max_examples=200, deadline=None)
@@ -87,9 +85,7 @@ def test_negation_normal_form_keeps_the_robustness(formula: Formula, seed: int) 
     assume(fits(formula, data))
     normal = negation_normal_form(formula)
     assert not any(isinstance(node, Not) for node in nodes(normal))
-    np.testing.assert_array_equal(
-        member_robustness(normal, data, EXACT), member_robustness(formula, data, EXACT)
-    )
+    np.testing.assert_array_equal(member_robustness(normal, data, EXACT), member_robustness(formula, data, EXACT))
     opposite = member_robustness(negation_normal_form(formula, negate=True), data, EXACT)
     np.testing.assert_allclose(opposite, -naive(formula, data, 0)[:, None], atol=1e-9)
 
@@ -283,3 +279,16 @@ def test_windows_are_rounded_to_the_grid_without_drift() -> None:
     assert robustness(parse("F[0.3,0.3] x >= 0"), data, EXACT) == 5
     assert robustness(parse("F[0.05,0.3] x >= 0"), data, EXACT) == 5
     assert robustness(parse("F[0.31,0.4] x >= 0"), data, EXACT) == 0
+
+
+@pytest.mark.parametrize("text", ["G (x >= 0 or y >= x)", "x <= 3 U[2,4] 2*x - y >= 1", "share(0.9, F x >= 5)"])
+def test_many_members_are_walked_over_in_blocks(text: str) -> None:
+    data = signals(1, members=2000, steps=40)
+    whole = member_robustness(parse(text), data, EXACT)
+    if "share" in text:
+        rows = member_robustness(parse("F x >= 5"), data, EXACT)
+        np.testing.assert_array_equal(whole, np.full((2000, 1), np.sort(rows[:, 0])[2000 - 1800]))
+        return
+    for first in (0, 700, 1998):
+        part = StateSignals(data.states[first : first + 2], NAMES, data.step)
+        np.testing.assert_array_equal(whole[first : first + 2], member_robustness(parse(text), part, EXACT))

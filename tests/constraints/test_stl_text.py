@@ -126,9 +126,7 @@ def test_errors_have_a_column_and_say_what_was_expected(text: str, column: int, 
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "text", ["!" * 300 + "x>=1", "F " * 5000 + "x>=1", "x>=1 U " * 5000 + "x>=1", "mean(" * 300]
-)
+@pytest.mark.parametrize("text", ["!" * 300 + "x>=1", "F " * 5000 + "x>=1", "x>=1 U " * 5000 + "x>=1", "mean(" * 300])
 def test_deep_texts_are_refused(text: str) -> None:
     with pytest.raises(FormulaError):
         parse(text)

@@ -43,21 +43,20 @@ def _eliminate_last(G: Array, h: Array) -> tuple[Array, Array]:
     last = np.where(np.abs(G[:, -1]) > 1e-14, G[:, -1], 0.0)
     up, down, none = last > 0, last < 0, last == 0
     if up.sum() * down.sum() > MAX_ROWS:
-        raise UnsupportedError(
-            f"polyhedron: too many rows for {G.shape[1]} dimensions, expected fewer than {len(G)}"
-        )
+        raise UnsupportedError(f"polyhedron: too many rows for {G.shape[1]} dimensions, expected fewer than {len(G)}")
     a, b = last[up][:, None], -last[down][None, :]
     weight = a + b
     pairs = (b / weight)[..., None] * G[up][:, None, :-1] + (a / weight)[..., None] * G[down][None, :, :-1]
     bounds = b / weight * h[up][:, None] + a / weight * h[down][None, :]
     width = G.shape[1] - 1
-    return np.vstack([G[none, :-1], pairs.reshape(bounds.size, width)]), np.concatenate(
-        [h[none], bounds.ravel()]
-    )
+    return np.vstack([G[none, :-1], pairs.reshape(bounds.size, width)]), np.concatenate([h[none], bounds.ravel()])
 
 
 def is_cone_trivial(G: Array) -> bool:
     """Whether ``G d <= 0`` has no solution but zero, so that ``G x <= h`` is bounded for every h."""
+    if G.shape[1] == 2:  # no two neighbouring normals are half a turn or more apart
+        angles = np.sort(np.arctan2(G[:, 1], G[:, 0]))
+        return len(G) > 2 and bool((np.diff(angles, append=angles[0] + 2 * np.pi) < np.pi - TOLERANCE).all())
     sides = np.vstack([np.eye(G.shape[1]), -np.eye(G.shape[1])])
     base = np.zeros(len(G))
     return not any(is_feasible(np.vstack([G, side]), np.append(base, -1.0)) for side in sides)

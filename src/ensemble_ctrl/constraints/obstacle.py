@@ -72,9 +72,7 @@ class Obstacle:
         A = checked_rows(A, "Obstacle.A")
         b = np.array(b, dtype=float)
         if A.shape[1] != 2 or b.shape != (len(A),):
-            raise ProblemError(
-                f"Obstacle: expected A (facets, 2) and b (facets,), got {A.shape} and {b.shape}"
-            )
+            raise ProblemError(f"Obstacle: expected A (facets, 2) and b (facets,), got {A.shape} and {b.shape}")
         if not np.isfinite(b).all():
             raise ProblemError(f"Obstacle.b: expected finite numbers, got {b.tolist()}")
         b.setflags(write=False)
@@ -90,9 +88,7 @@ class Obstacle:
         """Rectangle ``[[x low, x high], [y low, y high]]``, metres; rows as in the paper's Example 2."""
         pairs = np.asarray(bounds, dtype=float)
         if pairs.shape != (2, 2):
-            raise ProblemError(
-                f"Obstacle.box: expected [[x low, x high], [y low, y high]], got shape {pairs.shape}"
-            )
+            raise ProblemError(f"Obstacle.box: expected [[x low, x high], [y low, y high]], got shape {pairs.shape}")
         if not (pairs[:, 0] < pairs[:, 1]).all():
             raise ProblemError(f"Obstacle.box: expected low < high, got {pairs.tolist()}")
         (x0, x1), (y0, y1) = pairs
@@ -109,9 +105,7 @@ class Obstacle:
         """
         corners = ring(vertices, "Obstacle.polygon")
         if not is_convex(corners):
-            raise ProblemError(
-                "Obstacle.polygon: expected a convex polygon, got another; use convex_pieces(vertices)"
-            )
+            raise ProblemError("Obstacle.polygon: expected a convex polygon, got another; use convex_pieces(vertices)")
         along = np.roll(corners, -1, axis=0) - corners
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
         return cls(normals, np.einsum("ij,ij->i", normals, corners))

@@ -100,9 +100,7 @@ def _check_simple(corners: Array, name: str) -> None:
     if polygon.area <= 1e-12 * scale**2:
         raise ProblemError(f"{name}: expected a polygon with an area, got area {polygon.area:g}")
     if not polygon.is_valid:
-        raise ProblemError(
-            f"{name}: expected a polygon that does not cross itself, got {explain_validity(polygon)}"
-        )
+        raise ProblemError(f"{name}: expected a polygon that does not cross itself, got {explain_validity(polygon)}")
 
 
 def _triangles(corners: Array) -> list[list[int]]:

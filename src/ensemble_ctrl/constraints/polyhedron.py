@@ -61,9 +61,7 @@ class Polyhedron:
         wrong = np.flatnonzero(lower > upper)
         if wrong.size:
             i = int(wrong[0])
-            raise ProblemError(
-                f"Polyhedron.lower: expected lower <= upper, got {lower[i]} > {upper[i]} in row {i}"
-            )
+            raise ProblemError(f"Polyhedron.lower: expected lower <= upper, got {lower[i]} > {upper[i]} in row {i}")
         for name, value in (("A", A), ("lower", lower), ("upper", upper)):
             object.__setattr__(self, name, value)
 
@@ -156,9 +154,7 @@ class Polyhedron:
             raise ProblemError(f"Polyhedron.vertices: expected 2 dimensions, got {self.A.shape[1]}")
         if self.is_empty or not self.is_bounded:
             state = "an empty" if self.is_empty else "an unbounded"
-            raise ProblemError(
-                f"Polyhedron.vertices: expected a bounded set with points in it, got {state} one"
-            )
+            raise ProblemError(f"Polyhedron.vertices: expected a bounded set with points in it, got {state} one")
         return boundary_vertices(*self.unit_rows())
 
     def _points(self, points: ArrayLike) -> Array:

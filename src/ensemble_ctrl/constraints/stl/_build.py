@@ -1,15 +1,11 @@
-"""Build formulas while the parser reads: one method for each alternative of ``grammar.lark``."""
+"""Build formulas while their text is read: one operator on its operands at a time."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
-from lark import Token, Transformer, v_args
-
+from ensemble_ctrl.constraints.stl._tokens import FormulaError
 from ensemble_ctrl.constraints.stl.formula import (
     Always,
     And,
@@ -21,162 +17,131 @@ from ensemble_ctrl.constraints.stl.formula import (
     Share,
     Until,
 )
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
-from ensemble_ctrl.constraints.stl.text import FormulaError, time_value
+from ensemble_ctrl.constraints.stl.leaves import Predicate
 from ensemble_ctrl.errors import ProblemError
-
-Window = tuple[float, float] | None
 
 
 @dataclass(slots=True)
-class _Sum:
+class Sum:
     """A linear expression while it is read."""
 
     terms: dict[str, float]
     offset: float
     column: int
 
-    def add(self, other: _Sum, factor: float) -> None:
+    def add(self, other: Sum, factor: float) -> None:
         """Add a multiple of another expression in place."""
         for name, value in other.terms.items():
             self.terms[name] = self.terms.get(name, 0.0) + factor * value
         self.offset += factor * other.offset
 
 
-@v_args(inline=True)
-class Builder(Transformer[Token, Formula]):
-    """Callbacks of the parser; a ProblemError becomes a FormulaError with a column."""
-
-    def disjunction(self, *children: Formula) -> Formula:
-        """``f or g or ...``."""
-        with _at(0):
-            return Or(children)
-
-    def conjunction(self, *children: Formula) -> Formula:
-        """``f and g and ...``."""
-        with _at(0):
-            return And(children)
-
-    def implies(self, left: Formula, arrow: Token, right: Formula) -> Formula:
-        """``f => g``."""
-        with _at(_column(arrow)):
-            return left.implies(right)
-
-    def until_(self, left: Formula, word: Token, window: Window, right: Formula) -> Formula:
-        """``f U[a,b] g``."""
-        with _at(_column(word)):
-            a, b = window or (None, None)
-            return Until(left, right, a, b, column=_column(word))
-
-    def not_(self, word: Token, child: Formula) -> Formula:
-        """``not f``."""
-        with _at(_column(word)):
-            return Not(child)
-
-    def eventually(self, word: Token, window: Window, child: Formula) -> Formula:
-        """``F[a,b] f``."""
-        with _at(_column(word)):
-            a, b = window or (None, None)
-            return Eventually(child, a, b, column=_column(word))
-
-    def always(self, word: Token, window: Window, child: Formula) -> Formula:
-        """``G[a,b] f``."""
-        with _at(_column(word)):
-            a, b = window or (None, None)
-            return Always(child, a, b, column=_column(word))
-
-    def inside(self, word: Token, name: Token) -> Formula:
-        """``in(region)``."""
-        return Inside(str(name), column=_column(name))
-
-    def avoid(self, word: Token, name: Token) -> Formula:
-        """``avoid(obstacle)``."""
-        return Avoid(str(name), column=_column(name))
-
-    def mean(self, word: Token, child: Formula) -> Formula:
-        """``mean(f)``."""
-        with _at(_column(word)):
-            return Mean(child)
-
-    def share(self, word: Token, p: Token, child: Formula) -> Formula:
-        """``share(p, f)``."""
-        if not 0 < float(p) <= 1:
-            raise FormulaError(_column(p), "a share above 0 and up to 1", str(p))
-        with _at(_column(word)):
-            return Share(float(p), child)
-
-    def window(self, a: Token, b: Token) -> Window:
-        """``[a,b]``."""
-        low, high = time_value(a), time_value(b)
-        if high < low:
-            raise FormulaError(_column(b), f"a window's end of {a} or later", str(b))
-        return low, high
-
-    def predicate(self, left: _Sum, comparison: Token, right: _Sum) -> Formula:
-        """``a x + b >= c``."""
-        sign = 1.0 if comparison.startswith(">") else -1.0
-        total = _Sum({}, 0.0, left.column)
-        total.add(left, sign)
-        total.add(right, -sign)
-        with _at(left.column):
-            return Predicate(tuple(total.terms.items()), total.offset, column=left.column)
-
-    def sum(self, sign: Token | None, first: _Sum, *rest: Any) -> _Sum:
-        """``[+-] term +- term ...``."""
-        total = _Sum({}, 0.0, first.column if sign is None else _column(sign))
-        total.add(first, -1.0 if sign == "-" else 1.0)
-        for operator, term in zip(rest[::2], rest[1::2], strict=True):
-            total.add(term, -1.0 if operator == "-" else 1.0)
-        return total
-
-    def product(self, first: _Sum, *rest: Any) -> _Sum:
-        """``factor * factor / factor ...``, of which one at most has states in it."""
-        total = first
-        for operator, factor in zip(rest[::2], rest[1::2], strict=True):
-            total = _divided(total, factor) if operator == "/" else _multiplied(total, factor)
-        return total
-
-    def constant(self, value: Token) -> _Sum:
-        """A number."""
-        if math.isinf(float(value)):
-            raise FormulaError(_column(value), "a finite number", str(value))
-        return _Sum({}, float(value), _column(value))
-
-    def state(self, name: Token) -> _Sum:
-        """A state."""
-        return _Sum({str(name): 1.0}, 0.0, _column(name))
+Operand = Formula | Sum
 
 
-def _multiplied(left: _Sum, right: _Sum) -> _Sum:
+@dataclass(slots=True)
+class Operator:
+    """An operator, or an open bracket, that waits for its last operand.
+
+    Attributes
+    ----------
+    kind : str
+        As of a token.
+    level : int
+        How tightly it binds; 0 for a bracket.
+    column : int
+        1-based place of what an error is about.
+    count : int
+        Number of operands.
+    text : str
+        As it was written.
+    window : tuple of float, optional
+        Seconds.
+    share : float
+        Share of the members.
+    """
+
+    kind: str
+    level: int
+    column: int
+    count: int = 2
+    text: str = ""
+    window: tuple[float, float] | None = None
+    share: float = 0.0
+
+
+def built(operator: Operator, operands: list[Operand]) -> Operand:
+    """The operator on its operands, which are of the right kinds."""
+    if operator.kind == "sign":
+        return _sum(operator, cast(list[Sum], operands))
+    if operator.kind == "times":
+        left, right = cast(list[Sum], operands)
+        return _divided(left, right) if operator.text == "/" else _multiplied(left, right)
+    if operator.kind in ("(", "sum(", "end"):
+        return operands[0]
+    try:
+        if operator.kind == "compare":
+            return _predicate(operator, *cast(list[Sum], operands))
+        return _formula(operator, cast(list[Formula], operands))
+    except ProblemError as error:
+        wanted, _, came = str(error).partition(": expected ")[2].rpartition(", got ")
+        raise FormulaError(operator.column, wanted, came) from None
+
+
+def _formula(operator: Operator, parts: list[Formula]) -> Formula:
+    """An operator on formulas."""
+    a, b = operator.window or (None, None)
+    match operator.kind:
+        case "=>":  # f => g => h
+            return Or((*map(Not, parts[:-1]), parts[-1]))
+        case "or":
+            return Or(tuple(parts))
+        case "and":
+            return And(tuple(parts))
+        case "U":
+            return Until(parts[0], parts[1], a, b, column=operator.column)
+        case "not":
+            return Not(parts[0])
+        case "F":
+            return Eventually(parts[0], a, b, column=operator.column)
+        case "G":
+            return Always(parts[0], a, b, column=operator.column)
+        case "mean":
+            return Mean(parts[0])
+        case "share":
+            return Share(operator.share, parts[0])
+    raise AssertionError(operator)
+
+
+def _predicate(operator: Operator, left: Sum, right: Sum) -> Formula:
+    """``left >= right``."""
+    sign = 1.0 if operator.text.startswith(">") else -1.0
+    total = Sum({}, 0.0, left.column)
+    total.add(left, sign)
+    total.add(right, -sign)
+    return Predicate(tuple(total.terms.items()), total.offset, column=left.column)
+
+
+def _sum(operator: Operator, operands: list[Sum]) -> Sum:
+    """``left + right``, or ``+ right``, or with minus."""
+    left = operands[0] if operator.count == 2 else Sum({}, 0.0, operator.column)
+    left.add(operands[-1], -1.0 if operator.text == "-" else 1.0)
+    return left
+
+
+def _multiplied(left: Sum, right: Sum) -> Sum:
     """The product, if it is linear."""
     if left.terms and right.terms:
         raise FormulaError(right.column, "a number, as predicates are linear", "a product of states")
     linear, factor = (left, right.offset) if left.terms else (right, left.offset)
-    total = _Sum({}, 0.0, left.column)
+    total = Sum({}, 0.0, left.column)
     total.add(linear, factor)
     return total
 
 
-def _divided(left: _Sum, right: _Sum) -> _Sum:
+def _divided(left: Sum, right: Sum) -> Sum:
     """The quotient, if it is linear."""
     if right.terms or right.offset == 0:
         raise FormulaError(right.column, "a number that is not zero", "a state" if right.terms else "0")
     scaled = {name: value / right.offset for name, value in left.terms.items()}
-    return _Sum(scaled, left.offset / right.offset, left.column)
-
-
-def _column(token: Token) -> int:
-    """1-based place of a token in the text."""
-    return (token.start_pos or 0) + 1
-
-
-@contextmanager
-def _at(column: int) -> Iterator[None]:
-    """Give a constructor's error the column of its operator."""
-    try:
-        yield
-    except FormulaError:
-        raise
-    except ProblemError as error:
-        wanted, _, came = str(error).partition(": expected ")[2].rpartition(", got ")
-        raise FormulaError(column, wanted, came) from None
+    return Sum(scaled, left.offset / right.offset, left.column)

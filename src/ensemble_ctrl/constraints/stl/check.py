@@ -13,9 +13,7 @@ from ensemble_ctrl.constraints.stl.text import FormulaError
 Temporal = Eventually | Always | Until | Release
 
 
-def check_names(
-    formula: Formula, regions: Iterable[str], obstacles: Iterable[str], states: Iterable[str]
-) -> None:
+def check_names(formula: Formula, regions: Iterable[str], obstacles: Iterable[str], states: Iterable[str]) -> None:
     """Check that every name is known.
 
     Raises

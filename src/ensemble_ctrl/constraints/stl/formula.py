@@ -50,9 +50,7 @@ class Formula:
         return Not(self)
 
     def __bool__(self) -> bool:
-        raise ProblemError(
-            "formula: expected f & g, f | g, ~f, got and, or, not, which Python evaluates itself"
-        )
+        raise ProblemError("formula: expected f & g, f | g, ~f, got and, or, not, which Python evaluates itself")
 
     def eventually(self, a: float | None = None, b: float | None = None) -> Formula:
         """At some time in [a, b] seconds from now; without a window, before the horizon ends."""

@@ -11,9 +11,7 @@ from ensemble_ctrl.constraints.stl._text import number
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.errors import ProblemError
 
-RESERVED = frozenset(
-    {"F", "G", "U", "T", "not", "and", "or", "in", "avoid", "eventually", "always", "until"}
-) | {
+RESERVED = frozenset({"F", "G", "U", "T", "not", "and", "or", "in", "avoid", "eventually", "always", "until"}) | {
     "mean",
     "share",
 }
@@ -49,9 +47,7 @@ class Predicate(Formula):
             total[name] = total.get(name, 0.0) + float(value)
         kept = tuple((name, value) for name, value in sorted(total.items()) if value != 0)
         if not kept:
-            raise ProblemError(
-                "Predicate.coefficients: expected at least one state, got a statement on numbers only"
-            )
+            raise ProblemError("Predicate.coefficients: expected at least one state, got a statement on numbers only")
         if not all(map(math.isfinite, [self.offset, *(value for _, value in kept)])):
             raise ProblemError(f"Predicate: expected finite numbers, got {kept} and {self.offset}")
         object.__setattr__(self, "coefficients", kept)
@@ -70,9 +66,8 @@ class Predicate(Formula):
 
     def __str__(self) -> str:
         terms = [_signed(value, name) for name, value in self.coefficients]
-        return (
-            f"{' '.join(terms).removeprefix('+ ').replace('- ', '-', 1 if terms[0][0] == '-' else 0)} >= "
-            + number(0.0 - self.offset)
+        return f"{' '.join(terms).removeprefix('+ ').replace('- ', '-', 1 if terms[0][0] == '-' else 0)} >= " + number(
+            0.0 - self.offset
         )
 
 
@@ -86,9 +81,7 @@ class _Place(Formula):
 
     def __post_init__(self) -> None:
         if not _PLACE.fullmatch(self.name):
-            raise ProblemError(
-                f"{self.word}(...): expected a name of letters, digits, _ . -, got {self.name!r}"
-            )
+            raise ProblemError(f"{self.word}(...): expected a name of letters, digits, _ . -, got {self.name!r}")
         object.__setattr__(self, "depth", 1)
 
     def __str__(self) -> str:

@@ -105,11 +105,11 @@ class ExactOps(Ops):
 
     def all_of(self, values: Iterable[Value]) -> Array:
         """Entrywise minimum."""
-        return reduce(np.minimum, values)
+        return _reduced(values, np.minimum)
 
     def any_of(self, values: Iterable[Value]) -> Array:
         """Entrywise maximum."""
-        return reduce(np.maximum, values)
+        return _reduced(values, np.maximum)
 
     def times(self, columns: Sequence[Value]) -> Array:
         """Join in time."""
@@ -159,6 +159,19 @@ class ExactOps(Ops):
     def release_end(self, left: Value, right: Value, count: int) -> Array:
         """Minus the until of the negated values."""
         return -self.until_end(-left, -right, count)
+
+
+def _reduced(values: Iterable[Array], pick: np.ufunc) -> Array:
+    """Entrywise extremum, with one array of its own for all results on the way."""
+    rest = iter(values)
+    first = next(rest)
+    second = next(rest, None)
+    if second is None:
+        return first
+    result = pick(first, second)
+    for value in rest:
+        pick(result, value, out=result)
+    return np.asarray(result)
 
 
 def _sliding(value: Array, width: int, count: int, pick: np.ufunc) -> Array:

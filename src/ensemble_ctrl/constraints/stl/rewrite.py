@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from operator import is_
 
 from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.constraints.polyhedron import Polyhedron
@@ -36,10 +37,13 @@ def leaves(formula: Formula) -> Iterator[Formula]:
 
 
 def rebuilt(formula: Formula, parts: Iterable[Formula]) -> Formula:
-    """The same operator over other parts."""
+    """The same operator over other parts; the same formula, if they are the same."""
+    parts = tuple(parts)
+    if len(parts) == len(formula.parts) and all(map(is_, parts, formula.parts)):
+        return formula
     match formula:
         case And() | Or():
-            return type(formula)(tuple(parts))
+            return type(formula)(parts)
         case Eventually() | Always() | Not() | Mean() | Share():
             (child,) = parts
             return replace(formula, child=child)
@@ -158,9 +162,7 @@ def ground(
                 G, h = _place(regions, name, "region").unit_rows()
                 return _joined(And, [_face(-g, bound, leaf, position) for g, bound in zip(G, h, strict=True)])
             case Avoid():
-                return _joined(
-                    And, [_outside(p, leaf, position, radius) for p in _avoided(leaf, regions, obstacles)]
-                )
+                return _joined(And, [_outside(p, leaf, position, radius) for p in _avoided(leaf, regions, obstacles)])
         return leaf
 
     return map_leaves(formula, change)

@@ -24,10 +24,13 @@ from ensemble_ctrl.constraints.stl.formula import (
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 from ensemble_ctrl.constraints.stl.operations import Ops, Value
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, resolve
-from ensemble_ctrl.constraints.stl.signals import Signals
+from ensemble_ctrl.constraints.stl.signals import Signals, StateSignals
 from ensemble_ctrl.errors import ProblemError
 
 Temporal = Eventually | Always | Until | Release
+BLOCK = 32_768
+"""Values of a state walked over at once, where members don't depend on each other: arrays of this size stay in the
+cache, and the allocator reuses them."""
 
 
 def robustness(formula: Formula, signals: Signals, ops: Ops, time: int = 0) -> Any:
@@ -83,7 +86,15 @@ def member_robustness(formula: Formula, signals: Signals, ops: Ops, first: int =
     if end > signals.steps:
         span = f"{signals.steps} steps of {signals.step:g} s"
         raise ProblemError(f"formula: expected windows within {span}, got one that ends at step {end}")
-    return _walk(formula, signals, ops, first, last)
+    if not isinstance(signals, StateSignals) or _reads_fleet(formula):
+        return _walk(formula, signals, ops, first, last)
+    values = [_walk(formula, block, ops, first, last) for block in signals.blocks(BLOCK)]
+    return values[0] if len(values) == 1 else ops.members(values)
+
+
+def _reads_fleet(formula: Formula) -> bool:
+    """Whether a member's robustness depends on other members."""
+    return isinstance(formula, Mean | Share) or any(map(_reads_fleet, formula.parts))
 
 
 def reach(formula: Formula, step: float) -> int:
@@ -149,9 +160,7 @@ def _window_steps(formula: Temporal, step: float) -> tuple[int, int]:
     low = math.ceil((formula.a or 0.0) / step - 1e-9)
     high = math.floor((formula.b or 0.0) / step + 1e-9)
     if low > high:
-        raise ProblemError(
-            f"formula: expected windows that hold a time of the {step:g} s grid, got {formula}"
-        )
+        raise ProblemError(f"formula: expected windows that hold a time of the {step:g} s grid, got {formula}")
     return low, high
 
 

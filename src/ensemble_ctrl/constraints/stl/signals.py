@@ -59,6 +59,7 @@ class StateSignals:
             raise ProblemError(f"step: expected a positive number of seconds, got {step}")
         self.names = tuple(names)
         self.step = float(step)
+        self._columns: dict[str, Array] = {}
 
     @property
     def members(self) -> int:
@@ -72,11 +73,19 @@ class StateSignals:
 
     def leaf(self, predicate: Predicate, first: int, last: int) -> Array:
         """Robustness of a predicate at the times first..last, shape (members, last - first + 1)."""
-        coefficients, offset = predicate.normalised()
-        result = np.full((self.members, last - first + 1), offset)
-        for name, value in coefficients:
-            result += value * self.states[:, first : last + 1, self._place(name)]
+        ((name, value), *more), offset = predicate.normalised()
+        result = _affine(self._column(name)[:, first : last + 1], value, offset)
+        for name, value in more:
+            result += value * self._column(name)[:, first : last + 1]
         return result
+
+    def blocks(self, entries: int) -> list[StateSignals]:
+        """The same with fewer members each, so that a state has about `entries` values in a block."""
+        size = max(1, entries // self.states.shape[1])
+        if self.members <= size:
+            return [self]
+        parts = [self.states[i : i + size] for i in range(0, self.members, size)]
+        return [StateSignals(part, self.names, self.step) for part in parts]
 
     def mean(self) -> StateSignals:
         """The mean state's signals."""
@@ -86,8 +95,21 @@ class StateSignals:
     def _mean(self) -> StateSignals:
         return StateSignals(self.states.mean(axis=0, keepdims=True), self.names, self.step)
 
-    def _place(self, name: str) -> int:
-        """Column of a state."""
+    def _column(self, name: str) -> Array:
+        """A state's values, one member after the other in memory."""
         if name not in self.names:
             raise ProblemError(f"formula: expected one of the states {', '.join(self.names)}, got {name!r}")
-        return self.names.index(name)
+        if name not in self._columns:
+            self._columns[name] = np.ascontiguousarray(self.states[:, :, self.names.index(name)])
+        return self._columns[name]
+
+
+def _affine(x: Array, value: float, offset: float) -> Array:
+    """``value x + offset`` in one pass where that is possible."""
+    if value == -1.0:
+        return np.asarray(offset - x)
+    if value == 1.0:
+        return np.asarray(x + offset)
+    result = value * x
+    result += offset
+    return result

@@ -1,63 +1,54 @@
 """Read a formula from text.
 
-From loose to tight: ``=>``, ``or``/``|``, ``and``/``&``, ``U``, then ``not``/``!``, ``F``, ``G``; so
-``F[0,5] a and b`` is ``(F[0,5] a) and b``. ``=>`` and ``U`` group to the right. A window is ``[a,b]`` in
-seconds, ``T`` is the duration, no window is the whole horizon. The grammar is in ``grammar.lark``.
+From loose to tight::
+
+    formula = or ["=>" formula]                        also "->"
+    or      = and {"or" and}                           also "|", "||"
+    and     = until {"and" until}                      also "&", "&&"
+    until   = unary ["U" [window] until]               also "until"
+    unary   = "not" unary                              also "!"
+            | ("F" | "G") [window] unary               also "eventually", "always"
+            | "(" formula ")" | "mean" "(" formula ")" | "share" "(" number "," formula ")"
+            | "in" "(" place ")" | "avoid" "(" place ")"
+            | sum (">=" | "<=" | ">" | "<") sum
+    window  = "[" time "," time "]"                    seconds; without one, the whole horizon
+    time    = number | "T"                             T is the duration
+    sum     = ["+" | "-"] product {("+" | "-") product}
+    product = factor {("*" | "/") factor}              linear in the states
+    factor  = number | state | "(" sum ")"
+
+So ``F[0,5] a and b`` is ``(F[0,5] a) and b``, and ``=>`` and ``U`` group to the right. A state is a letter
+and then letters, digits and ``_``; a place may have ``.`` and ``-`` too, and be a word of the language.
 """
 
 from __future__ import annotations
 
 import math
-from functools import cache
-from importlib import resources
-from typing import TYPE_CHECKING
 
+from ensemble_ctrl.constraints.stl._build import Operand, Operator, Sum, built
+from ensemble_ctrl.constraints.stl._tokens import FormulaError, Token, Tokens
 from ensemble_ctrl.constraints.stl.formula import Formula
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside
 
-if TYPE_CHECKING:
-    from lark import Lark
+__all__ = ["FormulaError", "parse"]
 
+LEVELS = {"=>": 1, "or": 2, "and": 3, "U": 4, "not": 5, "F": 5, "G": 5, "compare": 6, "sign": 7, "times": 8}
+"""How tightly an operator binds; open brackets are at 0."""
+
+UNARY, COMPARE, SIGN = LEVELS["not"], LEVELS["compare"], LEVELS["sign"]
+_AT_TOP = ("and", "or", "=>", "U", "end")
+_IN_BRACKET = ("and", "or", "=>", "U", ")")
 WORDS = {
-    "NUMBER": "a number",
-    "TIME": "T",
-    "NAME": "a state",
-    "PLACE": "a name",
-    "_LPAR": "'('",
-    "_LSQB": "'['",
-    "_RSQB": "']'",
-    "_COMMA": "','",
-    "COMPARE": "'>=', '<='",
-    "SIGN": "'+'",
-    "TIMES": "'*'",
-    "_AND": "'and'",
-    "_OR": "'or'",
-    "IMPLIES": "'=>'",
-    "UNTIL": "'U'",
-    "_RPAR": "')'",
-    "$END": "the end",
+    "compare": "'>=', '<='",
+    "sign": "'+'",
+    "times": "'*'",
+    "and": "'and'",
+    "or": "'or'",
+    "=>": "'=>'",
+    "U": "'U'",
+    ")": "')'",
+    "end": "the end",
 }
-OPERAND = frozenset({"NOT", "EVENTUALLY", "ALWAYS", "IN", "AVOID", "MEAN", "SHARE"})
-
-
-class FormulaError(ProblemError):
-    """A task's text can't be read, or a name in it is unknown.
-
-    Attributes
-    ----------
-    column : int
-        1-based place in the text, counted over line ends too; 0 for a formula that was built in Python.
-    expected : str
-        What would have been right there, in words.
-    """
-
-    def __init__(self, column: int, expected: str, came: str) -> None:
-        self.column, self.expected, self.came = column, expected, came
-        where = f"column {column}: " if column else ""
-        super().__init__(f"{where}expected {expected}, got {came}")
-
-    def __reduce__(self) -> tuple[type[FormulaError], tuple[int, str, str]]:
-        return type(self), (self.column, self.expected, self.came)
 
 
 def parse(text: str) -> Formula:
@@ -80,53 +71,175 @@ def parse(text: str) -> Formula:
 
     Notes
     -----
-    Time and memory grow in proportion to the text (LALR(1)).
+    Time and memory grow in proportion to the text: one pass over the tokens, by operator precedence, with
+    stacks of its own in place of recursion.
 
     Examples
     --------
     >>> str(parse("eventually[1, T] x + 2*y <= 3 => !in(goal)"))
     'not F[1,T] -x - 2*y >= -3 or not in(goal)'
     """
-    from lark.exceptions import UnexpectedCharacters, UnexpectedToken
-
     if not text.strip():
         raise FormulaError(1, "a formula", "an empty text")
-    try:
-        result = _parser().parse(text)
-    except UnexpectedToken as error:
-        at_end = error.token.type == "$END"
-        column = len(text.rstrip()) + 1 if at_end else (error.token.start_pos or 0) + 1
-        came = "the end of the text" if at_end else repr(str(error.token))
-        raise FormulaError(column, _in_words(error.accepts or error.expected), came) from None
-    except UnexpectedCharacters as error:
-        place = error.pos_in_stream or 0
-        raise FormulaError(place + 1, _in_words(error.allowed or set()), repr(text[place])) from None
-    assert isinstance(result, Formula)
-    return result
+    return _Parser(text).formula()
 
 
-@cache
-def _parser() -> Lark:
-    """The parser, built at its first use."""
-    from lark import Lark
+class _Parser:
+    """What was read: operands, and the operators and brackets that wait for their last operand."""
 
-    from ensemble_ctrl.constraints.stl._build import Builder
+    def __init__(self, text: str) -> None:
+        self._tokens = Tokens(text)
+        self._operands: list[Operand] = []
+        self._waiting = [Operator("end", 0, 1, 1)]
+        self._brackets = 0
 
-    grammar = resources.files(__package__).joinpath("grammar.lark").read_text(encoding="utf-8")
-    return Lark(grammar, parser="lalr", start="formula", transformer=Builder(), maybe_placeholders=True)
+    def formula(self) -> Formula:
+        """The whole text's formula."""
+        while self._waiting:
+            self._read_operand()
+            while self._waiting and not self._read_operator():
+                pass
+        (result,) = self._operands
+        assert isinstance(result, Formula)
+        return result
+
+    def _read_operand(self) -> None:
+        """Read up to the end of a leaf, a number or a state, with the operators and brackets before it."""
+        while True:
+            token, before = self._tokens.next(), self._waiting[-1]
+            kind, column = token.kind, token.column
+            whole = before.level <= UNARY and before.kind != "sum("  # the place takes any formula
+            if kind == "name" or kind == "number":
+                self._operands.append(_factor(token))
+                return
+            if kind == "(":
+                self._wait(Operator("(" if whole else "sum(", 0, column, 1))
+            elif kind == "sign" and before.level < SIGN:
+                self._wait(Operator(kind, SIGN, column, 1, token.text))
+            elif whole and (kind == "in" or kind == "avoid"):
+                self._operands.append(self._place(kind))
+                return
+            elif whole and kind in ("not", "F", "G", "mean", "share"):
+                self._wait(self._prefix(token))
+            else:
+                raise token.refused(_operand_words(before, token, whole))
+
+    def _place(self, kind: str) -> Formula:
+        """The rest of a leaf about a place."""
+        self._tokens.take("(", "'('")
+        place = self._tokens.place()
+        self._tokens.take(")", "')'")
+        return (Inside if kind == "in" else Avoid)(place.text, column=place.column)
+
+    def _prefix(self, token: Token) -> Operator:
+        """An operator in front of a formula, with its window, or its share and bracket."""
+        operator = Operator(token.kind, LEVELS.get(token.kind, 0), token.column, 1)
+        if token.kind == "F" or token.kind == "G":
+            operator.window = self._window()
+        elif token.kind != "not":
+            self._tokens.take("(", "'('")
+        if token.kind == "share":
+            p = self._tokens.take("number", "a number")
+            operator.share = float(p.text)
+            if not 0 < operator.share <= 1:
+                raise FormulaError(p.column, "a share above 0 and up to 1", p.text)
+            self._tokens.take(",", "','")
+        return operator
+
+    def _window(self) -> tuple[float, float] | None:
+        """``[a,b]``, if it is there."""
+        if not self._tokens.skip("["):
+            return None
+        (low, a), (high, b) = self._time(","), self._time("]")
+        if high < low:
+            raise FormulaError(b.column, f"a window's end of {a.text} or later", b.text)
+        return low, high
+
+    def _time(self, after: str) -> tuple[float, Token]:
+        """One end of a window, infinity for ``T``, and what has to follow it."""
+        token = self._tokens.next()
+        if token.kind != "number" and token.kind != "T":
+            raise token.refused("a number or T")
+        self._tokens.take(after, f"'{after}'")
+        return math.inf if token.kind == "T" else float(token.text), token
+
+    def _read_operator(self) -> bool:
+        """Read what may follow an operand; whether another operand has to follow that."""
+        token = self._tokens.next()
+        kind, possible = token.kind, self._possible()
+        if kind not in possible:
+            raise token.refused(_listed([word for name, word in WORDS.items() if name in possible]))
+        if kind == ")" or kind == "end":
+            self._combine(1)
+            self._brackets -= 1
+            self._apply(self._waiting.pop())
+            return False
+        level = LEVELS[kind]
+        self._combine(level if level > COMPARE else level + 1)  # and, or, => become one list; U groups right
+        if kind == self._waiting[-1].kind != "U":
+            self._waiting[-1].count += 1
+            return True
+        operator = Operator(kind, level, token.column, 2, token.text)
+        if kind == "U":
+            operator.window = self._window()
+        elif kind == "compare":
+            left = self._operands[-1]
+            assert isinstance(left, Sum)
+            operator.column = left.column
+        self._wait(operator)
+        return True
+
+    def _possible(self) -> tuple[str, ...]:
+        """The kinds of token that may follow what was read last."""
+        after_formula = _IN_BRACKET if self._brackets else _AT_TOP
+        if not isinstance(self._operands[-1], Sum):
+            return after_formula
+        place = -1
+        while self._waiting[place].level > COMPARE:
+            place -= 1
+        match self._waiting[place].kind:
+            case "compare":
+                return ("sign", "times", *after_formula)
+            case "sum(":
+                return ("sign", "times", ")")
+            case "(":
+                return ("compare", "sign", "times", ")")
+        return ("compare", "sign", "times")
+
+    def _wait(self, operator: Operator) -> None:
+        """Keep an operator or an open bracket until its last operand is read."""
+        self._brackets += operator.level == 0
+        self._waiting.append(operator)
+
+    def _combine(self, level: int) -> None:
+        """Apply the waiting operators that bind at least this tightly."""
+        while self._waiting[-1].level >= level:
+            self._apply(self._waiting.pop())
+
+    def _apply(self, operator: Operator) -> None:
+        """Put an operator on the operands read last."""
+        self._operands[-operator.count :] = [built(operator, self._operands[-operator.count :])]
 
 
-def _in_words(terminals: set[str]) -> str:
-    """The terminals a parser would accept, for a person; none are left once a formula is whole."""
-    names = set(terminals) or {"$END"}
-    words = []
-    if names >= OPERAND:
-        words.append("a formula")
-        names -= OPERAND | {"NUMBER", "NAME", "SIGN", "_LPAR"}
-    words += [word for name, word in WORDS.items() if name in names]
+def _factor(token: Token) -> Sum:
+    """A number or a state."""
+    if token.kind == "name":
+        return Sum({token.text: 1.0}, 0.0, token.column)
+    value = float(token.text)
+    if math.isinf(value):
+        raise FormulaError(token.column, "a finite number", token.text)
+    return Sum({}, value, token.column)
+
+
+def _operand_words(before: Operator, token: Token, whole: bool) -> str:
+    """What should have been in an operand's place."""
+    if not whole:
+        return "a number, a state, '(' or '+'" if before.level < SIGN else "a number, a state or '('"
+    if token.kind == "T":
+        return "a state's name"
+    return "a formula or '['" if before.kind in ("F", "G", "U") and before.window is None else "a formula"
+
+
+def _listed(words: list[str]) -> str:
+    """Alternatives for a person."""
     return " or ".join(words) if len(words) < 3 else ", ".join(words[:-1]) + " or " + words[-1]
-
-
-def time_value(text: str) -> float:
-    """Seconds, or infinity for ``T``."""
-    return math.inf if text == "T" else float(text)
