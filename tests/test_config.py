@@ -22,7 +22,7 @@ from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.errors import ConfigError
-from ensemble_ctrl.problem import Problem, SolveOptions, VerifyOptions
+from ensemble_ctrl.problem import Problem, ReportOptions, SolveOptions, VerifyOptions
 
 FIVE = Path(__file__).parents[1] / "configs" / "five_obstacles.yaml"
 GOOD = """\
@@ -57,6 +57,7 @@ obstacles:
   corner: {polygon: [[3, 3], [5.3, 3], [5, 4.1], [4, 4], [4, 5], [3.7, 5]]}
   cut: {halfspaces: [x >= 3, 3*y >= 1, x + y <= 5]}
   two: [{box: [[8, 9], [0.1, 0.3]]}, {wkt: "POLYGON ((8 2, 9 2, 8.5 3, 8 2))"}]
+report: {twin: true}
 task: F in(tri) and G[0, T] avoid(obstacles) => (in(half) U[1, 2.5] x - 2*y <= 1e-3) or share(0.95, F x >= 1)
 objective: {terminal: {target: [6.1, 5.2]}}
 """
@@ -114,6 +115,7 @@ def test_only_four_things_are_required() -> None:
     assert problem.order is None
     assert problem.solve == SolveOptions()
     assert problem.verify == VerifyOptions()
+    assert problem.report == ReportOptions()
     assert (problem.fleet.parameter.lower, problem.fleet.parameter.upper) == (0.9, 1.1)
     assert problem.fleet.input_upper.tolist() == [2.0, 2.0]
     assert problem.objective.target is None
@@ -124,6 +126,11 @@ def test_a_heading_from_y_counts_clockwise() -> None:
     assert problem.fleet.system.heading_from == "y"
     assert problem.fleet.heading == pytest.approx(math.pi / 3)
     assert problem.fleet.own_heading == pytest.approx(math.pi / 6)
+
+
+def test_figures_may_show_the_twin() -> None:
+    assert config.load_text(GOOD, overrides=["report.twin=true"]).report == ReportOptions(twin=True)
+    assert config.load(FIVE).report.twin
 
 
 def test_scientific_notation_is_a_number() -> None:
@@ -275,6 +282,18 @@ CASES = {
         (7, 23, "verify.certificate"),
         "expected true or false, got 'yes'",
         "",
+    ),
+    "a number as a boolean": (
+        ("moments:", "report: {twin: 1}\nmoments:"),
+        (7, 16, "report.twin"),
+        "expected true or false, got 1",
+        "",
+    ),
+    "an unknown figure": (
+        ("moments:", "report: {twins: true}\nmoments:"),
+        (7, 10, "report.twins"),
+        "unknown field",
+        "did you mean 'twin'?",
     ),
     "method of a later release": (
         ("moments:", "solve: {method: minlp}\nmoments:"),
@@ -812,7 +831,7 @@ def test_overrides_are_listed_after_the_file() -> None:
 
 def assert_same(one: Problem, two: Problem) -> None:
     """Every number of two problems is the same."""
-    for name in ("name", "duration", "steps", "order", "task", "solve", "verify"):
+    for name in ("name", "duration", "steps", "order", "task", "solve", "verify", "report"):
         assert getattr(one, name) == getattr(two, name), name
     for name in ("system", "parameter", "heading", "radius", "parameter_name"):
         assert getattr(one.fleet, name) == getattr(two.fleet, name), name

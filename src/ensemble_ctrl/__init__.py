@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from ensemble_ctrl.config import load, load_text
     from ensemble_ctrl.constraints import Obstacle, Polyhedron
     from ensemble_ctrl.moments import Interval, LegendreBasis
-    from ensemble_ctrl.problem import Fleet, Objective, Problem, SolveOptions, VerifyOptions
+    from ensemble_ctrl.problem import Fleet, Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
     from ensemble_ctrl.replay import Replay
     from ensemble_ctrl.systems import Unicycle
+    from ensemble_ctrl.twin import unconstrained
 
 _HOMES = {
     "Fleet": "problem",
@@ -32,12 +33,14 @@ _HOMES = {
     "Polyhedron": "constraints",
     "Problem": "problem",
     "Replay": "replay",
+    "ReportOptions": "problem",
     "SolveOptions": "problem",
     "Unicycle": "systems",
     "VerifyOptions": "problem",
     "load": "config",
     "load_text": "config",
     "plan": "api",
+    "unconstrained": "twin",
 }
 """Public names and the module that each is loaded from when it is first used."""
 
@@ -54,6 +57,7 @@ __all__ = [
     "Problem",
     "ProblemError",
     "Replay",
+    "ReportOptions",
     "SolveError",
     "SolveOptions",
     "Unicycle",
@@ -63,6 +67,7 @@ __all__ = [
     "load",
     "load_text",
     "plan",
+    "unconstrained",
 ]
 
 

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl._version import __version__
+from ensemble_ctrl import planfile
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
-from ensemble_ctrl.planner import Progress, Solution, Status, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import Replay, replay
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from ensemble_ctrl.planner import Progress, Solution, Status
+
 Floats = NDArray[np.float64]
+
+STATUSES = ("planned", "infeasible", "limit", "interrupted")
+"""How a search can end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,8 @@ class Plan:
         wanted = (self.problem.steps, len(self.problem.fleet.system.controls))
         if controls.shape != wanted or not np.isfinite(controls).all():
             raise ProblemError(f"controls: expected {wanted} finite numbers, got shape {controls.shape}")
+        if self.status not in STATUSES:
+            raise ProblemError(f"status: expected one of {', '.join(STATUSES)}, got {self.status!r}")
         controls.setflags(write=False)
         object.__setattr__(self, "controls", controls)
 
@@ -68,8 +72,8 @@ class Plan:
 
     @property
     def verified(self) -> bool:
-        """Whether the plan was found and no replayed member violates it."""
-        return self.replayed is not None and not self.replayed.violating.any()
+        """Whether a plan was found, replayed, and no replayed member violates it."""
+        return self.status != "infeasible" and self.replayed is not None and not self.replayed.violating.any()
 
     def replay(
         self, members: int | None = None, *, substeps: int | None = None, parameters: Floats | None = None
@@ -88,17 +92,21 @@ class Plan:
         return draw_trajectories(self.problem, self.controls, ax)
 
     def save(self, path: str | Path) -> Path:
-        """Write everything needed to load the plan again to one ``.npz`` file without pickle."""
+        """Write everything needed to load the plan again to one ``.npz`` file, without pickle.
+
+        Parameters
+        ----------
+        path : path
+            The file; ``.npz`` is added if it has no such ending.
+
+        Returns
+        -------
+        Path
+            The file written.
+        """
         path = Path(path)
         path = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
-        facts = {"version": __version__, "status": self.status, "details": self.details}
-        with path.open("wb") as file:
-            np.savez(
-                file,
-                controls=self.controls,
-                problem=np.array(dump(self.problem)),
-                facts=np.array(json.dumps(facts)),
-            )
+        planfile.write(path, planfile.Saved(self.controls, dump(self.problem), self.status, self.details))
         return path
 
     @classmethod
@@ -109,22 +117,22 @@ class Plan:
         ------
         ProblemError
             If the file is missing or is not a plan.
+        ConfigError
+            If the problem in it is not one that this version reads.
         """
-        path = Path(path)
-        path = path / "plan.npz" if path.is_dir() else path
+        path = planfile.path_of(path)
+        saved = planfile.read(path)
+        problem = load_text(saved.problem, f"{path}: problem")
         try:
-            with np.load(path, allow_pickle=False) as data:
-                controls, text, facts = data["controls"], str(data["problem"]), json.loads(str(data["facts"]))
-        except FileNotFoundError:
-            raise ProblemError(f"{path}: expected a saved plan, found no such file") from None
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile, TypeError) as error:
-            raise ProblemError(f"{path}: expected a plan saved by this package ({error})") from None
-        problem = load_text(text, f"{path}: problem")
-        return cls(problem, controls, facts["status"], facts["details"])
+            return cls(problem, saved.controls, cast("Status", saved.status), saved.details)
+        except ProblemError as error:
+            raise ProblemError(f"{path}: {error}") from None
 
     def __repr__(self) -> str:
-        checked = "not replayed" if self.replayed is None else (
-            f"{int(self.replayed.violating.sum())} of {self.replayed.members} members violate"
+        checked = (
+            "not replayed"
+            if self.replayed is None
+            else (f"{int(self.replayed.violating.sum())} of {self.replayed.members} members violate")
         )
         cost = self.details.get("cost")
         worth = "" if cost is None else f", cost {cost:.4g}"
@@ -133,10 +141,11 @@ class Plan:
     def _repr_html_(self) -> str:
         from html import escape
 
-        from ensemble_ctrl.report import map_svg, summary_lines
+        from ensemble_ctrl.report import plan_svg, summary_lines
 
+        drawing = plan_svg(self.problem, self.controls)
         text = escape("\n".join(summary_lines(self)))
-        return f'<div style="display:flex;gap:1em">{map_svg(self.problem, self.controls)}<pre>{text}</pre></div>'
+        return f'<div style="display:flex;gap:1em;align-items:flex-start">{drawing}<pre>{text}</pre></div>'
 
 
 def plan(
@@ -184,6 +193,8 @@ def plan(
     >>> ec.plan(problem).replayed.satisfied
     1.0
     """
+    from ensemble_ctrl.planner import solve
+
     controls = guess.controls if isinstance(guess, Plan) else guess
     solution = solve(problem, progress=progress, guess=controls, log=log)
     if progress is not None:
@@ -197,15 +208,12 @@ def plan(
 
 def failure_message(plan: Plan) -> str:
     """Why a plan falls short, in words: the constraints that conflict with amount, parameter and time."""
-    name = plan.problem.fleet.parameter_name
-    found = plan.conflicts()
-    if not found:
-        return f"{plan.problem.name}: {plan.status}"
-    lines = [
-        f"{c.what} by {c.amount:.3g} m ({name} {c.parameter:.4g}, t = {c.time:.2f} s)" for c in found[:5]
-    ]
+    from ensemble_ctrl.report import conflict_text
+
     lead = "no plan was found" if plan.status == "infeasible" else f"the plan falls short ({plan.status})"
-    return f"{plan.problem.name}: {lead}; violated near the best guess: " + "; ".join(lines)
+    lines = [conflict_text(plan.problem, c) for c in plan.conflicts()[:5]]
+    listed = "; violated near the best guess: " + "; ".join(lines) if lines else ""
+    return f"{plan.problem.name}: {lead}{listed}"
 
 
 def with_replay(plan: Plan, run: Replay) -> Plan:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.robustness import Temporal
+from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
@@ -148,7 +149,7 @@ def solve(
     search.tell("guess")
     steps = coarse_steps(problem)
     starts = (
-        [(0.0, guess)]
+        [(0.0, _given(problem, guess, steps))]
         if guess is not None
         else [(seed.length, seed.controls) for seed in seeds(problem, steps, problem.solve.routes)]
     )
@@ -181,6 +182,15 @@ def solve(
     )
 
 
+def _given(problem: Problem, guess: Floats, steps: int) -> Floats:
+    """A caller's guess within the input bounds, on at least `steps` steps so that each window holds a grid time."""
+    given, n_u = np.asarray(guess, dtype=float), len(problem.fleet.system.controls)
+    if given.ndim != 2 or not len(given) or given.shape[1] != n_u or not np.isfinite(given).all():
+        raise ProblemError(f"guess: expected finite controls of shape (steps, {n_u}), got shape {given.shape}")
+    fine = given if len(given) >= steps else _refined(given, steps)
+    return np.clip(fine, problem.fleet.input_lower, problem.fleet.input_upper)
+
+
 def coarse_steps(problem: Problem) -> int:
     """Steps of the coarse grid: a divisor of the problem's, fine enough for every window of the task."""
     wanted = COARSE_STEPS
@@ -201,7 +211,7 @@ def _windows(formula: Formula) -> list[tuple[float, float]]:
 def _coarse(search: _Search, controls: Floats) -> Attempt:
     """A seed improved on its own coarse grid at low order."""
     problem = search.problem
-    truncation = Truncation(2, 2, True)
+    truncation = Truncation(2, 2, problem.solve.guarantee != "moment")
     if search.over():
         return start(problem, controls, truncation)
     options = search.options(1e-2, 1e-3)

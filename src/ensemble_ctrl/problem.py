@@ -17,7 +17,7 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.systems import Unicycle
 
 Floats = NDArray[np.float64]
-Guarantee = Literal["nodes", "hull"]
+Guarantee = Literal["moment", "nodes", "hull"]
 Method = Literal["nlp"]
 
 MAX_ORDER = 50
@@ -121,8 +121,10 @@ class SolveOptions:
     ----------
     method : {"nlp"}
         Nonlinear program with IPOPT.
-    guarantee : {"hull", "nodes"}
-        For whom the obstacle constraints hold; see `ensemble_ctrl.ocp`.
+    guarantee : {"moment", "nodes", "hull"}
+        For whom the program's constraints hold. ``moment``: the paper's rows on moments, necessary only, in effect the
+        mean robot. ``nodes``: the robots at the Gauss nodes, at the grid times. ``hull``: every member of the truncated
+        model, through whole step intervals.
     time_limit : float
         Seconds after which the best plan so far is returned.
     seed : int
@@ -163,6 +165,19 @@ class VerifyOptions:
     certificate: bool = True
 
 
+@dataclass(frozen=True)
+class ReportOptions:
+    """What figures show.
+
+    Parameters
+    ----------
+    twin : bool
+        Whether to plan the problem's unconstrained twin too, and draw it dashed (`ensemble_ctrl.twin`).
+    """
+
+    twin: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """One planning problem.
@@ -191,6 +206,8 @@ class Problem:
         How to solve.
     verify : VerifyOptions
         How to check.
+    report : ReportOptions
+        What to show.
 
     Raises
     ------
@@ -209,6 +226,7 @@ class Problem:
     order: int | None = None
     solve: SolveOptions = field(default_factory=SolveOptions)
     verify: VerifyOptions = field(default_factory=VerifyOptions)
+    report: ReportOptions = field(default_factory=ReportOptions)
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.checks import require_sound
@@ -244,3 +262,10 @@ class Problem:
             f"{self.duration:g} s in {self.steps} steps, order {order}, {len(self.obstacles)} obstacles, "
             f"task {self.task})"
         )
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        from ensemble_ctrl.drawing import map_svg
+
+        return f"<div>{map_svg(self)}<pre>{escape(repr(self))}</pre></div>"

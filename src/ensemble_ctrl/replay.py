@@ -12,17 +12,17 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness
-from ensemble_ctrl.duties import Duty, duties, grounded
+from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
-BLOCK = 2000
+BLOCK = 1000
 """Members in one block, at 160 steps: the arrays of a block stay in the processor's cache."""
 
 
@@ -60,11 +60,12 @@ class Replay:
     parameters : ndarray, shape (members,)
         Parameters in sampling order; the ends of the range come first.
     robustness : ndarray, shape (members,)
-        Exact robustness in metres of the whole task at the grid times, one number a member.
+        Exact robustness in metres of the whole task, one number a member: at the grid times, and for what must be kept
+        out of all the time (`ensemble_ctrl.duties`) the distance at `substeps` times a step.
     clearances : tuple of Clearance
         One for each obstacle, at `substeps` times a step.
     violating : ndarray of bool, shape (members,)
-        Members that fail the task at the grid times, or are inside an obstacle at any time looked at.
+        Members with a negative robustness: those that fail the task, or are inside an obstacle at a time looked at.
     substeps : int
         Times looked at in each step.
     seconds : float
@@ -132,6 +133,11 @@ def replay(
     -------
     Replay
 
+    Raises
+    ------
+    ProblemError
+        For `controls` or `parameters` that are empty, of another shape or not finite, or a count below 1.
+
     Notes
     -----
     *Guarantee*: exact for the members and times looked at; says nothing of others.
@@ -140,14 +146,11 @@ def replay(
     substeps = problem.verify.substeps if substeps is None else substeps
     if substeps < 1:
         raise ProblemError(f"substeps: expected 1 or more, got {substeps}")
-    drawn = (
-        _draw(problem, members, seed) if parameters is None else np.atleast_1d(np.asarray(parameters, float))
-    )
+    controls = _finite("controls", controls, 2)
+    drawn = _draw(problem, members, seed) if parameters is None else _finite("parameters", parameters, 1)
     size = max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
-    with ThreadPoolExecutor(
-        min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)
-    ) as pool:
+    with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
         results = list(pool.map(lambda block: _run(problem, controls, block, substeps), blocks))
     robustness = np.concatenate([r for r, _, _ in results])
     inside = np.concatenate([i for _, i, _ in results], axis=1)
@@ -155,8 +158,7 @@ def replay(
         _closest(duty.name, [found[o] for _, _, found in results], int(inside[o].sum()))
         for o, duty in enumerate(duties(problem))
     )
-    violating = (robustness < 0) | inside.any(axis=0)
-    return Replay(drawn, robustness, clearances, violating, substeps, time.perf_counter() - began)
+    return Replay(drawn, robustness, clearances, robustness < 0, substeps, time.perf_counter() - began)
 
 
 def trajectories(problem: Problem, controls: Floats, parameters: Floats, substeps: int = 1) -> Floats:
@@ -168,6 +170,15 @@ def trajectories(problem: Problem, controls: Floats, parameters: Floats, substep
 
 
 _Closest = tuple[float, float, float]
+
+
+def _finite(name: str, values: ArrayLike, ndim: int) -> Floats:
+    """Finite numbers: controls of shape (steps, 2), or a row of parameters; a NaN would fail no comparison."""
+    array = np.atleast_1d(np.asarray(values, dtype=float))
+    shape = "(members,)" if ndim == 1 else "(steps, 2)"
+    if array.ndim != ndim or not array.size or (ndim == 2 and array.shape[1] != 2) or not np.isfinite(array).all():
+        raise ProblemError(f"{name}: expected finite numbers of shape {shape}, got shape {array.shape}")
+    return array
 
 
 def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
@@ -188,41 +199,49 @@ def _run(
     paths = trajectories(problem, controls, parameters, substeps)
     robustness = _robustness(problem, paths[:, ::substeps])
     times = np.linspace(0.0, problem.duration, paths.shape[1])
-    kept = duties(problem)
+    kept, box = duties(problem), (paths.min(axis=0), paths.max(axis=0))
     inside = np.zeros((len(kept), len(parameters)), dtype=bool)
     found = []
     for o, duty in enumerate(kept):
-        when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
-        member, at, distance = _approach(paths[:, when], duty, inside[o])
-        found.append((distance, float(times[when][at]), float(parameters[member])))
+        when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
+        closest, at = _approach(paths, box, when, duty)
+        member = int(closest.argmin())
+        found.append((float(closest[member]), float(times[at[member]]), float(parameters[member])))
+        inside[o] = closest < 0
+        np.minimum(robustness, closest, out=robustness)
     return robustness, inside, found
 
 
 def _robustness(problem: Problem, paths: Floats) -> Floats:
-    """Robustness of the whole task for every member."""
-    formula = grounded(problem, problem.task)
+    """Robustness of the task but for its duties, for every member."""
     signals = StateSignals(paths, ("x", "y"), problem.duration / (paths.shape[1] - 1))
-    return np.asarray(member_robustness(formula, signals, ExactOps()))[:, 0]
+    least = np.full(len(paths), np.inf)
+    for part in other_parts(problem):
+        np.minimum(least, member_robustness(grounded(problem, part), signals, ExactOps())[:, 0], out=least)
+    return least
 
 
-def _approach(paths: Floats, duty: Duty, inside: NDArray[np.bool_]) -> tuple[int, int, float]:
-    """Member, time index and distance of the closest approach; marks the members that are inside.
+def _approach(
+    paths: Floats, box: tuple[Floats, Floats], when: NDArray[np.int64], duty: Duty
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Each member's smallest distance from a duty's pieces, and the time index of it.
 
-    Only times at which the block's bounding box is closer than the best so far, or overlaps, are looked at.
+    Of the time indices `when`, only those are looked at where the block's bounding box is as close as some member's
+    smallest distance so far, or overlaps.
     """
-    best = (0, 0, np.inf)
-    low, high = paths.min(axis=0), paths.max(axis=0)
+    closest, at = np.full(len(paths), np.inf), np.zeros(len(paths), dtype=np.int64)
+    members = np.arange(len(paths))
     for piece in duty.pieces:
-        bound = _box_distance(low, high, piece) - duty.radius
-        for columns in _nearest_first(bound):
-            if bound[columns[0]] > max(best[2], 0.0):
+        bound = _box_distance(box[0][when], box[1][when], piece) - duty.radius
+        for group in _nearest_first(bound):
+            if bound[group[0]] > max(float(closest.max()), 0.0):
                 break
-            distance = piece.distance(paths[:, columns]) - duty.radius
-            inside |= (distance < 0).any(axis=1)
-            member, k = np.unravel_index(int(distance.argmin()), distance.shape)
-            if distance[member, k] < best[2]:
-                best = (int(member), int(columns[k]), float(distance[member, k]))
-    return best
+            distance = piece.distance(paths[:, when[group]]) - duty.radius
+            k = distance.argmin(axis=1)
+            least = distance[members, k]
+            at = np.where(least < closest, when[group][k], at)
+            closest = np.minimum(least, closest)
+    return closest, at
 
 
 def _box_distance(low: Floats, high: Floats, piece: Obstacle) -> Floats:

@@ -1,15 +1,11 @@
-"""The results folder: written whole to a temporary sibling, then renamed, so that nothing half-written is ever seen."""
+"""What a run leaves behind: the files of a results folder, and the facts in them as plain data."""
 
 from __future__ import annotations
 
 import json
-import os
 import platform
-import shutil
-import tempfile
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -18,86 +14,20 @@ import numpy as np
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.api import Plan
 from ensemble_ctrl.config import dump
-from ensemble_ctrl.errors import EnsembleError
 from ensemble_ctrl.replay import Replay
 
 SCHEMA = 1
 """Version of ``summary.json`` and of the JSON that the command prints."""
-LIBRARIES = ("casadi", "numpy", "pyyaml", "pydantic", "shapely", "matplotlib")
+LIBRARIES = ("casadi", "numpy", "scipy", "shapely", "pydantic", "pyyaml", "typer", "matplotlib")
 
 
-class FolderError(EnsembleError):
-    """The results folder can't be used; nothing was changed."""
-
-
-def default_folder(name: str, root: Path = Path("plans")) -> Path:
-    """``plans/<name>``, or the first of ``plans/<name>-2``, ``-3``, ... that does not exist yet."""
-    safe = "".join(c if c.isalnum() or c in "._-" else "_" for c in name).strip(".") or "plan"
-    folder, n = root / safe, 2
-    while folder.exists():
-        folder, n = root / f"{safe}-{n}", n + 1
-    return folder
-
-
-class ResultsFolder:
-    """A folder to be: files are put into `working`, and `commit` makes it the real one.
-
-    Parameters
-    ----------
-    target : Path
-        Where the results belong; must not exist, or be an empty folder, unless `overwrite`.
-    overwrite : bool
-        Whether a folder of earlier results may be replaced.
-
-    Raises
-    ------
-    FolderError
-        If the target is a file, is not empty, or can't be written to; said before any solving.
-    """
-
-    def __init__(self, target: Path, overwrite: bool = False) -> None:
-        self.target = target
-        if target.exists() and not target.is_dir():
-            raise FolderError(f"{target}: expected a folder for the results, found a file")
-        if target.is_dir() and any(target.iterdir()) and not overwrite:
-            raise FolderError(f"{target}: this folder is not empty; choose another with -o, or add --overwrite")
-        if target.is_dir() and overwrite and any(target.iterdir()) and not (target / "plan.npz").exists():
-            raise FolderError(f"{target}: --overwrite replaces only folders of earlier results (no plan.npz in it)")
-        try:
-            target.absolute().parent.mkdir(parents=True, exist_ok=True)
-            prefix = f".{target.name}-"
-            self.working = Path(tempfile.mkdtemp(prefix=prefix, dir=target.absolute().parent))
-        except OSError as error:
-            raise FolderError(f"{target}: can't write results here ({error.strerror})") from None
-
-    def commit(self) -> Path:
-        """Put the folder in its place."""
-        os.chmod(self.working, 0o755)
-        if self.target.is_dir():
-            old = Path(tempfile.mkdtemp(prefix=f".{self.target.name}-old-", dir=self.target.absolute().parent))
-            os.replace(self.target, old / "results")
-            os.replace(self.working, self.target)
-            shutil.rmtree(old, ignore_errors=True)
-        else:
-            os.replace(self.working, self.target)
-        return self.target
-
-    def discard(self) -> None:
-        """Remove what was written so far."""
-        shutil.rmtree(self.working, ignore_errors=True)
-
-
-def write_results(plan: Plan, folder: Path, command: Sequence[str], figures: bool = True) -> None:
-    """Write every file of a plan into `folder`."""
+def write_results(plan: Plan, folder: Path, command: Sequence[str]) -> None:
+    """Write every file of a plan into `folder`, except the figures."""
     plan.save(folder / "plan.npz")
     (folder / "controls.csv").write_text(controls_csv(plan), encoding="utf-8")
     (folder / "problem.yaml").write_text(dump(plan.problem), encoding="utf-8")
     _write_json(folder / "summary.json", summary(plan))
     _write_json(folder / "provenance.json", provenance(plan, command))
-    if figures:
-        from ensemble_ctrl.report.figures import write_figures
-
-        write_figures(plan.problem, plan.controls, folder)
 
 
 def controls_csv(plan: Plan) -> str:
@@ -154,6 +84,8 @@ def provenance(plan: Plan, command: Sequence[str]) -> dict[str, Any]:
 
 def installed_version(name: str) -> str | None:
     """An installed version, if any."""
+    from importlib.metadata import PackageNotFoundError, version
+
     try:
         return version(name)
     except PackageNotFoundError:

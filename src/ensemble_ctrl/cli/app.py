@@ -4,28 +4,47 @@ from __future__ import annotations
 
 import os
 import sys
-
+from contextlib import suppress
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.streams import complain, fail, fail_with, say, silence
 from ensemble_ctrl.errors import EnsembleError
 
+NAME = "ensemble-plan"
+EXIT_CODES = """\b
+Exit codes:
+  0    planned, and no replayed member violates the task
+  1    internal error, or the results could not be written
+  2    wrong usage or an invalid file
+  3    no plan found; the constraints that conflict are named
+  4    a plan was found, but some replayed members violate it
+  5    limit reached; the best plan so far is saved
+  130  interrupted (143: terminated); the best plan so far is saved"""
+
 app = typer.Typer(
-    name="ensemble-plan",
-    help="Plan one broadcast control for a whole fleet of unequal robots. "
-    "`ensemble-plan CONFIG` is the same as `ensemble-plan run CONFIG`.",
+    name=NAME,
+    help="Plan one broadcast control for a whole fleet of unequal robots.\n\n"
+    "'ensemble-plan CONFIG' is the same as 'ensemble-plan run CONFIG'.",
+    epilog="Start with: ensemble-plan examples",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Config = Annotated[str, typer.Argument(help="Problem file (YAML); - reads stdin.", metavar="CONFIG")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+Members = Annotated[int | None, typer.Option(help="Members to replay (verify.members).", metavar="N", min=1)]
+
+
+class UsageError(EnsembleError):
+    """The command was called wrongly."""
 
 
 @app.callback(invoke_without_command=True)
@@ -33,15 +52,17 @@ def _main(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
 ) -> None:
     if version:
-        print(f"ensemble-plan {__version__}")
+        say(f"{NAME} {__version__}")
         raise typer.Exit
 
 
-@app.command()
+@app.command(epilog=EXIT_CODES)
 def run(
-    config: Config,
+    context: typer.Context,
+    config: Annotated[str, typer.Argument(help="Problem file (YAML); - reads stdin.", metavar="CONFIG")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Results folder [default: plans/<name>].", metavar="DIR")
+        Path | None,
+        typer.Option("-o", "--output", help="Results folder [default: plans/<name>].", metavar="DIR"),
     ] = None,
     overrides: Annotated[
         list[str] | None,
@@ -49,24 +70,35 @@ def run(
     ] = None,
     method: Annotated[str | None, typer.Option(help="Solution method (solve.method): nlp.", metavar="METHOD")] = None,
     time_limit: Annotated[
-        str | None, typer.Option(help="Stop after this long with the best plan so far (solve.time_limit).", metavar="60s")
+        str | None,
+        typer.Option(help="Stop after this long with the best plan so far (solve.time_limit).", metavar="60s"),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the replayed members (solve.seed).", metavar="N")] = None,
-    members: Annotated[int | None, typer.Option(help="Members to replay (verify.members).", metavar="N")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the replayed members (solve.seed).", metavar="N", min=0)
+    ] = None,
+    members: Members = None,
     guess: Annotated[
-        Path | None, typer.Option(help="Start from a saved plan (plan.npz or its folder).", metavar="PLAN")
+        Path | None,
+        typer.Option(help="Start from a saved plan (plan.npz or its folder).", metavar="PLAN"),
     ] = None,
     json: Json = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")] = False,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="A line for each iteration.")] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a folder of earlier results.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")] = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
+    if quiet and verbose:
+        raise UsageError("expected one of -q and -v, got both")
     from ensemble_ctrl.cli.run import RunOptions
     from ensemble_ctrl.cli.run import run as run_plan
 
-    given = {"solve.method": method, "solve.time_limit": time_limit, "solve.seed": seed, "verify.members": members}
+    given = {
+        "solve.method": method,
+        "solve.time_limit": time_limit,
+        "solve.seed": seed,
+        "verify.members": members,
+    }
     changes = [*(overrides or ()), *(f"{key}={value}" for key, value in given.items() if value is not None)]
     options = RunOptions(
         config=config,
@@ -78,18 +110,18 @@ def run(
         verbose=verbose,
         plots=not no_plots,
         overwrite=overwrite,
-        command=("ensemble-plan", *sys.argv[1:]),
+        command=(NAME, *context.obj),
     )
     raise typer.Exit(run_plan(options))
 
 
 @app.command()
 def check(
-    configs: Annotated[list[str], typer.Argument(help="Problem files.", metavar="CONFIG...")],
+    configs: Annotated[list[str], typer.Argument(help="Problem files; - reads stdin.", metavar="CONFIG")],
     json: Json = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say nothing about good files.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say only what is wrong.")] = False,
 ) -> None:
-    """Check problem files without solving; errors have file, line and column."""
+    """Check problem files without solving."""
     from ensemble_ctrl.cli.check import check_files
 
     raise typer.Exit(check_files(configs, json, quiet))
@@ -98,46 +130,42 @@ def check(
 @app.command()
 def show(
     plan: Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")],
-    members: Annotated[int | None, typer.Option(help="Members to replay.", metavar="N")] = None,
-    substeps: Annotated[int | None, typer.Option(help="Times looked at in each step.", metavar="N")] = None,
+    members: Members = None,
+    substeps: Annotated[
+        int | None, typer.Option(help="Times looked at in each step (verify.substeps).", metavar="N", min=1)
+    ] = None,
     json: Json = False,
 ) -> None:
     """Replay a saved plan and print its summary again."""
-    from ensemble_ctrl.api import Plan, with_replay
-    from ensemble_ctrl.cli.run import exit_code
-    from ensemble_ctrl.report import summary_lines
-    from ensemble_ctrl.results import summary, to_json
+    from ensemble_ctrl.cli.show import show_plan
 
-    saved = Plan.load(plan)
-    found = with_replay(saved, saved.replay(members, substeps=substeps))
-    print(to_json(summary(found)) if json else "\n".join(summary_lines(found, str(plan))))
-    raise typer.Exit(exit_code(found))
+    raise typer.Exit(show_plan(plan, members, substeps, json))
 
 
 @app.command()
 def models() -> None:
-    """List the models a fleet can have, with their controls and parameters."""
+    """List the models, their controls and parameters."""
     from ensemble_ctrl.systems import SYSTEMS
 
     for name, system in SYSTEMS.items():
         controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
-        print(f"{name:<12}{system.summary}\n{'':<12}controls {controls}; parameters {', '.join(system.parameters)}")
+        say(f"{name:<12}{system.summary}\n{'':<12}controls {controls}; parameters {', '.join(system.parameters)}")
 
 
 @app.command()
 def examples(
-    name: Annotated[str | None, typer.Argument(help="The example to print.", metavar="[NAME]")] = None,
+    name: Annotated[str | None, typer.Argument(help="The example to print.", metavar="NAME")] = None,
     copy: Annotated[bool, typer.Option("--copy", help="Write it here as NAME.yaml instead.")] = False,
 ) -> None:
-    """List the example problems, print one, or copy one here."""
+    """List the example problems, print one, or copy one."""
     from ensemble_ctrl.cli.examples import list_or_print
 
-    raise typer.Exit(list_or_print(name, copy))
+    list_or_print(name, copy)
 
 
 @app.command()
 def doctor() -> None:
-    """Say what is installed and solve a tiny problem, to see that all works here."""
+    """Say what is installed and solve a tiny problem."""
     from ensemble_ctrl.cli.doctor import examine
 
     raise typer.Exit(examine())
@@ -145,51 +173,71 @@ def doctor() -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit; a user's mistake is one clear message, never a traceback."""
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
-    sys.exit(invoke(arguments))
+    with suppress(AttributeError, ValueError):
+        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    sys.exit(invoke(list(sys.argv[1:] if arguments is None else arguments)))
 
 
 def invoke(arguments: list[str]) -> int:
     """Run the command line; returns the exit code."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for them reads every installed package's metadata
+    as_json = "--json" in arguments
     try:
-        result: Any = app(with_command(arguments), prog_name="ensemble-plan", standalone_mode=False)
-        return int(result or 0)
+        command = typer.main.get_command(app)
+        with command.make_context(NAME, with_command(arguments), obj=tuple(arguments)) as context:
+            return int(command.invoke(context) or 0)
     except typer.Exit as end:
         return int(end.exit_code)
-    except (typer.Abort, KeyboardInterrupt):
-        return codes.INTERRUPTED
-    except BrokenPipeError:
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115  (Python flushes stdout once more at exit)
+    except KeyboardInterrupt:
+        return fail(codes.INTERRUPTED, "interrupted; there is no plan yet", as_json)
+    except BrokenPipeError:  # while the help was printed
+        silence()
         return codes.OK
     except EnsembleError as error:
-        return _failed(arguments, codes.USAGE, str(error))
+        return fail_with(codes.USAGE, error, as_json)
+    except OSError as error:
+        return fail(codes.INTERNAL, f"{error.filename or 'output'}: {error.strerror or error}", as_json)
     except Exception as error:
-        if hasattr(error, "format_message"):  # click's own usage errors
-            error.show()  # type: ignore[attr-defined]
-            return codes.USAGE
-        if os.environ.get("ENSEMBLE_PLAN_DEBUG"):
-            raise
-        text = f"internal error: {type(error).__name__}: {error} (set ENSEMBLE_PLAN_DEBUG=1 for the traceback)"
-        return _failed(arguments, codes.INTERNAL, text)
+        return _unexpected(error, as_json)
 
 
 def with_command(arguments: list[str]) -> list[str]:
-    """Put ``run`` before a problem file that stands where a command could; ``./check`` is a file."""
-    commands = {command.name or command.callback.__name__ for command in app.registered_commands if command.callback}
-    if not arguments or arguments[0] in commands or arguments[0] in ("--help", "--version"):
+    """Put ``run`` before a problem file that stands where a command could; ``./check`` is a file.
+
+    Raises
+    ------
+    UsageError
+        If there is no such file, and the word is much like a command's name.
+    """
+    commands = [command.callback.__name__ for command in app.registered_commands if command.callback]
+    first = arguments[0] if arguments else ""
+    if not first or first in (*commands, "-h", "--help", "--version"):
         return arguments
+    close = get_close_matches(first, commands, n=1, cutoff=0.65)
+    if close and first.isalpha() and not os.path.exists(first):
+        raise UsageError(f"{first}: there is no such command or file; did you mean {close[0]!r}?")
     return ["run", *arguments]
 
 
-def _failed(arguments: list[str], code: int, message: str) -> int:
-    """Say what was wrong: on stderr, and with ``--json`` as the one JSON object on stdout."""
-    from ensemble_ctrl.results import SCHEMA, to_json
+def _unexpected(error: Exception, as_json: bool) -> int:
+    """What the parser of the command line found, or a mistake of ours."""
+    if hasattr(error, "format_message"):
+        return _usage(error, as_json)
+    if os.environ.get("ENSEMBLE_PLAN_DEBUG"):
+        raise error
+    text = f"internal error: {type(error).__name__}: {error} (set ENSEMBLE_PLAN_DEBUG=1 for the traceback)"
+    return fail(codes.INTERNAL, text, as_json)
 
-    if "--json" in arguments:
-        print(to_json({"schema": SCHEMA, "status": "error", "exit_code": code, "message": message}))
-    is_diagnostic = ": error: " in message
-    print(message if is_diagnostic else f"error: {message}", file=sys.stderr)
-    return code
 
-
+def _usage(error: Exception, as_json: bool) -> int:
+    """A wrong option or argument; without any, this is the help."""
+    message = str(error.format_message())  # type: ignore[attr-defined]
+    context = getattr(error, "ctx", None)
+    if message.startswith("Usage:"):
+        complain(message)
+    else:
+        message = message[:1].lower() + message[1:].rstrip(".")
+        fail(codes.USAGE, message, as_json)
+        complain(f"try '{context.command_path if context else NAME} --help'")
+    return codes.USAGE

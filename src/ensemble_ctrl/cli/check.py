@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.streams import complain, diagnostic_data, say
 from ensemble_ctrl.config import Diagnostic, read
 from ensemble_ctrl.errors import ConfigError
+
+Report = tuple[str, ConfigError | None, tuple[Diagnostic, ...]]
 
 
 def check_files(names: Sequence[str], as_json: bool, quiet: bool) -> int:
     """Check every file; returns 0, or 2 if any can't be used."""
     reports = [_check(name) for name in names]
     good = all(error is None for _, error, _ in reports)
+    code = codes.OK if good else codes.USAGE
     if as_json:
         from ensemble_ctrl.results import SCHEMA, to_json
 
-        print(to_json({"schema": SCHEMA, "ok": good, "files": [_as_data(report) for report in reports]}))
-    else:
-        for name, error, warnings in reports:
-            _say(name, error, warnings, quiet)
-    return codes.OK if good else codes.USAGE
-
-
-Report = tuple[str, ConfigError | None, tuple[Diagnostic, ...]]
+        files = [_as_data(report) for report in reports]
+        say(to_json({"schema": SCHEMA, "ok": good, "exit_code": code, "files": files}))
+        return code
+    for report in reports:
+        _say(*report, quiet)
+    return code
 
 
 def _check(name: str) -> Report:
@@ -37,30 +38,18 @@ def _check(name: str) -> Report:
 
 def _say(name: str, error: ConfigError | None, warnings: Sequence[Diagnostic], quiet: bool) -> None:
     """Errors and warnings on stderr, a line for a good file on stdout."""
-    for warning in warnings:
-        print(warning, file=sys.stderr)
+    if not quiet:
+        for warning in warnings:
+            complain(str(warning))
     if error is not None:
-        print(error, file=sys.stderr)
+        complain(str(error))
     elif not quiet:
-        print(f"{name}: ok" + (f" ({len(warnings)} warning(s))" if warnings else ""))
+        count = len(warnings)
+        say(f"{name}: ok" + (f" ({count} warning{'s' * (count > 1)})" if warnings else ""))
 
 
 def _as_data(report: Report) -> dict[str, object]:
     """One file's report as plain data."""
     name, error, warnings = report
     found = [*(error.diagnostics if error else ()), *warnings]
-    return {
-        "file": name,
-        "ok": error is None,
-        "diagnostics": [
-            {
-                "line": d.line,
-                "column": d.column,
-                "severity": d.severity,
-                "path": d.path,
-                "message": d.message,
-                "hint": d.hint,
-            }
-            for d in found
-        ],
-    }
+    return {"file": name, "ok": error is None, "diagnostics": [diagnostic_data(item) for item in found]}

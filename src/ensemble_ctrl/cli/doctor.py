@@ -7,6 +7,7 @@ import time
 
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.results import LIBRARIES, installed_version
 
 TINY = """
@@ -21,14 +22,19 @@ task: F[3, 4] in(goal) and G avoid(block)
 
 def examine() -> int:
     """Print what was found; returns 0 if all works, else 1."""
-    print(f"ensemble_ctrl {__version__}, Python {platform.python_version()}, {platform.platform()}")
+    say(f"ensemble_ctrl {__version__}, Python {platform.python_version()}, {platform.platform()}")
     missing = [name for name in LIBRARIES if installed_version(name) is None]
     for name in LIBRARIES:
-        print(f"  {name:<12}{installed_version(name) or 'MISSING'}")
+        say(f"  {name:<12}{installed_version(name) or 'MISSING'}")
     if missing:
-        print(f"problem: {', '.join(missing)} not installed; install the package again")
+        say(f"problem: {', '.join(missing)} not installed; install the package again")
         return codes.INTERNAL
-    return _solve_tiny()
+    try:
+        return _solve_tiny()
+    except Exception as error:
+        say(f"  planning    FAILED: {type(error).__name__}: {error}")
+        say("problem: a tiny problem can't be planned here; install the package again in a new environment")
+        return codes.INTERNAL
 
 
 def _solve_tiny() -> int:
@@ -40,6 +46,6 @@ def _solve_tiny() -> int:
     found = plan(load_text(TINY, "doctor"), check=False)
     seconds = time.perf_counter() - began
     good = found.status == "planned" and found.verified
-    print(f"  IPOPT       {'works' if good else 'FAILED'}: {found} in {seconds:.2f} s")
-    print("all works" if good else "problem: the tiny plan failed; see the line above")
+    say(f"  planning    {'works' if good else 'FAILED'}: {found} in {seconds:.2f} s")
+    say("all works" if good else "problem: the tiny plan fell short; see the line above")
     return codes.OK if good else codes.INTERNAL

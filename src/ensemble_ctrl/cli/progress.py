@@ -1,17 +1,19 @@
-"""Progress on stderr: one rewritten line on a terminal, a plain line a second in a pipe; and the wish to stop."""
+"""Progress on stderr: one rewritten line on a terminal, a plain line a second elsewhere; and the wish to stop."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
+import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
-from ensemble_ctrl.ocp.solvers import Iteration
+if TYPE_CHECKING:
+    from ensemble_ctrl.ocp.solvers import Iteration
 
 
 class Progress:
@@ -22,13 +24,15 @@ class Progress:
     quiet : bool
         Say nothing.
     verbose : bool
-        Keep every iteration's line instead of rewriting it.
+        Keep a line for every phase and iteration instead of rewriting one.
+    stream : text stream, optional
+        Where to; stderr without it.
     """
 
     def __init__(self, quiet: bool = False, verbose: bool = False, stream: TextIO | None = None) -> None:
         self.stream = sys.stderr if stream is None else stream
         self.quiet, self.verbose = quiet, verbose
-        self.live = self.stream.isatty() and os.environ.get("TERM") != "dumb" and not verbose
+        self.live = rewritable(self.stream) and not verbose
         self.phases: list[tuple[str, float]] = []
         self.stop_signal: int | None = None
         self._last_line = time.monotonic()
@@ -38,7 +42,7 @@ class Progress:
         """Take note of a phase or an iteration."""
         if iteration is None:
             self._begin(phase)
-        elif not self.quiet:
+        else:
             self._show(
                 f"{phase}: iteration {iteration.count}, cost {iteration.cost:.4f}, violation {iteration.violation:.1e}"
             )
@@ -48,9 +52,8 @@ class Progress:
         """End the last phase, wipe the live line and say how long each phase took."""
         self._begin("")
         self._wipe()
-        if not self.quiet and self.phases:
-            spans = zip(self.phases, self.phases[1:], strict=False)
-            self._write(", ".join(f"{name} {after - at:.2f} s" for (name, at), (_, after) in spans) + "\n")
+        spans = zip(self.phases, self.phases[1:], strict=False)
+        self._write(", ".join(f"{name} {after - at:.2f} s" for (name, at), (_, after) in spans) + "\n")
 
     def note(self, text: str) -> None:
         """A line that stays."""
@@ -60,14 +63,14 @@ class Progress:
     def _begin(self, phase: str) -> None:
         """The next phase."""
         self.phases.append((phase, time.perf_counter()))
-        if phase and self.live and not self.quiet:
+        if phase and (self.live or self.verbose):
             self._show(f"{phase} ...")
 
     def _show(self, text: str) -> None:
         """Show a passing line."""
         now = time.monotonic()
         if self.live:
-            self._write(f"\r\x1b[K{text[: _columns() - 1]}")
+            self._write(f"\r\x1b[K{text[: _columns(self.stream) - 1]}")
             self._shown = True
         elif self.verbose or now - self._last_line >= 1.0:
             self._write(text + "\n")
@@ -80,24 +83,36 @@ class Progress:
             self._shown = False
 
     def _write(self, text: str) -> None:
-        """Write and flush; a closed pipe is nobody's fault."""
-        try:
+        """Write and flush; a stream that is closed, full or in use (this may be a signal) is no reason to fail."""
+        if self.quiet:
+            return
+        with suppress(OSError, ValueError, RuntimeError):
             self.stream.write(text)
             self.stream.flush()
-        except (BrokenPipeError, ValueError):
-            self.quiet = True
 
 
 @contextmanager
-def stoppable(progress: Progress) -> Iterator[None]:
-    """Within: the first Ctrl-C or SIGTERM asks to stop and keep the best plan; the second ends at once."""
+def stoppable(progress: Progress, abandon: Callable[[], None]) -> Iterator[None]:
+    """Within: the first Ctrl-C or SIGTERM asks to stop and keep the best plan; the second ends at once.
+
+    Parameters
+    ----------
+    progress : Progress
+        Where the wish to stop is kept.
+    abandon : callable
+        Called before the process ends at once.
+    """
 
     def handle(number: int, frame: FrameType | None) -> None:
         if progress.stop_signal is not None:
+            abandon()
             os._exit(128 + number)
         progress.stop_signal = number
         progress.note("stopping after this iteration; the best plan so far is kept (again to stop at once)")
 
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread is sent signals
+        return
     before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
@@ -106,9 +121,14 @@ def stoppable(progress: Progress) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _columns() -> int:
+def rewritable(stream: TextIO) -> bool:
+    """Whether a line may be rewritten: on a terminal that can, unless ``NO_COLOR`` is set."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb" and not os.environ.get("NO_COLOR")
+
+
+def _columns(stream: TextIO) -> int:
     """Width of the terminal."""
     try:
-        return os.get_terminal_size(sys.stderr.fileno()).columns or 80
+        return os.get_terminal_size(stream.fileno()).columns or 80
     except (OSError, ValueError):
         return 80

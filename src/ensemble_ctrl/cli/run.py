@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import signal
-import sys
-from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from ensemble_ctrl.api import Plan, failure_message, plan
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
+from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.report import summary_lines
-from ensemble_ctrl.results import ResultsFolder, controls_csv, default_folder, summary, to_json, write_results
+from ensemble_ctrl.results import controls_csv, summary, to_json, write_results
 
 
 @dataclass(frozen=True)
@@ -33,30 +33,39 @@ class RunOptions:
     command: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Written:
+    """Where the results are, if they could be written, and what could not be."""
+
+    folder: Path | None
+    error: str = ""
+
+
 def run(options: RunOptions) -> int:
     """Plan, write the results folder, print the summary; returns the exit code."""
     progress = Progress(options.quiet, options.verbose)
     progress("check", None)
     loaded = read(options.config, options.overrides)
-    if not options.quiet:
-        for warning in loaded.warnings:
-            progress.note(str(warning))
-    problem = loaded.problem
+    for warning in loaded.warnings:
+        progress.note(str(warning))
     guess = Plan.load(options.guess) if options.guess else None
-    folder = ResultsFolder(options.output or default_folder(problem.name), options.overwrite)
-    try:
-        with stoppable(progress):
-            found = plan(problem, progress=progress, guess=guess, log=folder.working / "solver.log", check=False)
-        progress("write", None)
-        written = _write(found, folder, options)
-    except BaseException:
+    folder = ResultsFolder(options.output, loaded.problem.name, options.overwrite)
+
+    def abandon() -> None:
         folder.discard()
-        raise
+        fail(codes.INTERRUPTED, "interrupted twice; nothing was kept", options.json)
+
+    try:
+        with stoppable(progress, abandon):
+            log = folder.working / "solver.log"
+            found = plan(loaded.problem, progress=progress, guess=guess, log=log, check=False)
+            written = _write(found, folder, options, progress)
+    finally:
+        folder.discard()
     progress.finish()
-    _print(found, options, written)
-    if written is None:
-        return codes.INTERNAL
-    return exit_code(found, progress.stop_signal)
+    code = codes.INTERNAL if written.error else exit_code(found, progress.stop_signal)
+    _print(found, options, written, code)
+    return code
 
 
 def exit_code(found: Plan, stop_signal: int | None = None) -> int:
@@ -70,39 +79,47 @@ def exit_code(found: Plan, stop_signal: int | None = None) -> int:
     return codes.OK if found.verified else codes.NOT_VERIFIED
 
 
-def _write(found: Plan, folder: ResultsFolder, options: RunOptions) -> Path | None:
-    """Write and place the results; None, with the reason on stderr, if the disk does not take them."""
+def _write(found: Plan, folder: ResultsFolder, options: RunOptions, progress: Progress) -> Written:
+    """Write and place the results; without figures if they can't be drawn or the user wants to stop."""
+    progress("write", None)
+    error = ""
     try:
-        write_results(found, folder.working, options.command, options.plots)
-        return folder.commit()
-    except OSError as error:
-        folder.discard()
-        print(f"error: {folder.target}: the plan could not be written ({error.strerror or error})", file=sys.stderr)
-        return None
+        write_results(found, folder.working, options.command)
+        if options.plots and progress.stop_signal is None:
+            error = _draw(found, folder.working)
+        placed = folder.commit()
+    except OSError as reason:
+        return Written(None, f"{folder.target}: the plan could not be written ({reason.strerror or reason})")
+    return Written(placed, error and f"{placed}: the plan is saved, but its figures could not be drawn ({error})")
 
 
-def _print(found: Plan, options: RunOptions, written: Path | None) -> None:
+def _draw(found: Plan, folder: Path) -> str:
+    """Draw the figures; returns why it failed, if it did: a plan is worth keeping without them."""
+    from ensemble_ctrl.report.figures import write_figures
+
+    try:
+        write_figures(found.problem, found.controls, folder)
+    except Exception as error:
+        for half_written in folder.glob("*.png"):
+            with suppress(OSError):
+                half_written.unlink()
+        return getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+    return ""
+
+
+def _print(found: Plan, options: RunOptions, written: Written, code: int) -> None:
     """The result on stdout: the summary or one JSON object, with the controls themselves if no file holds them."""
+    folder = None if written.folder is None else str(written.folder)
     if options.json:
-        facts = {**summary(found), "folder": None if written is None else str(written)}
-        if written is None:
+        facts = {**summary(found), "exit_code": code, "folder": folder}
+        if folder is None:
             facts["controls"] = found.controls.tolist()
-        print(to_json(facts))
-        return
-    print("\n".join(summary_lines(found, None if written is None else str(written))))
-    if written is None:
-        print("controls, since no file holds them:")
-        print(controls_csv(found), end="")
-    elif found.status == "infeasible" and not options.quiet:
-        print(failure_message(found), file=sys.stderr)
-
-
-def describe(problem: Problem) -> Sequence[str]:
-    """The lines of ``check -v``: what the file says with every default filled in."""
-    fleet, law = problem.fleet, problem.fleet.parameter
-    order = "auto" if problem.order is None else str(problem.order)
-    return [
-        f"{problem.name}: {fleet.system.name}, {fleet.parameter_name} {law.lower:g} to {law.upper:g}",
-        f"  horizon {problem.duration:g} s in {problem.steps} steps, order {order}, guarantee {problem.solve.guarantee}",
-        f"  {len(problem.obstacles)} obstacle(s), {len(problem.regions)} region(s), task {problem.task}",
-    ]
+        say(to_json({**facts, "message": written.error} if written.error else facts))
+    else:
+        say("\n".join(summary_lines(found, folder)))
+        if folder is None:
+            say(f"controls, since no file holds them:\n{controls_csv(found)}".rstrip())
+    if written.error:
+        complain(f"error: {written.error}")
+    elif code in (codes.NO_PLAN, codes.NOT_VERIFIED):
+        complain(f"error: {failure_message(found)}")

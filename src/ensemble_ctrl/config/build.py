@@ -8,7 +8,7 @@ import numpy as np
 
 from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemFile
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.problem import Fleet, Objective, Problem, SolveOptions, VerifyOptions
+from ensemble_ctrl.problem import Fleet, Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.systems import SYSTEMS
 
 STEP = 0.1
@@ -38,6 +38,7 @@ def build(file: ProblemFile, name: str) -> Problem:
         order=file.moments.order,
         solve=SolveOptions(**file.solve.model_dump()),
         verify=VerifyOptions(**file.verify.model_dump()),
+        report=ReportOptions(**file.report.model_dump()),
     )
 
 

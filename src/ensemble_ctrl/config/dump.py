@@ -60,6 +60,7 @@ def to_data(problem: Problem) -> Data:
         "objective": _objective(problem.objective),
         "solve": asdict(problem.solve),
         "verify": asdict(problem.verify),
+        "report": asdict(problem.report),
     }
 
 

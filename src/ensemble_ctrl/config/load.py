@@ -146,7 +146,7 @@ def _tree(text: Text) -> Tree:
     except TextError as error:
         _refuse([_unplaced(error, text.name, text.content)], text.name)
     if tree.data is None:
-        hint = "start from `ensemble-plan init`"
+        hint = "start from one of `ensemble-plan examples`"
         _refuse([Diagnostic(text.name, None, None, "error", "", "this file is empty", hint)], text.name)
     return tree
 

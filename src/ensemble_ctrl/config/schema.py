@@ -10,7 +10,7 @@ from ensemble_ctrl.checks import MAX_MEMBERS, MAX_SEED, MAX_STEPS
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
-from ensemble_ctrl.problem import Guarantee, Method, Objective, SolveOptions, VerifyOptions
+from ensemble_ctrl.problem import Guarantee, Method, Objective, ReportOptions, SolveOptions, VerifyOptions
 
 
 class Law(Model):
@@ -99,6 +99,12 @@ class Verify(Model):
     certificate: Annotated[bool, BeforeValidator(f.flag)] = VerifyOptions.certificate
 
 
+class ReportSection(Model):
+    """What figures show."""
+
+    twin: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.twin
+
+
 def _listed(value: Any) -> Any:
     """One shape as a list of one."""
     return [value] if isinstance(value, dict) else value
@@ -121,3 +127,4 @@ class ProblemFile(Model):
     objective: ObjectiveSection = ObjectiveSection()
     solve: Solve = Solve()
     verify: Verify = Verify()
+    report: ReportSection = ReportSection()

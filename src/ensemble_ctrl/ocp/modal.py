@@ -54,8 +54,8 @@ def moment_generators(system: Unicycle, basis: LegendreBasis, interval: Interval
     array([0.    , 0.    , 1.    , 0.    , 0.    , 0.    , 0.0577, 0.    ])
     """
     multiply = affine_multiplication_matrix(basis, interval)
-    first, second = system.generators()
-    return np.kron(multiply, first), np.kron(multiply, second)
+    by_speed, by_turn = (np.asarray(np.kron(multiply, b), dtype=np.float64) for b in system.generators())
+    return by_speed, by_turn
 
 
 def propagate(

@@ -200,7 +200,7 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int)
     levels = layout.levels
 
     def reward(z: ca.SX, d: ca.SX) -> ca.SX:
-        return -aim.robustness * z[0] - PULL * ca.sum1(z[1:]) / max(len(levels) - 1, 1)
+        return -aim.robustness * z[0] - PULL * ca.sum1(z[1:, :]) / max(len(levels) - 1, 1)
 
     if other_parts(problem):
         terms.append(Block("robustness", reward, levels[None, :], none, none, none))

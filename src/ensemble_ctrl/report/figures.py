@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.drawing import outlines
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 
@@ -22,28 +24,44 @@ MEMBERS = 21
 OBSTACLE, REGION = "#8a8f98", "#2166ac"
 
 
-def draw_map(problem: Problem, ax: Axes) -> Axes:
-    """Obstacles, regions and the start, on `ax`; lengths in metres."""
+def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
+    """Draw obstacles, regions and the start.
+
+    Parameters
+    ----------
+    problem : Problem
+        Whose map.
+    ax : matplotlib Axes
+        Where to; lengths in metres.
+    paths : sequence of ndarray, shape (times, 2)
+        What else will be drawn: an unbounded region is shown as far as that.
+    """
     from matplotlib.patches import Polygon
 
     for name, pieces in problem.obstacles.items():
         for piece in pieces:
-            ax.add_patch(Polygon(piece.vertices, closed=True, facecolor=OBSTACLE, edgecolor="#5a5f68", alpha=0.75))
+            ax.add_patch(Polygon(piece.vertices, closed=True, facecolor=OBSTACLE, edgecolor="#5a5f68"))
         middle = np.mean([p.vertices.mean(axis=0) for p in pieces], axis=0)
         ax.annotate(name, middle, ha="center", va="center", fontsize=8, color="white")
-    for name, region in problem.regions.items():
-        corners = region.vertices
-        ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
+    for name, corners in outlines(problem, paths).items():
+        ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor="none", alpha=0.15))
         ax.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=REGION, linewidth=1.5))
-        top = corners[corners[:, 1].argmax()]
-        ax.annotate(name, (corners[:, 0].mean(), top[1]), xytext=(0, 3), textcoords="offset points",
-                    ha="center", fontsize=8, color=REGION)
-    start = problem.fleet.position
-    ax.plot(*start, "k>", markersize=6, zorder=5)
-    ax.annotate("start", start, xytext=(4, -10), textcoords="offset points", fontsize=8)
+        top = (corners[:, 0].mean(), corners[:, 1].max())
+        ax.annotate(name, top, (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
+    _draw_start(problem, ax)
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    ax.autoscale_view()
+    ax.margins(0.08)
     return ax
+
+
+def _draw_start(problem: Problem, ax: Axes) -> None:
+    """The start as an arrow head in the direction of the heading."""
+    fleet = problem.fleet
+    x, y = fleet.position.tolist()
+    marker = (3, 0, np.degrees(fleet.heading) - 90)
+    ax.plot(x, y, marker=marker, color="black", markersize=9, zorder=5, linestyle="none")
+    behind = (-17 * np.cos(fleet.heading), -17 * np.sin(fleet.heading))
+    ax.annotate("start", (x, y), behind, textcoords="offset points", fontsize=8, ha="center", va="center")
 
 
 def draw_trajectories(problem: Problem, controls: Floats, ax: Axes | None = None) -> Axes:
@@ -56,21 +74,27 @@ def draw_trajectories(problem: Problem, controls: Floats, ax: Axes | None = None
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure without it. Nothing is shown.
+        Where to draw; without it a new figure of pyplot's, so that a notebook or a later ``show`` shows it.
+
+    Returns
+    -------
+    matplotlib Axes
+        What was drawn on; nothing is shown.
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    ax = _new_axes((7.2, 5.6)) if ax is None else ax
-    draw_map(problem, ax)
     law = problem.fleet.parameter
     parameters = np.linspace(law.lower, law.upper, MEMBERS)
+    paths = trajectories(problem, controls, parameters, 4)
+    ax = _shown_axes(_size(problem, controls)) if ax is None else ax
+    draw_map(problem, ax, list(paths))
     colours = ScalarMappable(Normalize(law.lower, law.upper), "viridis")
-    for parameter, path in zip(parameters, trajectories(problem, controls, parameters, 4), strict=True):
+    for parameter, path in zip(parameters, paths, strict=True):
         colour = colours.to_rgba(np.array(parameter))
         ax.plot(path[:, 0], path[:, 1], color=colour, linewidth=0.9, alpha=0.9)
         ax.plot(*path[-1], "o", color=colour, markersize=3, zorder=4)
-    bar = ax.get_figure().colorbar(colours, ax=ax, shrink=0.8)  # type: ignore[union-attr]
+    bar = ax.get_figure().colorbar(colours, ax=ax, fraction=0.05, pad=0.02)  # type: ignore[union-attr]
     bar.set_label(problem.fleet.parameter_name)
     ax.set_title(f"{problem.name}: one control, {problem.fleet.parameter_name} {law.lower:g} to {law.upper:g}")
     return ax
@@ -97,14 +121,22 @@ def draw_controls(problem: Problem, controls: Floats) -> Figure:
 
 def write_figures(problem: Problem, controls: Floats, folder: Path) -> list[str]:
     """Write ``trajectories.png`` and ``controls.png`` into `folder`; returns their names."""
-    figures = {
-        "trajectories.png": draw_trajectories(problem, controls).get_figure(),
-        "controls.png": draw_controls(problem, controls),
-    }
+    trajectory_figure = _new_figure(_size(problem, controls))
+    draw_trajectories(problem, controls, trajectory_figure.subplots())
+    figures = {"trajectories.png": trajectory_figure, "controls.png": draw_controls(problem, controls)}
     for name, figure in figures.items():
-        assert figure is not None
         figure.savefig(folder / name, dpi=150)
     return list(figures)
+
+
+def _size(problem: Problem, controls: Floats) -> tuple[float, float]:
+    """Inches for a map of its own proportions, with room for labels and the colour bar."""
+    law = problem.fleet.parameter
+    ends = trajectories(problem, controls, np.array([law.lower, law.upper]))
+    shapes = [*outlines(problem, list(ends)).values(), *(piece.vertices for _, piece in problem.pieces)]
+    width, height = np.ptp(np.concatenate([*ends, *shapes]), axis=0)
+    ratio = float(np.clip(height / max(width, 1e-9), 0.4, 1.1))
+    return 7.2, 1.0 + 5.6 * ratio
 
 
 def _new_figure(size: tuple[float, float]) -> Figure:
@@ -112,12 +144,14 @@ def _new_figure(size: tuple[float, float]) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout="compressed")
     FigureCanvasAgg(figure)
     return figure
 
 
-def _new_axes(size: tuple[float, float]) -> Axes:
-    """Axes on a new figure."""
-    axes: Axes = _new_figure(size).subplots()
-    return axes
+def _shown_axes(size: tuple[float, float]) -> Axes:
+    """Axes on a new figure of pyplot's."""
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure(figsize=size, layout="compressed")
+    return figure.subplots()

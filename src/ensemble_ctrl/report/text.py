@@ -59,15 +59,20 @@ def verdict(plan: PlanLike) -> str:
 def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     """The summary, a line each."""
     problem, d = plan.problem, plan.details
-    rows = [("fleet", _fleet(problem)), ("task", str(problem.task)), *_measured(plan.replayed)]
+    rows = [
+        ("fleet", _fleet(problem)),
+        ("horizon", f"{problem.duration:g} s in {problem.steps} steps"),
+        ("task", str(problem.task)),
+        *_measured(plan.replayed, problem.fleet.parameter_name),
+    ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
-        rows += [("violated", _conflict(problem, c)) for c in plan.conflicts()[:5]]
+        rows += [("violated", conflict_text(problem, c)) for c in plan.conflicts()[:5]]
     if plan.status == "infeasible":
         rows.append(("try", "a longer horizon, higher input bounds, a narrower parameter range, or wider passages"))
     rows.append(("proven", _proven(d)))
-    if "cost" in d:
+    if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
-    if "seconds" in d:
+    if d.keys() >= {"seconds", "routes", "iterations", "build_seconds"}:
         rows.append(("work", _work(d)))
     if files:
         rows.append(("files", files))
@@ -79,46 +84,55 @@ def _fleet(problem: Problem) -> str:
     fleet, law = problem.fleet, problem.fleet.parameter
     x, y = fleet.position
     return (
-        f"{fleet.system.name}, {fleet.parameter_name} {law.lower:g} to {law.upper:g}, from ({x:g}, {y:g}) heading "
-        f"{np.degrees(fleet.heading):.4g} deg, radius {fleet.radius:g} m, {problem.duration:g} s in {problem.steps} steps"
+        f"{fleet.system.name}, {fleet.parameter_name} {law.lower:g} to {law.upper:g}, radius {fleet.radius:g} m, "
+        f"from ({x:g}, {y:g}) heading {np.degrees(fleet.heading):.4g} deg"
     )
 
 
-def _measured(run: Replay | None) -> list[tuple[str, str]]:
+def _measured(run: Replay | None, name: str) -> list[tuple[str, str]]:
     """What the replay found."""
     if run is None:
         return []
     value, parameter = run.worst
-    rows = [("robustness", f"{value:.4f} m for the worst member (parameter {parameter:.4f})")]
+    rows = [("robustness", f"{value:.4f} m for the worst member ({name} {parameter:.4f})")]
     if run.clearances:
         c = min(run.clearances, key=lambda c: c.distance)
         rows.append(
-            ("clearance", f"{c.distance:.4f} m to {c.obstacle} at t = {c.time:.2f} s (parameter {c.parameter:.4f})")
+            (
+                "clearance",
+                f"{c.distance:.4f} m to {c.obstacle} at t = {c.time:.2f} s ({name} {c.parameter:.4f})",
+            )
         )
     bad = int(run.violating.sum())
     rows.append(
         (
             "replay",
             f"{run.members} members, {run.substeps} look{'s' if run.substeps > 1 else ''} a step: {bad} violate, "
-            f"{100 * run.satisfied:.5g} % satisfy ({run.seconds:.2f} s)",
+            f"{_percent(run.satisfied)} % satisfy ({run.seconds:.2f} s)",
         )
     )
     return rows
 
 
-def _conflict(problem: Problem, c: Conflict) -> str:
-    """One violated constraint."""
+def conflict_text(problem: Problem, c: Conflict) -> str:
+    """One violated constraint, with amount, parameter and time."""
     return f"{c.what} by {c.amount:.3g} m ({problem.fleet.parameter_name} {c.parameter:.4g}, t = {c.time:.2f} s)"
 
 
 def _proven(d: dict[str, Any]) -> str:
     """What holds for every parameter, and what does not."""
+    order = d.get("order")
+    if order is None:
+        return "nothing for all parameters"
     if d.get("guarantee") == "nodes":
-        return f"nothing for all parameters; constrained at the {d.get('order', 0) + 1} Gauss nodes, grid times only"
-    return (
-        f"nothing yet for all parameters; constrained as hulls over the whole range and every step interval "
-        f"(order {d.get('order', '?')}, moments 0..{d.get('degree', '?')} carried), then sampled"
-    )
+        return f"nothing for all parameters; obstacles were kept off at {order + 1} Gauss nodes and grid times"
+    return f"nothing yet for all parameters; obstacles were kept off by hulls over the whole range, order {order}"
+
+
+def _percent(share: float) -> str:
+    """A share in percent; never 100 while one member is missing."""
+    text = f"{100 * share:.5g}"
+    return "99.999" if text == "100" and share < 1 else text
 
 
 def _cost(d: dict[str, Any]) -> str:
@@ -132,4 +146,5 @@ def _cost(d: dict[str, Any]) -> str:
 def _work(d: dict[str, Any]) -> str:
     """What it took."""
     times = ", ".join(f"{name} {value:.2f} s" for name, value in d["seconds"].items())
-    return f"{len(d['routes'])} route(s), {d['iterations']} iterations, build {d['build_seconds']:.2f} s; {times}"
+    count = len(d["routes"])
+    return f"{count} route{'s' * (count != 1)}, {d['iterations']} iterations, build {d['build_seconds']:.2f} s; {times}"

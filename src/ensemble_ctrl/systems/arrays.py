@@ -47,6 +47,10 @@ def sinc(x: Any, arrays: Arrays = np) -> Any:
     """
     small = abs(x) < 0.5
     square = x * x
-    series = 1 - square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72 * (1 - square / 110))))
+    series = 1 - square / 110 * (1 - square / 156)
+    for divisor in (72, 42, 20, 6):
+        series = 1 - square / divisor * series
+    if arrays is np and np.all(small):
+        return series
     safe = arrays.where(small, 1.0, x)
     return arrays.where(small, series, arrays.sin(safe) / safe)

@@ -1,0 +1,47 @@
+"""Configuration of the Sphinx site; build it with ``sphinx-build -W -b html docs docs/_build``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "_ext"))
+
+from reference import write_reference  # noqa: E402
+
+from ensemble_ctrl import __version__  # noqa: E402
+
+write_reference(HERE / "_generated")
+
+project = "ensemble_ctrl"
+author = "The ensemble_ctrl developers"
+copyright = author
+release = version = __version__
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.viewcode",
+]
+exclude_patterns = ["_build", "_generated"]
+default_role = "literal"
+
+html_theme = "furo"
+html_title = "ensemble_ctrl"
+html_static_path = ["_static"]
+
+myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
+myst_heading_anchors = 3
+nb_execution_mode = "off"
+
+autosummary_generate = True
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "show-inheritance": False}
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True

@@ -1,0 +1,32 @@
+"""``ensemble-plan show``: replay a saved plan and print its summary again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from ensemble_ctrl.api import Plan, with_replay
+from ensemble_ctrl.cli.run import exit_code
+from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.replay import replay
+from ensemble_ctrl.report import summary_lines
+from ensemble_ctrl.results import summary, to_json
+
+
+def show_plan(path: Path, members: int | None, substeps: int | None, as_json: bool) -> int:
+    """Print the summary; returns the exit code that the plan deserves."""
+    saved = Plan.load(path)
+    verify = saved.problem.verify
+    wanted = replace(
+        verify,
+        members=verify.members if members is None else members,
+        substeps=verify.substeps if substeps is None else substeps,
+    )
+    problem = saved.problem.with_(verify=wanted)
+    found = with_replay(saved, replay(problem, saved.controls))
+    code = exit_code(found)
+    if as_json:
+        say(to_json({**summary(found), "exit_code": code, "folder": str(path)}))
+    else:
+        say("\n".join(summary_lines(found, str(path))))
+    return code

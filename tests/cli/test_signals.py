@@ -1,0 +1,108 @@
+"""Ctrl-C and SIGTERM: once keeps the best plan so far, twice ends at once."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import ensemble_ctrl as ec
+from ensemble_ctrl.cli import run as run_module
+from ensemble_ctrl.cli.progress import Progress, stoppable
+
+from .conftest import Command
+from .tools import COMMAND, environment, left
+
+SLOW = ("small.yaml", "-v", "--set", "horizon.steps=800", "--set", "moments.order=8")
+
+
+@contextmanager
+def started(place: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A run that has begun to solve."""
+    with subprocess.Popen(
+        [*COMMAND, *SLOW, *arguments],
+        cwd=place,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    ) as running:
+        until(running, "iteration 1,")
+        yield running
+        running.kill()
+
+
+def until(running: subprocess.Popen[str], words: str) -> None:
+    """Read stderr up to a line with these words."""
+    assert running.stderr is not None
+    for line in running.stderr:
+        if words in line:
+            return
+    raise AssertionError(f"never said {words!r}")
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_once_keeps_the_best_plan(place: Path, number: signal.Signals, code: int) -> None:
+    with started(place) as running:
+        running.send_signal(number)
+        out, err = running.communicate(timeout=30)
+    assert running.returncode == code
+    assert "stopping after this iteration; the best plan so far is kept" in err
+    assert "Traceback" not in err
+    assert out.startswith("small: interrupted, best plan so far")
+    assert ec.Plan.load(place / "plans/small").status == "interrupted"
+    assert not list(place.rglob(".*"))
+    assert not list(place.rglob("*.png"))
+
+
+def test_twice_ends_at_once_and_leaves_nothing(place: Path) -> None:
+    before = left(place)
+    with started(place, "--members", "5000000", "--json") as running:
+        running.send_signal(signal.SIGINT)
+        until(running, "stopping after this iteration")
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=30)
+    assert running.returncode == 130
+    assert out.count("\n") == 1
+    assert '"exit_code": 130' in out
+    assert "error: interrupted twice; nothing was kept" in err
+    assert left(place) == before
+
+
+def test_before_there_is_a_plan(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run_module, "read", interrupted)
+    done = command("small.yaml", "--json")
+    assert done.code == done.data["exit_code"] == 130
+    assert done.err == "error: interrupted; there is no plan yet\n"
+
+
+def test_handlers_are_put_back() -> None:
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    progress = Progress(quiet=True)
+    with stoppable(progress, lambda: None):
+        assert signal.getsignal(signal.SIGINT) != before[0]
+        assert not progress("solve", None)
+        signal.raise_signal(signal.SIGINT)
+        assert progress("solve", None)
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_a_thread_installs_no_handlers() -> None:
+    seen = []
+
+    def work() -> None:
+        with stoppable(Progress(quiet=True), lambda: None):
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [signal.getsignal(signal.SIGINT)]

@@ -1,0 +1,231 @@
+"""The plan in Python: save and load, one-line texts, drawings, and failures that carry the plan."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import ensemble_ctrl as ec
+
+SMALL = """
+name: small
+fleet:
+  model: unicycle
+  start: {position: [0, 0], heading: 0 deg}
+horizon: {duration: 4 s, steps: 20}
+regions:
+  goal: {box: [[1.5, 2.5], [-0.5, 0.5]]}
+obstacles:
+  block: {box: [[0.8, 1.2], [-0.3, 0.1]]}
+task: F[3, 4] in(goal) and G avoid(block)
+verify: {members: 200}
+"""
+
+
+@pytest.fixture(scope="module")
+def problem() -> ec.Problem:
+    return ec.load_text(SMALL)
+
+
+@pytest.fixture(scope="module")
+def plan(problem: ec.Problem) -> ec.Plan:
+    return ec.plan(problem)
+
+
+def straight(problem: ec.Problem) -> ec.Plan:
+    """Through the obstacle."""
+    return ec.Plan(problem, np.tile([0.6, 0.0], (problem.steps, 1)), "infeasible")
+
+
+def test_a_plan_is_verified_by_its_replay(plan: ec.Plan) -> None:
+    assert plan.verified
+    assert plan.status == "planned"
+    assert plan.controls.shape == (20, 2)
+    assert plan.replayed is not None
+    assert plan.replayed.members == 200
+    assert not plan.conflicts()
+    with pytest.raises(ValueError, match="read-only"):
+        plan.controls[0, 0] = 1
+
+
+def test_save_and_load(plan: ec.Plan, tmp_path: Path) -> None:
+    file = plan.save(tmp_path / "mine")
+    assert file == tmp_path / "mine.npz"
+    for name in (file, str(file), tmp_path / "mine"):
+        again = ec.Plan.load(name)
+        assert np.array_equal(again.controls, plan.controls)
+        assert (again.status, again.details) == (plan.status, plan.details)
+        assert repr(again.problem) == repr(plan.problem)
+        assert again.replayed is None
+        assert not again.verified
+    with np.load(file, allow_pickle=False) as data:
+        assert set(data.files) == {"controls", "problem", "facts"}
+        for key in data.files:
+            assert data[key].dtype != object
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.npz"]
+
+
+def test_a_failed_save_leaves_the_earlier_file(plan: ec.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = plan.save(tmp_path / "mine.npz")
+    before = file.read_bytes()
+    write = Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        write(path, bytes(content)[:100])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space left"):
+        plan.save(file)
+    assert file.read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.npz"]
+
+
+def test_load_names_the_file(tmp_path: Path) -> None:
+    with pytest.raises(ec.ProblemError, match=r"none\.npz: expected a saved plan, found no such file"):
+        ec.Plan.load(tmp_path / "none.npz")
+    np.savez(tmp_path / "evil.npz", controls=np.array([print], dtype=object), problem="", facts="{}")
+    with pytest.raises(ec.ProblemError, match=r"evil\.npz: expected a plan\.npz of this package"):
+        ec.Plan.load(tmp_path / "evil.npz")
+
+
+@pytest.mark.parametrize(
+    ("controls", "status", "words"),
+    [
+        (np.zeros((19, 2)), "planned", r"controls: expected \(20, 2\)"),
+        (np.full((20, 2), np.nan), "planned", "controls: expected .* finite"),
+        (np.zeros((20, 2)), "good", "status: expected one of planned, infeasible, limit, interrupted, got 'good'"),
+    ],
+)
+def test_a_plan_checks_its_parts(problem: ec.Problem, controls: np.ndarray, status: str, words: str) -> None:
+    with pytest.raises(ec.ProblemError, match=words):
+        ec.Plan(problem, controls, status)  # type: ignore[arg-type]
+
+
+def test_texts_are_one_line(plan: ec.Plan, problem: ec.Problem) -> None:
+    for thing in (plan, straight(problem), problem, plan.replayed):
+        assert "\n" not in repr(thing)
+        assert len(repr(thing)) < 160
+    assert repr(plan).startswith("Plan('small': planned, cost ")
+    assert repr(plan).endswith("20 steps, 0 of 200 members violate)")
+    assert repr(straight(problem)) == "Plan('small': infeasible, 20 steps, not replayed)"
+
+
+def drawing(html: str) -> ElementTree.Element:
+    """The SVG in a notebook's card; the whole card has to be well-formed."""
+    card = ElementTree.fromstring(html)
+    [found] = card.iter("{http://www.w3.org/2000/svg}svg")
+    return found
+
+
+def test_a_notebook_shows_the_plan_and_before_it_the_map(plan: ec.Plan, problem: ec.Problem) -> None:
+    tag = "{http://www.w3.org/2000/svg}"
+    card = drawing(plan._repr_html_())
+    assert len(list(card.iter(f"{tag}polyline"))) == 7
+    assert len(list(card.iter(f"{tag}polygon"))) == 2
+    before = drawing(problem._repr_html_())
+    assert not list(before.iter(f"{tag}polyline"))
+    assert len(list(before.iter(f"{tag}polygon"))) == 2
+    assert "no member of 200 violates" in plan._repr_html_()
+    assert "violated" in straight(problem)._repr_html_()
+
+
+def test_a_notebook_is_sent_no_markup_from_a_file() -> None:
+    text = SMALL.replace("name: small", "name: a b").replace("block", "blo-ck")
+    problem = ec.load_text(text)
+    drawing(problem._repr_html_())
+    drawing(straight(problem)._repr_html_())
+
+
+def test_drawings_of_odd_maps() -> None:
+    unbounded = ec.load_text(SMALL.replace("{box: [[1.5, 2.5], [-0.5, 0.5]]}", "{halfspaces: [x >= 1.5]}"))
+    empty = ec.load_text("""
+        fleet: {model: unicycle, start: {position: [0, 0], heading: 0}}
+        horizon: {duration: 2 s, steps: 10}
+        task: F[0, T] x >= 1
+    """)
+    flat = ec.load_text(SMALL.replace("[[0.8, 1.2], [-0.3, 0.1]]", "[[8, 90], [-0.3, 0.1]]"))
+    for problem in (unbounded, empty, flat):
+        found = drawing(problem._repr_html_())
+        assert 0.2 < float(found.attrib["height"]) / float(found.attrib["width"]) < 2.1
+        straight(problem).plot(Figure().subplots())
+
+
+def test_plot_draws_on_given_axes(plan: ec.Plan) -> None:
+    ax = Figure().subplots()
+    assert plan.plot(ax=ax) is ax
+    assert len(ax.lines) > 20
+    assert ax.get_xlabel() == "x [m]"
+
+
+def test_plot_makes_axes_and_shows_nothing(plan: ec.Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    plt.switch_backend("agg")
+    monkeypatch.setattr(plt, "show", pytest.fail)
+    before = plt.get_fignums()
+    ax = plan.plot()
+    assert isinstance(ax, Axes)
+    [number] = set(plt.get_fignums()) - set(before)
+    assert ax.get_figure() is plt.figure(number)
+    plt.close(number)
+
+
+def test_plot_needs_no_display(plan: ec.Plan, tmp_path: Path) -> None:
+    file = plan.save(tmp_path / "plan.npz")
+    code = (
+        "import sys, ensemble_ctrl as ec; ax = ec.Plan.load(sys.argv[1]).plot();"
+        "assert 'casadi' not in sys.modules;"
+        "ax.get_figure().savefig(sys.argv[2])"
+    )
+    subprocess.run([sys.executable, "-c", code, str(file), str(tmp_path / "a.png")], check=True, env=headless())
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def headless() -> dict[str, str]:
+    """An environment without a display."""
+    import os
+
+    source = str(Path(ec.__file__).parents[1])
+    plain = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "MPLBACKEND")}
+    return {**plain, "PYTHONPATH": source, "MPLCONFIGDIR": str(mpl.get_cachedir())}
+
+
+def test_a_failure_carries_its_plan() -> None:
+    problem = ec.load_text(SMALL.replace("F[3, 4] in(goal)", "F[3, 4] in(goal)") + "solve: {time_limit: 1 ms}\n")
+    with pytest.raises(ec.SolveError, match="small: the plan falls short") as caught:
+        ec.plan(problem)
+    found = caught.value.plan
+    assert isinstance(found, ec.Plan)
+    assert found.status == "limit"
+    assert isinstance(found.plot(Figure().subplots()), Axes)
+    assert ec.plan(problem, check=False).status == "limit"
+
+
+def test_a_plan_can_be_a_guess(plan: ec.Plan, problem: ec.Problem) -> None:
+    again = ec.plan(problem, guess=plan)
+    assert len(again.details["routes"]) == 1
+    assert again.details["cost"] <= plan.details["cost"] + 1e-3
+
+
+def test_an_unfinished_search_is_not_verified_by_luck(plan: ec.Plan) -> None:
+    from dataclasses import replace
+
+    assert not replace(plan, status="infeasible").verified
+    assert replace(plan, status="limit").verified
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    code = (
+        "import sys, ensemble_ctrl as ec; ec.load_text; ec.Plan;"
+        "print([n for n in ('casadi', 'scipy', 'matplotlib', 'shapely') if n in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=headless())
+    assert done.stdout == "[]\n", done.stderr

@@ -1,0 +1,149 @@
+"""The arrows between the rooms, read from every import; a new room fails here until it is given its layer."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import ensemble_ctrl
+
+ROOT = Path(ensemble_ctrl.__file__).parent
+LAYERS: tuple[frozenset[str], ...] = tuple(
+    frozenset(layer.split())
+    for layer in (
+        "errors _version",
+        "moments systems",
+        "constraints",
+        "problem checks drawing",
+        "duties",
+        "ocp",
+        "replay certificate",
+        "conflicts planner",
+        "receding report twin planfile folder",
+        "config",
+        "api",
+        "compare widest results",
+        "cli",
+    )
+)
+TOGETHER = [frozenset({"problem", "checks"}), frozenset({"problem", "drawing"})]
+"""Pairs in one layer that may import each other: a problem checks itself, and draws itself in a notebook."""
+ONLY_IN = {"casadi": "ocp", "matplotlib": "report", "yaml": "config"}
+LEVEL = {room: level for level, layer in enumerate(LAYERS) for room in layer}
+FILES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
+
+
+def imports(source: str, package: str) -> Iterator[tuple[str, int]]:
+    """Full names of the modules that a module of `package` imports at run time, with their lines."""
+    todo: list[ast.AST] = [ast.parse(source)]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test).removeprefix("typing.") == "TYPE_CHECKING":
+            todo.extend(node.orelse)
+            continue
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parents = package.split(".")[: len(package.split(".")) + 1 - node.level] if node.level else []
+            base = ".".join([*parents, *([node.module] if node.module else [])])
+            if base == "ensemble_ctrl":
+                yield from ((f"{base}.{alias.name}", node.lineno) for alias in node.names)
+            else:
+                yield base, node.lineno
+        todo.extend(ast.iter_child_nodes(node))
+
+
+def room_of(path: Path) -> str:
+    """The room that a file belongs to."""
+    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+
+
+def arrows() -> Iterator[tuple[str, str, str]]:
+    """Importing room, imported module, and the place of the import."""
+    for path in FILES:
+        package = ".".join(["ensemble_ctrl", *path.relative_to(ROOT).parent.parts])
+        for module, line in imports(path.read_text(), package):
+            yield room_of(path), module, f"{path.relative_to(ROOT)}:{line}"
+
+
+def test_every_room_has_a_layer() -> None:
+    assert {room_of(path) for path in FILES} - set(LEVEL) == set(), "give the new room a layer in LAYERS"
+
+
+def test_rooms_import_only_from_earlier_layers() -> None:
+    wrong = []
+    for room, module, place in arrows():
+        parts = module.split(".")
+        if parts[0] != "ensemble_ctrl" or parts[1:2] == [room]:
+            continue
+        target = parts[1] if len(parts) > 1 else "ensemble_ctrl"
+        if {room, target} in TOGETHER:
+            continue
+        if target not in LEVEL or LEVEL[target] >= LEVEL[room]:
+            wrong.append(f"{place}: {room} must not import {target}")
+    assert wrong == []
+
+
+@pytest.mark.parametrize(("library", "home"), ONLY_IN.items())
+def test_a_library_stays_in_its_room(library: str, home: str) -> None:
+    users = {room: place for room, module, place in arrows() if module.split(".")[0] == library}
+    assert set(users) == {home}, users
+
+
+@pytest.mark.parametrize("judge", ["replay", "certificate"])
+def test_what_judges_a_plan_shares_no_code_with_what_finds_it(judge: str) -> None:
+    """Not even through other rooms."""
+    reached, todo = set(), [judge]
+    edges = [(room, module.split(".")[1]) for room, module, _ in arrows() if module.startswith("ensemble_ctrl.")]
+    while todo:
+        here = todo.pop()
+        reached.add(here)
+        todo.extend({target for room, target in edges if room == here} - reached)
+    assert reached & {"ocp", "planner", "api"} == set()
+    assert "constraints" in reached
+
+
+def test_the_reader_of_imports_sees_nested_ones_and_not_those_for_types() -> None:
+    source = """
+import a.b, c
+from typing import TYPE_CHECKING
+if TYPE_CHECKING:
+    import hidden
+else:
+    import seen
+def f():
+    class G:
+        from ensemble_ctrl import ocp
+        from . import near
+        from ..problem import Problem
+        from .. import far
+"""
+    found = {module for module, _ in imports(source, "ensemble_ctrl.room")}
+    assert found == {
+        "a.b",
+        "c",
+        "typing",
+        "seen",
+        "ensemble_ctrl.ocp",
+        "ensemble_ctrl.room",
+        "ensemble_ctrl.problem",
+        "ensemble_ctrl.far",
+    }
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    code = "import sys, ensemble_ctrl; print([m for m in ('matplotlib','scipy','casadi','yaml') if m in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("module", ["problem", "replay", "moments", "systems", "constraints"])
+def test_the_rooms_below_load_no_solver_and_no_plots(module: str) -> None:
+    code = f"import sys, ensemble_ctrl.{module}; print([m for m in ('matplotlib', 'casadi') if m in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

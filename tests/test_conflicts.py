@@ -1,0 +1,70 @@
+"""What fails is named with its amount, its time and whose parameter it is."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ensemble_ctrl.config import load
+from ensemble_ctrl.conflicts import conflicts
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.problem import Problem
+
+CONFIG = Path(__file__).parents[1] / "configs" / "five_obstacles.yaml"
+FORWARD = np.zeros((160, 2))
+FORWARD[:, 0] = np.sqrt(2) * 4 / 16  # the nominal robot drives from (1, 1) to (5, 5) along the diagonal
+
+
+@cache
+def five() -> Problem:
+    return load(CONFIG)
+
+
+def test_every_obstacle_that_is_entered_and_every_part_that_fails_worst_first() -> None:
+    found = {c.what: c for c in conflicts(five(), FORWARD)}
+    assert set(found) == {"avoid(o1)", "avoid(o3)", "F[14,16] in(goal)"}
+    amounts = [c.amount for c in conflicts(five(), FORWARD)]
+    assert amounts == sorted(amounts, reverse=True)
+    first = found["avoid(o1)"]
+    assert first.amount == pytest.approx(0.5, abs=0.01)  # deepest at (2.5, 2.5)
+    assert 1 + first.parameter * first.time / 4 == pytest.approx(2.5, abs=0.02)
+    goal = found["F[14,16] in(goal)"]
+    assert goal.parameter == 0.9
+    assert goal.time == 16.0
+    assert goal.amount == pytest.approx(6 - (1 + 0.9 * 4), abs=1e-9)
+
+
+def test_nothing_fails_where_nothing_is_asked_in_vain() -> None:
+    problem = five().with_(obstacles={}, task=parse("G[0,16] x >= 0"))
+    assert conflicts(problem, FORWARD) == ()
+
+
+def test_times_of_a_visit_and_of_a_duty() -> None:
+    way = {"way": Polyhedron.box([[2.0, 2.5], [2.2, 2.6]])}
+    problem = five().with_(obstacles={}, regions=way, task=parse("F[8,10] in(way)"))
+    (visit,) = conflicts(problem, FORWARD)
+    assert (visit.parameter, visit.time) == (1.1, 8.0)  # already past: the start of the window is closest
+    assert visit.amount == pytest.approx(1 + 1.1 * 2 - 2.5, abs=1e-9)
+    (duty,) = conflicts(problem.with_(task=parse("G[4,6] in(way)")), FORWARD)
+    assert (duty.parameter, duty.time) == (0.9, 4.0)
+    assert duty.amount == pytest.approx(2.2 - (1 + 0.9), abs=1e-9)
+
+
+def test_a_region_that_must_be_avoided_conflicts_too() -> None:
+    way = {"way": Polyhedron.box([[2.0, 2.5], [2.2, 2.6]])}
+    for task in ("G avoid(way)", "G not in(way)"):
+        problem = five().with_(obstacles={}, regions=way, task=parse(task))
+        (only,) = conflicts(problem, FORWARD)
+        assert "way" in only.what
+        assert 0.1 < only.amount < 0.25
+
+
+def test_only_the_window_of_a_duty_counts() -> None:
+    wall = {"wall": (Obstacle.box([[2, 2.5], [2, 2.5]]),)}
+    early, late = (five().with_(obstacles=wall, task=parse(f"G[{w}] avoid(wall)")) for w in ("0,3", "4,8"))
+    assert conflicts(early, FORWARD) == ()
+    assert len(conflicts(late, FORWARD)) == 1

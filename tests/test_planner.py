@@ -1,0 +1,272 @@
+"""From a problem file to controls that hold for every replayed member, and every other way a search can end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ensemble_ctrl.planner as module
+from ensemble_ctrl.config import load, load_text
+from ensemble_ctrl.conflicts import conflicts
+from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ocp.solvers import Iteration
+from ensemble_ctrl.planner import Solution, coarse_steps, solve
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import replay
+from ensemble_ctrl.systems import Unicycle
+
+Floats = NDArray[np.float64]
+CONFIG = Path(__file__).parents[1] / "configs" / "five_obstacles.yaml"
+SMALL = """
+name: small
+fleet:
+  model: unicycle
+  parameters: {traction: {range: [0.9, 1.1]}}
+  start: {position: [0, 0], heading: 0 deg}
+horizon: {duration: 8 s, steps: 40}
+moments: {order: auto}
+regions:
+  goal: {box: [[3, 4], [-0.5, 0.5]]}
+  zone: {box: [[1.4, 2], [-1, 0.3]]}
+obstacles:
+  post: {box: [[1.4, 2], [-1, 0.3]]}
+task: F[6, 8] in(goal) and G avoid(post)
+objective: {terminal: {target: [3.5, 0]}}
+"""
+
+
+@cache
+def five() -> Problem:
+    return load(CONFIG)
+
+
+@cache
+def small() -> Problem:
+    return load_text(SMALL)
+
+
+@cache
+def planned() -> Solution:
+    """The plan of the example, made once."""
+    return solve(five())
+
+
+def options(problem: Problem, **changes: Any) -> Problem:
+    """The problem with other solve options."""
+    return problem.with_(solve=replace(problem.solve, **changes))
+
+
+def check_good(solution: Solution, members: int = 1000) -> None:
+    """Planned, within the input bounds, and no replayed member violates, also between the grid times."""
+    problem = solution.problem
+    assert solution.status == "planned"
+    assert solution.controls.shape == (problem.steps, 2)
+    assert (solution.controls >= problem.fleet.input_lower).all()
+    assert (solution.controls <= problem.fleet.input_upper).all()
+    run = replay(problem, solution.controls, members=members, substeps=10)
+    assert not run.violating.any(), run
+    assert min((c.distance for c in run.clearances), default=np.inf) >= 0
+    assert run.worst[0] >= 0
+
+
+def test_five_obstacles() -> None:
+    """The acceptance test: 20,000 members, ten times in each step."""
+    solution = planned()
+    check_good(solution, members=20_000)
+    value = solution.attempt.value
+    assert value.cost <= 0.75
+    assert value.gap >= 0
+    assert value.robustness >= 0.3
+    assert value.cost == pytest.approx(cost_by_hand(solution), abs=1e-3)
+    assert len(solution.routes) == 2
+    assert all(kept for _, _, kept in solution.routes)
+    assert solution.routes[0][0] < solution.routes[1][0]
+    assert (solution.attempt.truncation.order, solution.attempt.truncation.hull) == (8, True)
+    assert solution.iterations > 0
+    assert solution.solve_seconds > 0
+
+
+def cost_by_hand(solution: Solution) -> float:
+    """``-robustness of the visit + 10 |m(T) - m_F|^2 + 0.1 integral v^2 + omega^2``, members spread evenly."""
+    problem, controls = solution.problem, solution.controls
+    traction = np.linspace(0.9, 1.1, 401)
+    paths = problem.fleet.system.positions(controls, np.ones(2), np.pi / 4, traction, 0.1)
+    margin = problem.regions["goal"].margin(paths[:, 140:]).max(axis=1).min()
+    off = ((paths[:, -1] - [6.5, 5.5]) ** 2).sum(axis=1)
+    return float(-margin + 10 * 2 * off.mean() + 0.1 * 0.1 * (controls**2).sum())
+
+
+@pytest.mark.parametrize(("order", "guarantee"), [(None, "hull"), (8, "nodes"), (None, "nodes")])
+def test_five_obstacles_with_other_orders_and_guarantees(order: int | None, guarantee: str) -> None:
+    solution = solve(options(five(), guarantee=guarantee).with_(order=order))
+    truncation = solution.attempt.truncation
+    assert solution.status == "planned"
+    assert solution.attempt.value.cost <= 0.75
+    assert truncation.hull is (guarantee == "hull")
+    assert truncation.order == (order or truncation.degree)
+    if guarantee == "hull":
+        check_good(solution)
+        assert 2 <= truncation.order <= 5
+    else:
+        at_nodes = five().fleet.parameter.to_parameter(truncation.nodes)
+        run = replay(five(), solution.controls, parameters=at_nodes)
+        assert not run.violating.any(), run
+
+
+def test_the_other_heading_convention_is_as_good() -> None:
+    fleet = replace(five().fleet, system=Unicycle("y" if five().fleet.system.heading_from == "x" else "x"))
+    mirrored = solve(five().with_(fleet=fleet))
+    check_good(mirrored)
+    assert mirrored.attempt.value.cost == pytest.approx(planned().attempt.value.cost, abs=0.01)
+    np.testing.assert_allclose(mirrored.controls, planned().controls * [1, -1], atol=0.02)
+
+
+def test_a_robot_with_a_radius_keeps_its_edge_clear() -> None:
+    solution = solve(small().with_(fleet=replace(small().fleet, radius=0.5)))
+    check_good(solution)
+    run, without = (
+        replay(problem, solution.controls, members=500, substeps=10) for problem in (solution.problem, small())
+    )
+    assert without.clearances[0].distance == pytest.approx(run.clearances[0].distance + 0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("task", ["G avoid(zone)", "G not in(zone)", "G[0,8] (avoid(zone) and avoid(post))"])
+def test_a_region_can_be_kept_out_of(task: str) -> None:
+    way_through = solve(small().with_(task=parse("F[6,8] in(goal)"), obstacles={}))
+    check_good(way_through, members=101)
+    zone = Obstacle.polygon(small().regions["zone"].vertices)
+    assert path_distance(way_through, zone) < -0.1
+    around = solve(small().with_(task=parse(f"F[6,8] in(goal) and {task}")))
+    check_good(around, members=101)
+    assert path_distance(around, zone) >= 0
+
+
+def path_distance(solution: Solution, piece: Obstacle) -> float:
+    """Smallest distance of some members from a piece."""
+    fleet, problem = solution.problem.fleet, solution.problem
+    paths = fleet.system.positions(
+        solution.controls, fleet.position, fleet.own_heading, np.linspace(0.9, 1.1, 21), problem.step
+    )
+    return float(piece.distance(paths).min())
+
+
+def test_a_task_without_a_robustness_only_keeps_clear() -> None:
+    check_good(solve(small().with_(task=parse("G avoid(post)"))), members=101)
+
+
+def test_a_walled_in_goal_is_infeasible_and_the_wall_is_named() -> None:
+    ring = np.array([[[2, 5], [-2, -1]], [[2, 5], [1, 2]], [[2, 2.6], [-2, 2]], [[4.4, 5], [-2, 2]]])
+    walled = small().with_(
+        obstacles={"wall": tuple(Obstacle.box(box) for box in ring)},
+        task=parse("F[6,8] in(goal) and G avoid(wall)"),
+    )
+    solution = solve(walled)
+    assert solution.status == "infeasible"
+    found = conflicts(walled, solution.controls)
+    assert "wall" in {c.what.removeprefix("avoid(").removesuffix(")") for c in found}
+    for conflict in found:
+        assert 0.05 < conflict.amount < 5
+        assert 0.9 <= conflict.parameter <= 1.1
+        assert 0 <= conflict.time <= 8
+
+
+def test_the_time_limit_returns_the_best_so_far() -> None:
+    solution = solve(options(five(), time_limit=0.05))
+    assert solution.status == "limit"
+    assert solution.controls.shape == (160, 2)
+    assert np.isfinite(solution.controls).all()
+    assert (np.abs(solution.controls) <= 2).all()
+
+
+@pytest.mark.parametrize("stop_at", [("guess", None), ("coarse solve", 2), ("solve", 1)])
+def test_progress_can_interrupt(stop_at: tuple[str, int | None]) -> None:
+    seen: list[tuple[str, int | None]] = []
+
+    def progress(phase: str, iteration: Iteration | None) -> bool:
+        seen.append((phase, None if iteration is None else iteration.count))
+        return seen[-1] == stop_at
+
+    solution = solve(small(), progress=progress)
+    assert solution.status == "interrupted"
+    assert np.isfinite(solution.controls).all()
+    assert solution.controls.shape == (40, 2)
+    first = seen.index(stop_at)
+    assert all(count is None for _, count in seen[first + 1 :]), "no iterations after the stop"
+
+
+def test_progress_sees_the_phases_in_order() -> None:
+    phases: dict[str, None] = {}
+
+    def progress(phase: str, _: Iteration | None) -> bool:
+        phases.setdefault(phase)
+        return False
+
+    assert solve(small(), progress=progress).status == "planned"
+    assert list(phases)[:2] == ["guess", "solve"]
+    assert "coarse solve" in phases
+
+
+def test_a_guess_is_used_instead_of_routes(monkeypatch: pytest.MonkeyPatch) -> None:
+    cold = solve(small())
+
+    def no_seeds(*_: object) -> list[object]:
+        raise AssertionError("looked for routes although a guess was given")
+
+    monkeypatch.setattr(module, "seeds", no_seeds)
+    for guess in (cold.controls, cold.controls[::5]):
+        warm = solve(small(), guess=guess)
+        check_good(warm, members=101)
+        assert warm.attempt.value.cost <= cold.attempt.value.cost + 0.02
+        assert len(warm.routes) == 1
+
+
+def test_a_guess_is_checked_clipped_and_refined() -> None:
+    wild = solve(small(), guess=np.full((3, 2), 50.0), progress=lambda *_: True)
+    assert wild.status == "interrupted"
+    np.testing.assert_array_equal(wild.controls, np.tile(small().fleet.input_upper, (40, 1)))
+    narrow = small().with_(task=parse("F[6.4, 6.8] in(goal) and G avoid(post)"))
+    assert np.isfinite(solve(narrow, guess=np.zeros((2, 2)), progress=lambda *_: True).controls).all()
+    for guess in (np.zeros(40), np.zeros((0, 2)), np.zeros((40, 3)), np.full((40, 2), np.nan)):
+        with pytest.raises(ProblemError, match=r"^guess: expected finite controls of shape \(steps, 2\)"):
+            solve(small(), guess=guess)
+
+
+@pytest.mark.parametrize(
+    ("task", "steps", "wanted"),
+    [
+        ("F[14,16] in(goal)", 160, 32),
+        ("F[7,7.5] in(goal)", 160, 80),
+        ("F[7,7.1] in(goal)", 160, 160),
+        ("F[7,7] in(goal)", 160, 160),
+        ("F in(goal)", 160, 32),
+        ("F[2,T] in(goal)", 160, 32),
+        ("F[0,9] G[0,0.5] in(goal)", 160, 80),
+        ("F[14,16] in(goal)", 161, 161),
+        ("F[14,16] in(goal)", 7, 7),
+        ("F[14,16] in(goal)", 96, 32),
+    ],
+)
+def test_the_coarse_grid_divides_the_fine_one_and_resolves_every_window(task: str, steps: int, wanted: int) -> None:
+    problem = five().with_(task=parse(task), steps=steps)
+    assert coarse_steps(problem) == wanted
+    assert steps % wanted == 0
+
+
+def test_a_narrow_window_is_met() -> None:
+    check_good(solve(small().with_(task=parse("F[6.4, 6.8] in(goal) and G avoid(post)"))), members=101)
+
+
+def test_bounds_without_standing_still_are_kept() -> None:
+    """A forward-only robot that can't stop; guesses have to be inside the bounds too."""
+    fleet = replace(small().fleet, input_lower=np.array([0.3, -1.0]), input_upper=np.array([1.0, 1.0]))
+    solution = solve(small().with_(fleet=fleet))
+    check_good(solution, members=101)
+    assert solution.controls[:, 0].min() >= 0.3

@@ -1,0 +1,73 @@
+"""The unconstrained twin: what it leaves out and what it keeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ensemble_ctrl import Problem, load_text, unconstrained
+
+MAP = """\
+name: small
+fleet: {model: unicycle, start: {position: [1, 1], heading: 0 deg}, input_bounds: {v: [-3, 2]}}
+horizon: {duration: 10 s}
+regions:
+  goal: {box: [[6, 7], [5, 6]]}
+  room: {box: [[0, 4.5], [0, 8]]}
+  hall: {box: [[3.5, 8], [0, 8]]}
+obstacles: {rock: {box: [[2, 3], [3, 4]]}}
+objective: {robustness: 2.0, terminal: {target: [6.5, 5.5]}}
+report: {twin: true}
+task: """
+
+
+def problem(task: str) -> Problem:
+    """A small map with a task."""
+    return load_text(MAP + task)
+
+
+@pytest.mark.parametrize(
+    ("task", "rest"),
+    [
+        ("F[8, 10] in(goal) and G avoid(obstacles)", "F[8,10] in(goal)"),
+        ("F[8, 10] in(goal) and G[2, 3] avoid(rock)", "F[8,10] in(goal)"),
+        ("F[8, 10] in(goal) and G (in(room) or in(hall))", "F[8,10] in(goal)"),
+        ("F[8, 10] in(goal) and G[0, T] (in(room) and avoid(rock))", "F[8,10] in(goal)"),
+        ("G not in(goal) and F in(room) and F in(hall)", "F in(room) and F in(hall)"),
+    ],
+)
+def test_what_holds_the_fleet_back_goes(task: str, rest: str) -> None:
+    assert str(unconstrained(problem(task)).task) == rest
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        "F[8, 10] in(goal)",
+        "G[8, 10] in(goal)",
+        "F G[0, 2] in(goal)",
+        "G (x >= 0) and F in(goal)",
+        "not in(hall) U in(goal)",
+    ],
+)
+def test_what_is_to_be_done_stays(task: str) -> None:
+    assert unconstrained(problem(task)).task == problem(task).task
+
+
+@pytest.mark.parametrize("task", ["G in(room)", "G avoid(rock)", "G in(room) and G avoid(rock)"])
+def test_where_nothing_is_left_the_whole_plane_is_the_task(task: str) -> None:
+    twin = unconstrained(problem(task))
+    assert str(twin.task) == "G in(anywhere)"
+    (lower, upper), start = (twin.regions["anywhere"].lower, twin.regions["anywhere"].upper), twin.fleet.position
+    assert (np.abs([lower - start, upper - start]) > 3 * 1.1 * 10).all()
+    assert twin.objective.robustness == 0.0
+    assert twin.objective.target is not None
+
+
+def test_the_rest_of_the_problem_is_the_same() -> None:
+    one = problem("F[8, 10] in(goal) and G avoid(rock)")
+    twin = unconstrained(one)
+    assert (twin.fleet, twin.objective, twin.solve) == (one.fleet, one.objective, one.solve)
+    assert (one.verify.certificate, twin.verify.certificate) == (True, False)
+    assert (one.report.twin, twin.report.twin) == (True, False)
+    assert list(twin.obstacles) == ["rock"]
