@@ -68,3 +68,10 @@ def test_only_the_window_of_a_duty_counts() -> None:
     early, late = (five().with_(obstacles=wall, task=parse(f"G[{w}] avoid(wall)")) for w in ("0,3", "4,8"))
     assert conflicts(early, FORWARD) == ()
     assert len(conflicts(late, FORWARD)) == 1
+
+
+def test_an_obstacle_crossed_between_two_grid_times_conflicts() -> None:
+    dash = np.zeros((160, 2))
+    dash[0] = 2.0, 0.0
+    problem = five().with_(obstacles={"post": (Obstacle.box([[1.04, 1.11], [0.0, 3.0]]),)})
+    assert "avoid(post)" in {c.what for c in conflicts(problem, dash)}

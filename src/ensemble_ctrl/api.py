@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl import planfile
+from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
+from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import Replay, replay
 
@@ -38,15 +40,17 @@ class Plan:
     controls : ndarray, shape (steps, n_u)
         Commands of every step, in the units of the system's controls; read-only.
     status : {"planned", "infeasible", "limit", "interrupted"}
-        How the search ended. Only `replayed` says whether members are safe.
+        How the search ended. Only `replayed` and `certificate` say whether members are safe.
     details : dict
         What the search did: order, cost and its parts, iterations, routes, seconds.
     replayed : Replay or None
         The last replay that was run on this plan when it was made.
+    certificate : Certificate or None
+        What is proven of it for every parameter and instant, if that was asked for.
 
     Notes
     -----
-    *Guarantee*: none by itself; a plan is judged by `replay`, never by the solver's word.
+    *Guarantee*: none by itself; a plan is judged by `replay` and `certify`, never by the solver's word.
     """
 
     problem: Problem
@@ -54,6 +58,7 @@ class Plan:
     status: Status
     details: dict[str, Any] = field(default_factory=dict)
     replayed: Replay | None = None
+    certificate: Certificate | None = None
 
     def __post_init__(self) -> None:
         controls = np.array(self.controls, dtype=float)
@@ -72,14 +77,20 @@ class Plan:
 
     @property
     def verified(self) -> bool:
-        """Whether a plan was found, replayed, and no replayed member violates it."""
-        return self.status != "infeasible" and self.replayed is not None and not self.replayed.violating.any()
+        """Whether a plan was found, no replayed member violates it, and its certificate, if any, says ``yes``."""
+        replayed = self.replayed is not None and not self.replayed.violating.any()
+        proven = self.certificate is None or self.certificate.proven == "yes"
+        return self.status != "infeasible" and replayed and proven
 
     def replay(
         self, members: int | None = None, *, substeps: int | None = None, parameters: Floats | None = None
     ) -> Replay:
         """Run the controls on sampled members; see `ensemble_ctrl.replay.replay`."""
         return replay(self.problem, self.controls, members=members, substeps=substeps, parameters=parameters)
+
+    def certify(self, parameter: Interval | None = None) -> Certificate:
+        """Prove the plan for every parameter of its range, or of another one; see `ensemble_ctrl.certificate`."""
+        return certify(self.problem, self.controls, parameter)
 
     def conflicts(self) -> tuple[Conflict, ...]:
         """What fails, by how much, when and for whom; empty for a good plan."""
@@ -129,14 +140,12 @@ class Plan:
             raise ProblemError(f"{path}: {error}") from None
 
     def __repr__(self) -> str:
-        checked = (
-            "not replayed"
-            if self.replayed is None
-            else (f"{int(self.replayed.violating.sum())} of {self.replayed.members} members violate")
-        )
+        run, certificate = self.replayed, self.certificate
+        checks = ["not replayed" if run is None else f"{int(run.violating.sum())} of {run.members} members violate"]
+        checks += [] if certificate is None else [f"proven for all: {certificate.proven}"]
         cost = self.details.get("cost")
         worth = "" if cost is None else f", cost {cost:.4g}"
-        return f"Plan({self.problem.name!r}: {self.status}{worth}, {self.problem.steps} steps, {checked})"
+        return f"Plan({self.problem.name!r}: {self.status}{worth}, {self.problem.steps} steps, {', '.join(checks)})"
 
     def _repr_html_(self) -> str:
         from html import escape
@@ -200,7 +209,7 @@ def plan(
     if progress is not None:
         progress("replay", None)
     run = replay(problem, solution.controls)
-    found = Plan(problem, solution.controls, solution.status, _details(solution), run)
+    found = Plan(problem, solution.controls, solution.status, _details(solution), run, solution.certificate)
     if check and not (found.status == "planned" and found.verified):
         raise SolveError(failure_message(found), found)
     return found
@@ -216,9 +225,9 @@ def failure_message(plan: Plan) -> str:
     return f"{plan.problem.name}: {lead}{listed}"
 
 
-def with_replay(plan: Plan, run: Replay) -> Plan:
-    """The plan with another replay."""
-    return replace(plan, replayed=run)
+def checked(plan: Plan, run: Replay | None, certificate: Certificate | None) -> Plan:
+    """The plan with another replay and certificate."""
+    return replace(plan, replayed=run, certificate=certificate)
 
 
 def _details(solution: Solution) -> dict[str, Any]:

@@ -80,7 +80,9 @@ def _compared(problem: Problem, guarantee: Guarantee, progress: Progress | None)
 
 def table(rows: Sequence[Compared]) -> list[str]:
     """The comparison as text, a line each."""
-    lines = [f"{'guarantee':<10}{'status':<12}{'time':>8}{'iterations':>12}{'cost':>10}{'violating':>18}{'worst depth':>13}"]
+    lines = [
+        f"{'guarantee':<10}{'status':<12}{'time':>8}{'iterations':>12}{'cost':>10}{'violating':>18}{'worst depth':>13}"
+    ]
     for row in rows:
         members = row.plan.replayed.members if row.plan.replayed else 0
         share = f"{row.violating} ({100 * row.violating / max(members, 1):.1f} %)"

@@ -13,6 +13,7 @@ import numpy as np
 
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.api import Plan
+from ensemble_ctrl.certificate import as_data
 from ensemble_ctrl.config import dump
 from ensemble_ctrl.replay import Replay
 
@@ -26,6 +27,8 @@ def write_results(plan: Plan, folder: Path, command: Sequence[str]) -> None:
     plan.save(folder / "plan.npz")
     (folder / "controls.csv").write_text(controls_csv(plan), encoding="utf-8")
     (folder / "problem.yaml").write_text(dump(plan.problem), encoding="utf-8")
+    if plan.certificate is not None:
+        _write_json(folder / "certificate.json", as_data(plan.certificate))
     _write_json(folder / "summary.json", summary(plan))
     _write_json(folder / "provenance.json", provenance(plan, command))
 
@@ -49,6 +52,7 @@ def summary(plan: Plan) -> dict[str, Any]:
         "task": str(plan.problem.task),
         "steps": plan.problem.steps,
         "step_seconds": plan.problem.step,
+        "certificate": None if plan.certificate is None else as_data(plan.certificate),
         "replay": None if plan.replayed is None else replay_summary(plan.replayed),
         "conflicts": [vars(c) for c in plan.conflicts()] if not plan.verified else [],
         "details": plan.details,

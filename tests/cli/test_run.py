@@ -19,7 +19,7 @@ from ensemble_ctrl.cli.app import invoke
 from .conftest import Command
 from .tools import SMALL, environment, process
 
-DATA = {"controls.csv", "plan.npz", "problem.yaml", "provenance.json", "solver.log", "summary.json"}
+DATA = {"certificate.json", "controls.csv", "plan.npz", "problem.yaml", "provenance.json", "solver.log", "summary.json"}
 FIGURES = {"trajectories.png", "controls.png"}
 
 

@@ -154,7 +154,10 @@ def fingerprint(problem: Problem, controls: Floats, law: Interval) -> str:
         law.lower,
         law.upper,
         str(problem.task),
-        [(name, region.A.tolist(), region.lower.tolist(), region.upper.tolist()) for name, region in problem.regions.items()],
+        [
+            (name, region.A.tolist(), region.lower.tolist(), region.upper.tolist())
+            for name, region in problem.regions.items()
+        ],
         [(name, piece.A.tolist(), piece.b.tolist()) for name, piece in problem.pieces],
     ]
     digest.update(repr(numbers).encode())
@@ -183,6 +186,8 @@ def _part(problem: Problem, controls: Floats, law: Interval, part: Formula) -> T
 
 def _counter_example(clearances: Sequence[Bound], parts: Sequence[TaskBound]) -> CounterExample | None:
     """The worst violation seen."""
-    found = [CounterExample(f"avoid({b.obstacle})", b.parameter, b.time, -b.sampled) for b in clearances if b.sampled < 0]
+    found = [
+        CounterExample(f"avoid({b.obstacle})", b.parameter, b.time, -b.sampled) for b in clearances if b.sampled < 0
+    ]
     found += [CounterExample(b.part, b.parameter, None, -b.sampled) for b in parts if b.covered and b.sampled < 0]
     return max(found, key=lambda c: c.amount, default=None)

@@ -107,9 +107,7 @@ class Prover:
     def bound(self, name: str, piece: Obstacle, steps: Ints, radius: float) -> Bound:
         """Proven and sampled clearance of every member from `piece` during `steps`."""
         centre, step = (i.ravel() for i in np.meshgrid(np.arange(self.cells), steps, indexing="ij"))
-        boxes = Boxes(
-            centre, np.full(len(centre), self.half), step, np.zeros(len(centre)), np.ones(len(centre))
-        )
+        boxes = Boxes(centre, np.full(len(centre), self.half), step, np.zeros(len(centre)), np.ones(len(centre)))
         best: Sample = (np.inf, np.nan, np.nan)
         proven = np.inf
         for _ in range(ROUNDS):
@@ -131,9 +129,7 @@ class Prover:
         """Lower bounds, the best sample so far, and how much width and length add to each box."""
         c = self.centres[boxes.centre]
         ends = [self._at(boxes, share, c) for share in (boxes.begin, boxes.end)]
-        corners = np.stack(
-            [p + sign * boxes.half[:, None] * d for p, d in ends for sign in (1.0, -1.0)], axis=1
-        )
+        corners = np.stack([p + sign * boxes.half[:, None] * d for p, d in ends for sign in (1.0, -1.0)], axis=1)
         radius = growth(
             self.flow, boxes.step, (boxes.end - boxes.begin) * self.flow.step, c, boxes.half, self.remainder
         )

@@ -151,9 +151,7 @@ class Track:
 
     def joined(self, other: Track) -> Track:
         """Both lists of centres, one after the other."""
-        return Track(
-            np.concatenate([self.position, other.position]), np.concatenate([self.slope, other.slope])
-        )
+        return Track(np.concatenate([self.position, other.position]), np.concatenate([self.slope, other.slope]))
 
 
 def growth(flow: Flow, n: Ints, span: Floats, c: Floats, h: Floats, remainder: Floats) -> Floats:

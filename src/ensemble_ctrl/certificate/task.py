@@ -74,9 +74,7 @@ class CellSignals:
         none = np.zeros(flow.steps + 1)
         bulge = growth(flow, n, np.full((1, 1), flow.step), centres[:, None], half[:, None], none)
         curvature = half[:, None] ** 2 / 2 * flow.remainder()
-        return cls(
-            centres, half, track.position, track.slope, curvature, bulge, flow.rounding(), flow.step / 2, upper
-        )
+        return cls(centres, half, track.position, track.slope, curvature, bulge, flow.rounding(), flow.step / 2, upper)
 
     @property
     def members(self) -> int:

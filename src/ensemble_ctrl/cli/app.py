@@ -19,11 +19,11 @@ from ensemble_ctrl.errors import EnsembleError
 NAME = "ensemble-plan"
 EXIT_CODES = """\b
 Exit codes:
-  0    planned, and no replayed member violates the task
+  0    planned and proven for every member, and no replayed member violates the task
   1    internal error, or the results could not be written
   2    wrong usage or an invalid file
   3    no plan found; the constraints that conflict are named
-  4    a plan was found, but some replayed members violate it
+  4    a plan was found, but it is not proven, or some replayed members violate it
   5    limit reached; the best plan so far is saved
   130  interrupted (143: terminated); the best plan so far is saved"""
 
@@ -40,6 +40,17 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+Config = Annotated[str, typer.Argument(help="Problem file (YAML); - reads stdin.", metavar="CONFIG")]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Results folder [default: plans/<name>].", metavar="DIR"),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Change a field: a dotted key and a YAML value; repeatable.", metavar="KEY=VALUE"),
+]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")]
 Members = Annotated[int | None, typer.Option(help="Members to replay (verify.members).", metavar="N", min=1)]
 
 
@@ -59,15 +70,9 @@ def _main(
 @app.command(epilog=EXIT_CODES)
 def run(
     context: typer.Context,
-    config: Annotated[str, typer.Argument(help="Problem file (YAML); - reads stdin.", metavar="CONFIG")],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Results folder [default: plans/<name>].", metavar="DIR"),
-    ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="Change a field: a dotted key and a YAML value; repeatable.", metavar="KEY=VALUE"),
-    ] = None,
+    config: Config,
+    output: Output = None,
+    overrides: Overrides = None,
     method: Annotated[str | None, typer.Option(help="Solution method (solve.method): nlp.", metavar="METHOD")] = None,
     time_limit: Annotated[
         str | None,
@@ -82,10 +87,10 @@ def run(
         typer.Option(help="Start from a saved plan (plan.npz or its folder).", metavar="PLAN"),
     ] = None,
     json: Json = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")] = False,
+    quiet: Quiet = False,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="A line for each iteration.")] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
     if quiet and verbose:
@@ -140,6 +145,53 @@ def show(
     from ensemble_ctrl.cli.show import show_plan
 
     raise typer.Exit(show_plan(plan, members, substeps, json))
+
+
+@app.command()
+def verify(
+    plan: Annotated[
+        Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
+    ],
+    parameter_range: Annotated[
+        str | None, typer.Option("--range", help="Ask about another range.", metavar="NAME=LOW:HIGH")
+    ] = None,
+    members: Members = None,
+    json: Json = False,
+) -> None:
+    """Prove a saved plan again from its files alone."""
+    from ensemble_ctrl.cli.verify import verify_plan
+
+    raise typer.Exit(verify_plan(plan, parameter_range, members, json))
+
+
+@app.command()
+def compare(
+    config: Config,
+    output: Output = None,
+    overrides: Overrides = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figure.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Plan with each guarantee and compare the plans."""
+    from ensemble_ctrl.cli.compare import compare_guarantees
+
+    raise typer.Exit(compare_guarantees(config, output, overrides or [], json, quiet, not no_plots, overwrite))
+
+
+@app.command()
+def widest(
+    config: Config,
+    overrides: Overrides = None,
+    tolerance: Annotated[float, typer.Option(help="Find the half width to within this.", metavar="X", min=1e-4)] = 0.01,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find the widest parameter range with a certified plan."""
+    from ensemble_ctrl.cli.widest import find_widest
+
+    raise typer.Exit(find_widest(config, overrides or [], tolerance, json, quiet))
 
 
 @app.command()

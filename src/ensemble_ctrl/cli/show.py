@@ -1,11 +1,11 @@
-"""``ensemble-plan show``: replay a saved plan and print its summary again."""
+"""``ensemble-plan show``: replay and certify a saved plan and print its summary again."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
-from ensemble_ctrl.api import Plan, with_replay
+from ensemble_ctrl.api import Plan, checked
 from ensemble_ctrl.cli.run import exit_code
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.replay import replay
@@ -23,7 +23,8 @@ def show_plan(path: Path, members: int | None, substeps: int | None, as_json: bo
         substeps=verify.substeps if substeps is None else substeps,
     )
     problem = saved.problem.with_(verify=wanted)
-    found = with_replay(saved, replay(problem, saved.controls))
+    certificate = saved.certify() if verify.certificate else None
+    found = checked(saved, replay(problem, saved.controls), certificate)
     code = exit_code(found)
     if as_json:
         say(to_json({**summary(found), "exit_code": code, "folder": str(path)}))

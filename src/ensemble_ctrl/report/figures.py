@@ -100,6 +100,16 @@ def draw_trajectories(problem: Problem, controls: Floats, ax: Axes | None = None
     return ax
 
 
+def draw_comparison(problem: Problem, panels: Sequence[tuple[str, Floats]]) -> Figure:
+    """Trajectories of several plans of one problem side by side, each under its own title."""
+    width, height = _size(problem, panels[0][1])
+    figure = _new_figure((0.75 * width * len(panels), height))
+    axes: Any = figure.subplots(1, len(panels), squeeze=False)[0]
+    for ax, (title, controls) in zip(axes, panels, strict=True):
+        draw_trajectories(problem, controls, ax).set_title(title)
+    return figure
+
+
 def draw_controls(problem: Problem, controls: Floats) -> Figure:
     """The commands of every step over time, with their bounds dashed."""
     system, fleet = problem.fleet.system, problem.fleet

@@ -10,6 +10,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import Replay
 
 if TYPE_CHECKING:
+    from ensemble_ctrl.certificate import Certificate
     from ensemble_ctrl.conflicts import Conflict
 
 
@@ -32,6 +33,10 @@ class PlanLike(Protocol):
     def replayed(self) -> Replay | None:
         """The replay, if any."""
 
+    @property
+    def certificate(self) -> Certificate | None:
+        """What is proven, if that was asked for."""
+
     def conflicts(self) -> tuple[Conflict, ...]:
         """What fails."""
 
@@ -51,7 +56,10 @@ def verdict(plan: PlanLike) -> str:
     if plan.status == "infeasible" or run is None:
         return words
     bad = int(run.violating.sum())
-    return f"{words}, " + (
+    proof = ""
+    if plan.certificate is not None:
+        proof = "proven for every member, " if plan.certificate.proven == "yes" else "NOT proven for every member, "
+    return f"{words}, {proof}" + (
         f"no member of {run.members} violates" if not bad else f"{bad} of {run.members} members VIOLATE it"
     )
 
@@ -63,13 +71,13 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
         ("fleet", _fleet(problem)),
         ("horizon", f"{problem.duration:g} s in {problem.steps} steps"),
         ("task", str(problem.task)),
-        *_measured(plan.replayed, problem.fleet.parameter_name),
+        *measured(plan.replayed, problem.fleet.parameter_name),
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
         rows += [("violated", conflict_text(problem, c)) for c in plan.conflicts()[:5]]
     if plan.status == "infeasible":
         rows.append(("try", "a longer horizon, higher input bounds, a narrower parameter range, or wider passages"))
-    rows.append(("proven", _proven(d)))
+    rows += proven(plan.certificate, problem.fleet.parameter_name)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
     if d.keys() >= {"seconds", "routes", "iterations", "build_seconds"}:
@@ -89,7 +97,7 @@ def _fleet(problem: Problem) -> str:
     )
 
 
-def _measured(run: Replay | None, name: str) -> list[tuple[str, str]]:
+def measured(run: Replay | None, name: str) -> list[tuple[str, str]]:
     """What the replay found."""
     if run is None:
         return []
@@ -119,14 +127,22 @@ def conflict_text(problem: Problem, c: Conflict) -> str:
     return f"{c.what} by {c.amount:.3g} m ({problem.fleet.parameter_name} {c.parameter:.4g}, t = {c.time:.2f} s)"
 
 
-def _proven(d: dict[str, Any]) -> str:
-    """What holds for every parameter, and what does not."""
-    order = d.get("order")
-    if order is None:
-        return "nothing for all parameters"
-    if d.get("guarantee") == "nodes":
-        return f"nothing for all parameters; obstacles were kept off at {order + 1} Gauss nodes and grid times"
-    return f"nothing yet for all parameters; obstacles were kept off by hulls over the whole range, order {order}"
+def proven(certificate: Certificate | None, name: str) -> list[tuple[str, str]]:
+    """What holds for every parameter and every instant."""
+    if certificate is None:
+        return [("proven", "nothing for all parameters (no certificate was asked for)")]
+    c = certificate
+    scope = f"every {name} in {c.lower:g}..{c.upper:g} at every instant"
+    bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
+    bounds += [f"rest of the task >= {c.robustness:.4f} m"] if c.parts else []
+    work = f"({c.boxes} boxes, {c.seconds:.2f} s)"
+    if c.proven == "yes":
+        return [("proven", f"{scope}: {', '.join(bounds)} {work}")]
+    if c.counter_example is None:
+        return [("proven", f"UNDECIDED for {scope}: only {', '.join(bounds)} {work}")]
+    found = c.counter_example
+    when = "" if found.time is None else f" at t = {found.time:.2f} s"
+    return [("proven", f"NO: {name} {found.parameter:.6g} violates {found.what} by {found.amount:.3g} m{when}")]
 
 
 def _percent(share: float) -> str:

@@ -1,0 +1,131 @@
+"""Run every problem in configs/ and write the gallery: ``python docs/make_gallery.py [NAME ...]``.
+
+Writes ``docs/_static/gallery/<name>.png`` (each below 80 KB) and ``docs/gallery.md``. With names, only those are run
+again and the page keeps what it says of the others. Needs the package; takes some seconds a problem.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from PIL import Image
+
+import ensemble_ctrl as ec
+from ensemble_ctrl.certificate import certify
+
+DOCS = Path(__file__).resolve().parent
+CONFIGS = DOCS.parent / "configs"
+PICTURES = DOCS / "_static" / "gallery"
+FACTS = PICTURES / "facts.json"
+LARGEST = 80_000
+"""Bytes of one picture."""
+SECTIONS = {"": "Experiments of the paper", "stl": "Benchmarks of stlpy, for a fleet"}
+INTRO = """\
+# Gallery
+
+Every problem of `configs/`, run as it stands by `python docs/make_gallery.py`. *Certified* is the verdict of the
+[certificate](guarantees.md) for every traction in the range and every instant; *clearance* and *robustness* are the
+proven bounds in metres, of the obstacles and of the rest of the task. Where a picture has dashed paths, they are those of
+the same fleet with nothing in its way.
+"""
+
+
+def main(names: list[str]) -> None:
+    """Run what is asked for, then write the page."""
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    facts = json.loads(FACTS.read_text()) if FACTS.exists() else {}
+    for path in configs():
+        if not names or path.stem in names:
+            facts[path.stem] = run(path)
+            print(path.stem, facts[path.stem], flush=True)
+            FACTS.write_text(json.dumps(facts, indent=1, sort_keys=True) + "\n")
+    (DOCS / "gallery.md").write_text("\n".join(page(facts)) + "\n", encoding="utf-8")
+
+
+def configs() -> list[Path]:
+    """Every problem file, in reading order."""
+    words = "one two three four five six seven eight nine".split()
+
+    def place(path: Path) -> tuple[bool, int, str]:
+        first = path.stem.split("_")[0]
+        return path.parent != CONFIGS, words.index(first) + 1 if first in words else 0, path.stem
+
+    return sorted(CONFIGS.rglob("*.yaml"), key=place)
+
+
+def run(path: Path) -> dict[str, Any]:
+    """Plan one problem with the command; returns what is proven, and writes its picture.
+
+    Raises
+    ------
+    SystemExit
+        If the command fails; a problem without a plan still leaves its best attempt.
+    """
+    with TemporaryDirectory() as folder:
+        results = Path(folder) / "results"
+        command = [sys.executable, "-m", "ensemble_ctrl.cli", "run", str(path), "-o", str(results), "-q"]
+        ended = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+        if not (results / "plan.npz").exists():
+            raise SystemExit(f"{path}: exit code {ended.returncode}\n{ended.stderr}")
+        plan = ec.Plan.load(results)
+        shrink(results / "trajectories.png", PICTURES / f"{path.stem}.png")
+    certificate = certify(plan.problem, plan.controls)
+    return {
+        "exit": ended.returncode,
+        "proven": certificate.proven,
+        "clearance": round(certificate.clearance, 4) if certificate.clearances else None,
+        "robustness": round(certificate.robustness, 4) if certificate.parts else None,
+    }
+
+
+def shrink(source: Path, target: Path) -> None:
+    """A picture of few colours, made smaller until it is below `LARGEST`."""
+    picture = Image.open(source).convert("RGB")
+    for width in (720, 640, 560, 480, 400):
+        size = (width, round(width * picture.height / picture.width))
+        small = picture.resize(size, Image.Resampling.LANCZOS).quantize(96, dither=Image.Dither.NONE)
+        data = io.BytesIO()
+        small.save(data, "PNG", optimize=True)
+        if len(data.getvalue()) < LARGEST:
+            break
+    target.write_bytes(data.getvalue())
+
+
+def page(facts: dict[str, Any]) -> Iterator[str]:
+    """The lines of the gallery."""
+    yield INTRO
+    yield "| problem | certified | clearance ≥ [m] | robustness ≥ [m] | exit code |"
+    yield "|---|---|---|---|---|"
+    shown = [path for path in configs() if path.stem in facts]
+    for path in shown:
+        found = facts[path.stem]
+        numbers = ("–" if found[key] is None else f"{found[key]:.4f}" for key in ("clearance", "robustness"))
+        name = f"[`{path.relative_to(CONFIGS.parent)}`](#{path.stem.replace('_', '-')})"
+        yield f"| {name} | {found['proven']} | {' | '.join(numbers)} | {found['exit']} |"
+    for folder, title in SECTIONS.items():
+        here = [path for path in shown if path.parent.name == (folder or CONFIGS.name)]
+        if here:
+            yield from ("", f"## {title}")
+        for path in here:
+            yield from entry(path)
+
+
+def entry(path: Path) -> Iterator[str]:
+    """One problem: its own words, its task and its picture."""
+    task = " ".join(str(ec.load(path).task).split())
+    words = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+    yield from ("", f"({path.stem.replace('_', '-')})=", f"### {path.stem}", "", words, "", f"`{task}`", "")
+    if (PICTURES / f"{path.stem}.png").exists():
+        yield from (f"```{{image}} _static/gallery/{path.stem}.png", f":alt: {path.stem}", ":width: 520px", "```")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,59 @@
+"""``ensemble-plan compare``: the same problem under each guarantee, in one table and one picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.progress import Progress, stoppable
+from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.compare import Compared, compare, table
+from ensemble_ctrl.config import read
+from ensemble_ctrl.folder import ResultsFolder
+from ensemble_ctrl.results import SCHEMA, to_json
+
+
+def compare_guarantees(
+    config: str, output: Path | None, overrides: list[str], as_json: bool, quiet: bool, plots: bool, overwrite: bool
+) -> int:
+    """Plan three times, print the table, and write it with the picture."""
+    progress = Progress(quiet)
+    problem = read(config, overrides).problem
+    folder = ResultsFolder(output, f"{problem.name}-compare", overwrite)
+    try:
+        with stoppable(progress, folder.discard):
+            rows = compare(problem, progress=progress)
+            if progress.stop_signal is not None:
+                return codes.INTERRUPTED
+            text = to_json({"schema": SCHEMA, "name": problem.name, "rows": [_as_data(row) for row in rows]}, indent=2)
+            (folder.working / "compare.json").write_text(text + "\n", encoding="utf-8")
+            if plots:
+                from ensemble_ctrl.report.figures import draw_comparison
+
+                figure = draw_comparison(problem, [(_title(row), row.plan.controls) for row in rows])
+                figure.savefig(folder.working / "compare.png", dpi=150)
+            placed = folder.commit()
+    finally:
+        folder.discard()
+    progress.finish()
+    say(text if as_json else "\n".join([problem.name, *table(rows), f"written to {placed}"]))
+    return codes.OK
+
+
+def _title(row: Compared) -> str:
+    """The heading of one panel."""
+    return f"{row.guarantee}: {row.violating} of {row.plan.replayed.members if row.plan.replayed else 0} violate"
+
+
+def _as_data(row: Compared) -> dict[str, object]:
+    """One row as plain data."""
+    return {
+        "guarantee": row.guarantee,
+        "status": row.plan.status,
+        "seconds": row.seconds,
+        "iterations": row.iterations,
+        "cost": row.cost,
+        "members": 0 if row.plan.replayed is None else row.plan.replayed.members,
+        "violating": row.violating,
+        "worst_depth": row.depth,
+    }

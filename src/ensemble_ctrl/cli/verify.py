@@ -1,0 +1,145 @@
+"""``ensemble-plan verify``: check a saved plan from its files alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ensemble_ctrl.api import Plan
+from ensemble_ctrl.certificate import Certificate, as_data, differences
+from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.streams import complain, say
+from ensemble_ctrl.config import dump, load
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.replay import Replay
+from ensemble_ctrl.report.text import measured, proven
+from ensemble_ctrl.results import SCHEMA, controls_csv, replay_summary, to_json
+
+
+@dataclass(frozen=True, eq=False)
+class Verified:
+    """What the check found."""
+
+    plan: Plan
+    certificate: Certificate
+    run: Replay | None
+    tampered: tuple[str, ...]
+    asked: bool
+
+    @property
+    def good(self) -> bool:
+        """Whether the plan is proven, no replayed member violates it, and its files agree."""
+        replayed = self.run is None or not self.run.violating.any()
+        return self.certificate.proven == "yes" and replayed and not self.tampered
+
+
+def verify_plan(path: Path, asked: str | None, members: int | None, as_json: bool) -> int:
+    """Print what is proven; returns 0 if all is well, else 4."""
+    plan = read_plan(path)
+    law = _range(asked, plan) if asked else plan.problem.fleet.parameter
+    certificate = plan.certify(law)
+    run = plan.replay(parameters=_drawn(law, members)) if members else None
+    tampered = () if asked else tuple(_disagreements(path, plan, certificate))
+    found = Verified(plan, certificate, run, tampered, asked is not None)
+    code = codes.OK if found.good else codes.NOT_VERIFIED
+    if as_json:
+        say(to_json(_as_data(found, code)))
+    else:
+        say("\n".join(_lines(found)))
+    for text in tampered:
+        complain(f"error: {path}: {text}")
+    return code
+
+
+def read_plan(path: Path) -> Plan:
+    """A plan from ``plan.npz``, or from ``controls.csv`` and ``problem.yaml`` in one folder."""
+    table, problem = path / "controls.csv", path / "problem.yaml"
+    if path.is_dir() and not (path / "plan.npz").exists() and table.exists() and problem.exists():
+        return Plan(load(problem), _read_csv(table), "planned")
+    return Plan.load(path)
+
+
+def _read_csv(path: Path) -> Any:
+    """The commands in a table as `controls_csv` writes it."""
+    try:
+        rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+    except ValueError as error:
+        raise ProblemError(f"{path}: expected a header and rows of numbers ({error})") from None
+    return rows[:, 1:]
+
+
+def _range(asked: str, plan: Plan) -> Interval:
+    """``traction=0.85:1.15`` as an interval."""
+    name = plan.problem.fleet.parameter_name
+    key, _, values = asked.partition("=")
+    low, _, high = values.partition(":")
+    if key.strip() != name:
+        raise ProblemError(f"--range {asked}: expected {name}=LOW:HIGH")
+    try:
+        return Interval(float(low), float(high))
+    except ValueError as error:
+        raise ProblemError(f"--range {asked}: expected {name}=LOW:HIGH with numbers LOW <= HIGH ({error})") from None
+
+
+def _drawn(law: Interval, members: int) -> Any:
+    """Parameters spread over a range, its ends included."""
+    return np.linspace(law.lower, law.upper, members)
+
+
+def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str]:
+    """How the files of a results folder contradict each other, or the certificate computed again."""
+    folder = path if path.is_dir() else path.parent
+    found = []
+    table, problem, claim = folder / "controls.csv", folder / "problem.yaml", folder / "certificate.json"
+    if table.exists() and table.read_text(encoding="utf-8") != controls_csv(plan):
+        found.append("controls.csv holds other controls than plan.npz")
+    if problem.exists() and dump(load(problem)) != dump(plan.problem):
+        found.append("problem.yaml is another problem than the one in plan.npz")
+    if claim.exists():
+        found += [f"certificate.json: {text}" for text in differences(_read_json(claim), certificate)]
+    return found
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """An object from a JSON file; anything else claims nothing."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError:
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def _lines(found: Verified) -> list[str]:
+    """The result as text."""
+    problem = found.plan.problem
+    name = problem.fleet.parameter_name
+    head = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN"}[found.certificate.proven]
+    rows = [*proven(found.certificate, name), *measured(found.run, name)]
+    rows += (
+        [("files", "DISAGREE, see below" if found.tampered else "agree with each other and with the proof")]
+        if not found.asked
+        else []
+    )
+    rows += [("inputs", f"sha256 {found.certificate.inputs}")]
+    return [f"{problem.name}: {head}", *(f"  {label:<11}{text}" for label, text in rows)]
+
+
+def _as_data(found: Verified, code: int) -> dict[str, Any]:
+    """The result as plain data."""
+    return {
+        "schema": SCHEMA,
+        "name": found.plan.problem.name,
+        "verified": found.good,
+        "certificate": as_data(found.certificate),
+        "replay": None if found.run is None else replay_summary(found.run),
+        "tampered": list(found.tampered),
+        "exit_code": code,
+    }
+
+
+__all__ = ["Verified", "read_plan", "verify_plan"]

@@ -1,0 +1,57 @@
+"""``ensemble-plan widest``: the largest range of the parameter with a certified plan."""
+
+from __future__ import annotations
+
+from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.streams import complain, say
+from ensemble_ctrl.config import read
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.report import conflict_text
+from ensemble_ctrl.results import SCHEMA, to_json
+from ensemble_ctrl.widest import Widest, widest
+
+
+def find_widest(config: str, overrides: list[str], tolerance: float, as_json: bool, quiet: bool) -> int:
+    """Search and print the answer; returns 0, or 3 if no range has a certified plan."""
+    problem = read(config, overrides).problem
+    name = problem.fleet.parameter_name
+
+    def tell(tried: Interval, good: bool) -> None:
+        if not quiet:
+            complain(f"{name} {tried.lower:.4g}..{tried.upper:.4g}: {'certified' if good else 'no certified plan'}")
+
+    found = widest(problem, tolerance, tell)
+    code = codes.NO_PLAN if found.interval is None else codes.OK
+    blocked = [conflict_text(problem, c) for c in found.blocked[:3]]
+    if as_json:
+        say(to_json({"schema": SCHEMA, "name": problem.name, **_as_data(found), "exit_code": code}))
+        return code
+    if found.interval is None:
+        say(f"{problem.name}: no certified plan for any range tried around {problem.fleet.parameter.center:g}")
+    else:
+        certificate = found.plan.certificate if found.plan else None
+        say(f"{problem.name}: widest certified {name} {found.interval.lower:.4f}..{found.interval.upper:.4f}")
+        if certificate is not None:
+            say(
+                f"  proven     clearance >= {certificate.clearance:.4f} m, robustness >= {certificate.robustness:.4f} m"
+            )
+    if found.beyond is not None:
+        say(f"  beyond     {name} {found.beyond.lower:.4f}..{found.beyond.upper:.4f}: no certified plan was found")
+        for text in blocked:
+            say(f"  blocked    {text}")
+    say(f"  tried      {found.tried} ranges; that no wider plan exists is not proven")
+    return code
+
+
+def _as_data(found: Widest) -> dict[str, object]:
+    """The answer as plain data."""
+
+    def ends(interval: Interval | None) -> list[float] | None:
+        return None if interval is None else [interval.lower, interval.upper]
+
+    return {
+        "widest": ends(found.interval),
+        "beyond": ends(found.beyond),
+        "blocked": [vars(c) for c in found.blocked],
+        "tried": found.tried,
+    }

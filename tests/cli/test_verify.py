@@ -1,0 +1,139 @@
+"""``verify``, ``compare`` and ``widest``."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from .conftest import Command
+
+
+def test_a_run_writes_its_certificate_and_says_what_is_proven(results: Path) -> None:
+    certificate = json.loads((results / "certificate.json").read_text())
+    assert certificate["proven"] == "yes"
+    assert certificate["clearance"] >= 0
+    assert re.fullmatch("[0-9a-f]{64}", certificate["inputs_sha256"])
+    assert json.loads((results / "summary.json").read_text())["verified"] is True
+
+
+def test_verify_good_results(command: Command, results: Path) -> None:
+    outcome = command("verify", "results")
+    assert outcome.code == 0
+    assert outcome.out.startswith("small: proven\n")
+    assert "every traction in 0.9..1.1 at every instant" in outcome.out
+    assert "agree" in outcome.out
+    assert command("verify", "results/plan.npz").code == 0
+
+
+def test_verify_from_the_table_and_the_problem_alone(command: Command, results: Path) -> None:
+    (results / "plan.npz").unlink()
+    outcome = command("verify", "results", "--members", "50", "--json")
+    assert outcome.code == 0
+    assert outcome.data["certificate"]["proven"] == "yes"
+    assert outcome.data["replay"]["members"] == 50
+
+
+def test_another_range(command: Command, results: Path) -> None:
+    wide = command("verify", "results", "--range", "traction=0.5:1.5")
+    assert wide.code == 4
+    assert "REFUTED" in wide.out
+    assert re.search(r"traction \d\.\d+ violates .* by \d", wide.out)
+    assert command("verify", "results", "--range", "traction=0.99:1.01").code == 0
+
+
+@pytest.mark.parametrize("text", ["grip=0.9:1.1", "traction=0.9", "traction=a:b", "traction=1.1:0.9", "traction"])
+def test_a_range_that_is_none(command: Command, results: Path, text: str) -> None:
+    outcome = command("verify", "results", "--range", text)
+    assert outcome.code == 2
+    assert "traction=LOW:HIGH" in outcome.err
+    assert text in outcome.err
+
+
+def test_one_changed_control_is_found_out(command: Command, results: Path) -> None:
+    table = results / "controls.csv"
+    lines = table.read_text().splitlines()
+    first = lines[1].split(",")
+    lines[1] = ",".join([first[0], repr(float(first[1]) + 1e-6), first[2]])
+    table.write_text("\n".join(lines) + "\n")
+    outcome = command("verify", "results")
+    assert outcome.code == 4
+    assert "controls.csv holds other controls" in outcome.err
+    (results / "plan.npz").unlink()
+    outcome = command("verify", "results")
+    assert outcome.code == 4
+    assert "inputs_sha256 differs" in outcome.err
+
+
+def test_an_edited_bound_is_found_out(command: Command, results: Path) -> None:
+    path = results / "certificate.json"
+    claim = json.loads(path.read_text())
+    claim["clearances"][0]["proven"] += 1e-3
+    path.write_text(json.dumps(claim))
+    outcome = command("verify", "results")
+    assert outcome.code == 4
+    assert "computed again" in outcome.err
+    assert "DISAGREE" in outcome.out
+
+
+def test_an_edited_problem_is_found_out(command: Command, results: Path) -> None:
+    path = results / "problem.yaml"
+    path.write_text(path.read_text().replace("radius: 0.0", "radius: 0.01"))
+    outcome = command("verify", "results")
+    assert outcome.code == 4
+    assert "problem.yaml is another problem" in outcome.err
+
+
+@pytest.mark.parametrize("content", ["", "[1, 2]", '{"proven": "yes"}', "not json"])
+def test_a_damaged_certificate_is_no_certificate(command: Command, results: Path, content: str) -> None:
+    (results / "certificate.json").write_text(content)
+    assert command("verify", "results").code == 4
+
+
+def test_verify_what_is_not_there(command: Command, place: Path) -> None:
+    outcome = command("verify", "nowhere")
+    assert outcome.code == 2
+    assert "expected a saved plan" in outcome.err
+
+
+def test_an_unproven_plan_ends_with_four(command: Command, results: Path) -> None:
+    unsafe = np.zeros((20, 2))
+    unsafe[:, 0] = 0.6
+    (results / "plan.npz").unlink()
+    rows = [f"{0.2 * k},{v},{w}" for k, (v, w) in enumerate(unsafe)]
+    (results / "controls.csv").write_text("\n".join(["t [s],v [m/s],omega [rad/s]", *rows]) + "\n")
+    (results / "certificate.json").unlink()
+    outcome = command("verify", "results")
+    assert outcome.code == 4
+    assert "avoid(block)" in outcome.out
+
+
+def test_compare_prints_one_row_a_guarantee(command: Command, place: Path) -> None:
+    outcome = command("compare", "small.yaml", "-q")
+    assert outcome.code == 0
+    rows = {line.split()[0]: line for line in outcome.out.splitlines()[2:5]}
+    assert set(rows) == {"moment", "nodes", "hull"}
+    assert " 0 (0.0 %)" in rows["hull"]
+    assert (place / "plans" / "small-compare" / "compare.png").read_bytes().startswith(b"\x89PNG")
+    data = json.loads((place / "plans" / "small-compare" / "compare.json").read_text())
+    assert [row["guarantee"] for row in data["rows"]] == ["moment", "nodes", "hull"]
+    assert data["rows"][2]["violating"] == 0
+
+
+def test_widest_names_the_range_and_what_blocks(command: Command, place: Path) -> None:
+    outcome = command("widest", "small.yaml", "--tolerance", "0.2", "--json", "-q")
+    assert outcome.code == 0
+    low, high = outcome.data["widest"]
+    assert low < 0.9
+    assert high > 1.1
+    assert low + high == pytest.approx(2.0)
+
+
+def test_widest_without_any_plan(command: Command, place: Path) -> None:
+    outcome = command("widest", "walled.yaml", "--tolerance", "0.1", "-q")
+    assert outcome.code == 3
+    assert "no certified plan for any range" in outcome.out
+    assert "blocked" in outcome.out
