@@ -18,7 +18,7 @@ from ensemble_ctrl.results import LIBRARIES
 from .conftest import Command
 from .tools import SMALL, environment
 
-NAMES = ["run", "check", "show", "models", "examples", "doctor"]
+NAMES = ["run", "check", "show", "verify", "compare", "widest", "models", "examples", "doctor"]
 
 
 def loaded(err: str) -> set[str]:
@@ -104,7 +104,7 @@ def test_show_a_folder_or_a_file(command: Command, results: Path) -> None:
     folder, file = command("show", "results"), command("show", "results/plan.npz")
     assert folder.code == file.code == 0
     assert folder.err == file.err == ""
-    assert folder.out.splitlines()[0] == "small: plan found, no member of 200 violates"
+    assert folder.out.splitlines()[0] == "small: plan found, proven for every member, no member of 200 violates"
     assert folder.out.splitlines()[-1] == "  files      results"
     more = command("show", "results", "--members", "300", "--substeps", "5", "--json")
     assert (more.data["replay"]["members"], more.data["replay"]["substeps"]) == (300, 5)

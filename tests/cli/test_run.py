@@ -34,7 +34,7 @@ def test_a_run_writes_its_folder_and_a_summary(place: Path) -> None:
     assert names(folder) == DATA | FIGURES
     assert names(place / "plans") == {"small"}
     lines = done.out.splitlines()
-    assert lines[0] == "small: plan found, no member of 200 violates"
+    assert lines[0] == "small: plan found, proven for every member, no member of 200 violates"
     assert 8 <= len(lines) <= 14
     assert max(map(len, lines)) <= 120
     for label in ("fleet", "horizon", "task", "robustness", "clearance", "replay", "proven", "work"):

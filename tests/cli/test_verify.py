@@ -24,7 +24,7 @@ def test_verify_good_results(command: Command, results: Path) -> None:
     outcome = command("verify", "results")
     assert outcome.code == 0
     assert outcome.out.startswith("small: proven\n")
-    assert "every traction in 0.9..1.1 at every instant" in outcome.out
+    assert "for every traction 0.9..1.1, every instant" in outcome.out
     assert "agree" in outcome.out
     assert command("verify", "results/plan.npz").code == 0
 

@@ -19,11 +19,11 @@ from ensemble_ctrl.errors import EnsembleError
 NAME = "ensemble-plan"
 EXIT_CODES = """\b
 Exit codes:
-  0    planned and proven for every member, and no replayed member violates the task
+  0    planned, proven for every member, and no replayed member violates
   1    internal error, or the results could not be written
   2    wrong usage or an invalid file
   3    no plan found; the constraints that conflict are named
-  4    a plan was found, but it is not proven, or some replayed members violate it
+  4    a plan was found, but it is not proven, or replayed members violate it
   5    limit reached; the best plan so far is saved
   130  interrupted (143: terminated); the best plan so far is saved"""
 

@@ -132,12 +132,12 @@ def proven(certificate: Certificate | None, name: str) -> list[tuple[str, str]]:
     if certificate is None:
         return [("proven", "nothing for all parameters (no certificate was asked for)")]
     c = certificate
-    scope = f"every {name} in {c.lower:g}..{c.upper:g} at every instant"
+    scope = f"{name} {c.lower:g}..{c.upper:g}, every instant"
     bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
     bounds += [f"rest of the task >= {c.robustness:.4f} m"] if c.parts else []
-    work = f"({c.boxes} boxes, {c.seconds:.2f} s)"
+    work = f"({c.seconds:.2f} s)"
     if c.proven == "yes":
-        return [("proven", f"{scope}: {', '.join(bounds)} {work}")]
+        return [("proven", f"for every {scope}: {', '.join(bounds)} {work}")]
     if c.counter_example is None:
         return [("proven", f"UNDECIDED for {scope}: only {', '.join(bounds)} {work}")]
     found = c.counter_example
