@@ -116,7 +116,7 @@ def test_texts_are_one_line(plan: ec.Plan, problem: ec.Problem) -> None:
         assert "\n" not in repr(thing)
         assert len(repr(thing)) < 160
     assert repr(plan).startswith("Plan('small': planned, cost ")
-    assert repr(plan).endswith("20 steps, 0 of 200 members violate)")
+    assert repr(plan).endswith("20 steps, 0 of 200 members violate, proven for all: yes)")
     assert repr(straight(problem)) == "Plan('small': infeasible, 20 steps, not replayed)"
 
 

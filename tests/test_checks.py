@@ -90,7 +90,7 @@ NUMBERS: list[tuple[dict[str, Any], str, str]] = [
     ({"solve": SolveOptions(routes=0)}, "solve.routes", "got 0"),
     ({"solve": SolveOptions(max_iterations=0)}, "solve.max_iterations", "got 0"),
     ({"solve": SolveOptions(method="magic")}, "solve.method", "'magic' is not one of nlp"),  # type: ignore[arg-type]
-    ({"solve": SolveOptions(guarantee="moment")}, "solve.guarantee", "'moment' is not one of"),  # type: ignore[arg-type]
+    ({"solve": SolveOptions(guarantee="mean")}, "solve.guarantee", "'mean' is not one of"),  # type: ignore[arg-type]
     ({"verify": VerifyOptions(members=0)}, "verify.members", "got 0"),
     ({"verify": VerifyOptions(substeps=0)}, "verify.substeps", "got 0"),
     ({"regions": {"G": GOAL}}, "regions.G", "is a word of the task language"),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import ensemble_ctrl.replay as module
-from ensemble_ctrl.config import load
+from ensemble_ctrl.config import load, load_text
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.errors import ProblemError
@@ -232,3 +232,19 @@ def test_an_open_map_has_no_clearances() -> None:
     run = replay(problem, random_controls(), members=5)
     assert run.clearances == ()
     assert "clearance >= inf" in repr(run)
+
+
+def test_a_share_is_of_the_whole_fleet_and_not_of_a_block() -> None:
+    problem = load_text(
+        """
+        fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}
+        horizon: {duration: 4 s, steps: 20}
+        regions: {goal: {box: [[1.95, 9], [-1, 1]]}}
+        task: share(0.5, F[3, 4] in(goal))
+        """
+    )
+    straight = np.tile([[0.5, 0.0]], (20, 1))
+    slow_first = np.linspace(0.9, 1.1, 40_000)
+    run = replay(problem, straight, parameters=slow_first)
+    assert run.satisfied == 1.0
+    assert np.ptp(run.robustness) == 0.0

@@ -37,7 +37,7 @@ COARSE_STEPS = 32
 """The coarse grid has at most this many steps, unless a window of the task needs a finer one."""
 COARSE_ROUNDS, FINE_ROUNDS = 1, 1
 CERTIFY_ROUNDS = 3
-CLOSE = 0.2
+CLOSE = 0.05
 """Metres by which an attempt may violate its task for tightening to be worth while."""
 TAIL_LIMIT = 1e-3
 """Metres of truncation error beyond which one more moment is carried."""

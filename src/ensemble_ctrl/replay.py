@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness, reads_fleet
 from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.problem import Problem
@@ -140,7 +140,8 @@ def replay(
 
     Notes
     -----
-    *Guarantee*: exact for the members and times looked at; says nothing of others.
+    *Guarantee*: exact for the members and times looked at; says nothing of others. Memory is bounded, except for a task
+    that reads the fleet as a whole (``mean``, ``share``), for which all members are held at once.
     """
     began = time.perf_counter()
     substeps = problem.verify.substeps if substeps is None else substeps
@@ -148,7 +149,7 @@ def replay(
         raise ProblemError(f"substeps: expected 1 or more, got {substeps}")
     controls = _finite("controls", controls, 2)
     drawn = _draw(problem, members, seed) if parameters is None else _finite("parameters", parameters, 1)
-    size = max(1, BLOCK * 160 // (len(controls) * substeps))
+    size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
     with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
         results = list(pool.map(lambda block: _run(problem, controls, block, substeps), blocks))

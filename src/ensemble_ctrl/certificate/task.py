@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import Flow, Track, growth
-from ensemble_ctrl.constraints.stl import ExactOps, Formula, Mean, Predicate, Share, Signals, member_robustness
+from ensemble_ctrl.constraints.stl import ExactOps, Formula, Predicate, Signals, member_robustness, reads_fleet
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 
 Floats = NDArray[np.float64]
@@ -125,7 +125,7 @@ def bound_task(flow: Flow, formula: Formula, lower: float, upper: float, cells: 
         return TaskBound(str(formula), -np.inf, np.inf, np.nan, covered=False)
     edges = np.linspace(lower, upper, cells + 1)
     centres, half = (edges[:-1] + edges[1:]) / 2, np.full(cells, (upper - lower) / cells / 2 * UP + 1e-15)
-    whole = _reads_the_fleet(formula)
+    whole = reads_fleet(formula)
     proven, sampled, target, parameter, total = np.inf, np.inf, np.inf, np.nan, 0
     while len(centres):
         total += len(centres)
@@ -157,11 +157,6 @@ def on_grid(formula: Formula, step: float) -> bool:
         times = [formula.a / step, formula.b / step]
     aligned = all(abs(t - round(t)) < 1e-6 for t in times)
     return aligned and all(on_grid(part, step) for part in formula.parts)
-
-
-def _reads_the_fleet(formula: Formula) -> bool:
-    """Whether a formula speaks of the mean or a share, so that cells have to stay equal."""
-    return isinstance(formula, Mean | Share) or any(_reads_the_fleet(part) for part in formula.parts)
 
 
 def _evaluate(formula: Formula, signals: CellSignals) -> Floats:

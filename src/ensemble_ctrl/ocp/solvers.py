@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -63,7 +63,6 @@ class Outcome:
     cost: float
     iterations: int
     message: str
-    violated: dict[str, float] = field(default_factory=dict)
 
 
 def ipopt(

@@ -1,15 +1,21 @@
-r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in nodal coordinates.
+r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in nodal coordinates::
 
-minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt + price * slacks
-over        v_n, omega_n                        the broadcast commands of step n
-turned_n = sum_{k<n} omega_k dt     shared by every member
-P_n                                 points that represent the fleet's position curve
-level + slack >= margin             level: at or below the task's robustness
-slack >= 0                          at a price that makes it zero wherever a plan is possible
-subject to  P_{n+1} = P_n + C d(v_n, omega_n, turned_n)      exact arcs of the Gauss-node robots, C their points
-n_on . P_i + slack_on >= support_on + margin + sagitta     every point, both ends of the step, each
-obstacle in reach
-the rows of the task                              (`ensemble_ctrl.ocp.task`)
+    minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt + price * slacks
+
+    over        v_n, omega_n         the broadcast commands of step n
+                turned_n             the integral of omega before step n, shared by every member
+                P_n                  points that represent the fleet's position curve at grid time n
+                level, slacks        the task's robustness, and by how much constraints fall short
+
+    subject to  turned_{n+1} = turned_n + omega_n dt
+                P_{n+1} = P_n + C d(v_n, omega_n, turned_n)
+                                     d: exact arcs of the Gauss-node robots, C their points
+                n_on . P_i + slack_on >= support_on + margin + sagitta
+                                     every point i, both ends of step n, each obstacle o in reach
+                level + slack >= margin
+                the rows of the task, which keep `level` at or below its robustness (`ensemble_ctrl.ocp.task`)
+
+Slacks have a price at which they are zero wherever a plan is possible.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from ensemble_ctrl.constraints.stl.formula import (
 )
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
 from ensemble_ctrl.constraints.stl.operations import Backend, ExactOps, NumpyBackend, Ops, SmoothOps
-from ensemble_ctrl.constraints.stl.rewrite import ground, leaves, negation_normal_form, resolve
+from ensemble_ctrl.constraints.stl.rewrite import ground, leaves, negation_normal_form, reads_fleet, resolve
 from ensemble_ctrl.constraints.stl.robustness import member_robustness, robustness
 from ensemble_ctrl.constraints.stl.signals import Signals, StateSignals
 from ensemble_ctrl.constraints.stl.text import FormulaError, parse
@@ -51,6 +51,7 @@ __all__ = [
     "name_errors",
     "negation_normal_form",
     "parse",
+    "reads_fleet",
     "resolve",
     "robustness",
 ]

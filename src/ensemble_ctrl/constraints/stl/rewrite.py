@@ -36,6 +36,11 @@ def leaves(formula: Formula) -> Iterator[Formula]:
         yield from leaves(part)
 
 
+def reads_fleet(formula: Formula) -> bool:
+    """Whether a formula speaks of the fleet as a whole, by ``mean`` or ``share``."""
+    return isinstance(formula, Mean | Share) or any(reads_fleet(part) for part in formula.parts)
+
+
 def rebuilt(formula: Formula, parts: Iterable[Formula]) -> Formula:
     """The same operator over other parts; the same formula, if they are the same."""
     parts = tuple(parts)
