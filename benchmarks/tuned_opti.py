@@ -125,9 +125,7 @@ class Blocks:
         """The sparse matrix, by one constant 0/1 product that sums the duplicates."""
         rows, cols = np.concatenate(self.rows), np.concatenate(self.cols)
         code, slot = np.unique(cols * self.shape[0] + rows, return_inverse=True)
-        sparsity = ca.Sparsity.triplet(
-            *self.shape, (code % self.shape[0]).tolist(), (code // self.shape[0]).tolist()
-        )
+        sparsity = ca.Sparsity.triplet(*self.shape, (code % self.shape[0]).tolist(), (code // self.shape[0]).tolist())
         order = np.argsort(slot, kind="stable")
         starts = np.searchsorted(slot[order], np.arange(code.size + 1))
         # column i of ``pick`` marks the entries that add up to nonzero i
@@ -184,9 +182,7 @@ def solve(stage: Stage, v0: Array, omega0: Array) -> Solved:
     base = np.arange(STEPS) * size
     command = base + np.arange(3)[:, None]  # (3, steps)
     turn = np.append(base + 2, STEPS * size)
-    place = (np.append(base + 3, STEPS * size + 1) + np.arange(2 * robots)[:, None]).reshape(
-        2, robots, STEPS + 1
-    )
+    place = (np.append(base + 3, STEPS * size + 1) + np.arange(2 * robots)[:, None]).reshape(2, robots, STEPS + 1)
     rho_at = STEPS * size + 1 + 2 * robots
     n = rho_at + 1
     x = ca.MX.sym("x", n)
@@ -277,9 +273,7 @@ def solve(stage: Stage, v0: Array, omega0: Array) -> Solved:
     scale = ca.repmat(lam[int(at[2]) : int(at[3])].T, 4, 1)
     upper_blocks(near, scale * ca.reshape(out_hess.map(pairs)(near_x, boxes), 4, pairs))
     scale = ca.repmat(lam[int(at[3]) : int(at[4])].T, late_size**2, 1)
-    upper_blocks(
-        late_at, scale * ca.reshape(late_hess.map(robots)(late_x, ca.DM(0, robots)), late_size**2, robots)
-    )
+    upper_blocks(late_at, scale * ca.reshape(late_hess.map(robots)(late_x, ca.DM(0, robots)), late_size**2, robots))
     some = np.flatnonzero(weight)
     hess.add(some, some, sigma * ca.DM(2 * weight[some]))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from reference import write_reference  # noqa: E402
 from ensemble_ctrl import __version__  # noqa: E402
 
 write_reference(HERE / "_generated")
+shutil.copyfile(HERE.parent / "examples" / "five_obstacles.ipynb", HERE / "notebook.ipynb")
 
 project = "ensemble_ctrl"
 author = "The ensemble_ctrl developers"
@@ -36,7 +38,9 @@ html_static_path = ["_static"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
-nb_execution_mode = "off"
+nb_execution_mode = "force"
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
 
 autosummary_generate = True
 autodoc_typehints = "none"

@@ -33,8 +33,8 @@ INTRO = """\
 
 Every problem of `configs/`, run as it stands by `python docs/make_gallery.py`. *Certified* is the verdict of the
 [certificate](guarantees.md) for every traction in the range and every instant; *clearance* and *robustness* are the
-proven bounds in metres, of the obstacles and of the rest of the task. Where a picture has dashed paths, they are those of
-the same fleet with nothing in its way.
+proven bounds in metres, of the obstacles and of the rest of the task. Where a picture has dashed paths, they are
+those of the same fleet with nothing in its way.
 """
 
 
@@ -52,7 +52,7 @@ def main(names: list[str]) -> None:
 
 def configs() -> list[Path]:
     """Every problem file, in reading order."""
-    words = "one two three four five six seven eight nine".split()
+    words = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine"]
 
     def place(path: Path) -> tuple[bool, int, str]:
         first = path.stem.split("_")[0]

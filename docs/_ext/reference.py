@@ -50,13 +50,13 @@ MEANING = {
     "moments.order": "Truncation order N: moments 0 to N. `auto` takes the lowest one that errs by less than 0.1 mm.",
     "regions.<name>": "A named convex area; see *Areas* below.",
     "obstacles.<name>": "A named area to keep out of, one shape or a list of shapes; see *Areas* below.",
-    "task": "What every member has to do; see [the task language](../task_language.md).",
+    "task": "What every member has to do; see [the task language](task_language.md).",
     "objective.robustness": "Reward for each metre of the task's robustness.",
     "objective.terminal.target": "Where the fleet should end; without it there is no terminal term.",
     "objective.terminal.weight": "Price of the squared terminal moment error, per m².",
     "objective.effort": "Price of the integral of v² + ω².",
     "solve.method": "`nlp`: nonlinear program, IPOPT.",
-    "solve.guarantee": "For whom the program's constraints hold; see [guarantees](../guarantees.md).",
+    "solve.guarantee": "For whom the program's constraints hold; see [guarantees](guarantees.md).",
     "solve.time_limit": "The best plan so far is returned after this time.",
     "solve.seed": "Seed of the replayed members.",
     "solve.margin": "What the program keeps to spare, from obstacles and in the robustness.",
@@ -150,4 +150,8 @@ def _default(info: Any, path: str) -> str:
     value = info.default
     if value is None:
         return {"moments.order": "`auto`", "horizon.steps": "10 per s", "name": "file name"}.get(path, "none")
-    return f"`{list(value)}`" if isinstance(value, tuple) else f"`{str(value).lower() if isinstance(value, bool) else value}`"
+    return (
+        f"`{list(value)}`"
+        if isinstance(value, tuple)
+        else f"`{str(value).lower() if isinstance(value, bool) else value}`"
+    )

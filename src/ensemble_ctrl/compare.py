@@ -1,4 +1,4 @@
-"""The same problem under each guarantee, side by side: what the paper's constraints let through, and what safety costs."""
+"""The same problem under each guarantee: what the paper's constraints let through, and what safety costs."""
 
 from __future__ import annotations
 

@@ -54,9 +54,7 @@ def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
     parameters = np.linspace(law.lower, law.upper, MEMBERS)
     run = replay(problem, controls, parameters=parameters, substeps=4)
     found = [
-        Conflict(f"avoid({c.obstacle})", -c.distance, c.parameter, c.time)
-        for c in run.clearances
-        if c.distance < 0
+        Conflict(f"avoid({c.obstacle})", -c.distance, c.parameter, c.time) for c in run.clearances if c.distance < 0
     ]
     paths = trajectories(problem, controls, parameters)
     for part in other_parts(problem):

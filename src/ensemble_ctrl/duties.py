@@ -94,9 +94,7 @@ def _duties(problem: Problem, part: Formula) -> Iterator[Duty]:
         end = getattr(resolved, "b", None)
         window = (begin, problem.duration if end is None else float(end))
         if isinstance(leaf, Avoid):
-            names = (
-                list(problem.obstacles) if leaf.name == ALL and ALL not in problem.obstacles else [leaf.name]
-            )
+            names = list(problem.obstacles) if leaf.name == ALL and ALL not in problem.obstacles else [leaf.name]
             for name in names:
                 yield Duty(name, named_pieces(problem, name), problem.fleet.radius, *window)
         elif isinstance(leaf, Not) and isinstance(leaf.child, Inside):

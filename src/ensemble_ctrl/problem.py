@@ -70,9 +70,7 @@ class Fleet:
         for name in ("position", "input_lower", "input_upper"):
             object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"fleet.{name}"))
         if not np.isfinite([self.heading, self.radius]).all() or self.radius < 0:
-            raise ProblemError(
-                f"fleet: expected a finite heading and a radius >= 0, got {self.heading}, {self.radius}"
-            )
+            raise ProblemError(f"fleet: expected a finite heading and a radius >= 0, got {self.heading}, {self.radius}")
         if (self.input_lower > self.input_upper).any():
             raise ProblemError(f"fleet.input_bounds: low above high: {self.input_lower}, {self.input_upper}")
 

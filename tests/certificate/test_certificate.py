@@ -33,7 +33,12 @@ widths = st.sampled_from([0.0, 1e-3, 0.1, 0.4])
 
 
 def problem_of(
-    steps: int, width: float, heading_from: str, obstacles: dict[str, tuple[Obstacle, ...]], task: str, radius: float = 0.0
+    steps: int,
+    width: float,
+    heading_from: str,
+    obstacles: dict[str, tuple[Obstacle, ...]],
+    task: str,
+    radius: float = 0.0,
 ) -> Problem:
     """A fleet at the origin with obstacles far enough for a legal start."""
     fleet = Fleet(

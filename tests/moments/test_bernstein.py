@@ -44,9 +44,7 @@ def exact_legendre_to_bernstein(order: int) -> list[list[Fraction]]:
     """Row i, column k: Bernstein coefficient i of P_k, by way of powers of t, in fractions."""
     powers = [[Fraction(1)], [Fraction(-1), Fraction(2)]]
     for k in range(1, order):
-        doubled = [
-            2 * x - y for x, y in zip([Fraction(0), *powers[k]], [*powers[k], Fraction(0)], strict=True)
-        ]
+        doubled = [2 * x - y for x, y in zip([Fraction(0), *powers[k]], [*powers[k], Fraction(0)], strict=True)]
         below = [*powers[k - 1], Fraction(0), Fraction(0)]
         powers.append([((2 * k + 1) * x - k * y) / (k + 1) for x, y in zip(doubled, below, strict=True)])
     weight = [[Fraction(comb(i, j), comb(order, j)) for j in range(i + 1)] for i in range(order + 1)]
@@ -125,9 +123,7 @@ def test_a_part_without_width_is_one_state() -> None:
 
 
 @given(st.integers(1, 12), seeds, parts)
-def test_a_lower_degree_is_a_projection_on_the_first_moments(
-    order: int, seed: int, part: list[float]
-) -> None:
+def test_a_lower_degree_is_a_projection_on_the_first_moments(order: int, seed: int, part: list[float]) -> None:
     basis, nodal, degree = LegendreBasis(order), normal(seed, order + 1), order // 2
     matrix = nodes_to_bernstein(basis, part[0], part[1], degree)
     kept = (nodes_to_moments(basis) @ nodal)[: degree + 1]
@@ -182,9 +178,7 @@ def test_parts_outside_the_range_are_named(lower: float, upper: float) -> None:
         nodes_to_bernstein(LegendreBasis(2), lower, upper)
 
 
-@pytest.mark.parametrize(
-    ("lower", "upper", "name"), [(np.nan, 1, "lower"), (0, "x", "upper"), (0.5, 0.2, "upper")]
-)
+@pytest.mark.parametrize(("lower", "upper", "name"), [(np.nan, 1, "lower"), (0, "x", "upper"), (0.5, 0.2, "upper")])
 def test_bad_ends_are_named(lower: float, upper: float, name: str) -> None:
     with pytest.raises(ProblemError, match=rf"^{name}: expected"):
         moments_to_bernstein(LegendreBasis(2), lower, upper)

@@ -77,9 +77,7 @@ def test_swapped_ends_are_named() -> None:
         Interval(1.1, 0.9)
 
 
-@pytest.mark.parametrize(
-    ("n", "seed", "name"), [(-1, 0, "n"), (1.5, 0, "n"), (3, -1, "seed"), (3, None, "seed")]
-)
+@pytest.mark.parametrize(("n", "seed", "name"), [(-1, 0, "n"), (1.5, 0, "n"), (3, -1, "seed"), (3, None, "seed")])
 def test_bad_draws_are_named(n: object, seed: object, name: str) -> None:
     with pytest.raises(ProblemError, match=rf"^{name}: expected a whole number"):
         Interval(0, 1).sample(n, seed)  # type: ignore[arg-type]

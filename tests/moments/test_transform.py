@@ -159,9 +159,7 @@ def test_functions_of_the_wrong_shape_are_named() -> None:
 
 
 def test_bad_moments_are_named() -> None:
-    with pytest.raises(
-        ProblemError, match=r"^moments: expected shape \(4,\) or \(..., 4, n\), got \(3, 4\)$"
-    ):
+    with pytest.raises(ProblemError, match=r"^moments: expected shape \(4,\) or \(..., 4, n\), got \(3, 4\)$"):
         evaluate_moments(LegendreBasis(3), np.zeros((3, 4)), 0.0)
 
 

@@ -2,15 +2,17 @@ r"""Where every member of a parameter cell is, at every instant of a step, for f
 
 With ``u(a) = (cos a, sin a)`` (or sine first, when headings count from +y), the position of a unicycle is
 
-.. math:: p(t, \psi) = p_0 + \int_0^t \psi\, v\, u(\theta_0 + \psi \Omega)\, d\tau, \qquad \Omega(t) = \int_0^t \omega\, d\tau
+.. math:: p(t, \psi) = p_0 + \int_0^t \psi\, v\, u(\theta_0 + \psi \Omega)\, d\tau, \quad
+          \Omega(t) = \int_0^t \omega\, d\tau
 
-1. *In the parameter*, on the cell ``[c - h, c + h]``:
-   ``p(t, psi) = p(t, c) + (psi - c) p_psi(t, c) + r`` with ``|r| <= h^2/2 * int_0^t |v| (2 |Omega| + psi_max Omega^2)``.
+1. *In the parameter*, on the cell ``[c - h, c + h]``: ``p(t, psi) = p(t, c) + (psi - c) p_psi(t, c) + r`` with
+   ``|r| <= h^2/2 * int_0^t |v| (2 |Omega| + psi_max Omega^2)``.
 2. *In time*, on a piece of a step of length ``dt``: a curve leaves its chord by at most ``dt^2/8`` times its largest
-   second derivative, which is ``c^2 |v omega|`` for ``p(., c)`` and ``|v omega| (2 c + c^2 |Omega|)`` for ``p_psi(., c)``.
+   second derivative, which is ``c^2 |v omega|`` for ``p(., c)`` and ``|v omega| (2 c + c^2 |Omega|)`` for
+   ``p_psi(., c)``.
 
-So during the piece the members of the cell lie in the hull of the four points ``p +- h p_psi`` at its two ends, grown by
-a radius that adds these bounds and one for rounding.
+So during the piece the members of the cell lie in the hull of the four points ``p +- h p_psi`` at its two ends, grown
+by a radius that adds these bounds and one for rounding.
 """
 
 from __future__ import annotations

@@ -183,9 +183,7 @@ class LegendreBasis:
         return pairs[:, 0], pairs[:, 1]
 
 
-def three_term(
-    order: int, first: FloatArray, multiply: Callable[[FloatArray], FloatArray]
-) -> list[FloatArray]:
+def three_term(order: int, first: FloatArray, multiply: Callable[[FloatArray], FloatArray]) -> list[FloatArray]:
     """phi_0..phi_order of whatever `multiply` multiplies by s: a point, or a polynomial's coefficients."""
     a, c = _recurrence(order)
     terms = [np.zeros_like(first), first]

@@ -96,9 +96,7 @@ def assemble(size: int, blocks: Sequence[Block], terms: Sequence[Block]) -> Prog
         _map(b, x, pieces[i], lam_g[int(row_starts[i]) : int(row_starts[i + 1])], int(row_starts[i]))
         for i, b in enumerate(blocks)
     ]
-    costs = [
-        _map(t, x, pieces[len(blocks) + i], ca.repmat(lam_f, t.instances, 1), 0) for i, t in enumerate(terms)
-    ]
+    costs = [_map(t, x, pieces[len(blocks) + i], ca.repmat(lam_f, t.instances, 1), 0) for i, t in enumerate(terms)]
     g = ca.vertcat(*[m.value for m in mapped]) if mapped else ca.MX(0, 1)
     f = sum((ca.sum1(c.value) for c in costs), ca.MX(0))
     gradient = _scatter([(c.jacobian_places * np.array([0, 1]), c.jacobian) for c in costs], (1, size)).T

@@ -52,9 +52,7 @@ def improve(
     for _ in range(rounds):
         better = _round(problem, attempt, options, watch)
         finished = better.status in ("interrupted", "limit") or better.value.cost > attempt.value.cost - 1e-3
-        worse = attempt.value.keeps(0.0) and not (
-            better.value.keeps(0.0) and better.value.cost <= attempt.value.cost
-        )
+        worse = attempt.value.keeps(0.0) and not (better.value.keeps(0.0) and better.value.cost <= attempt.value.cost)
         attempt = _with_work(attempt if worse else better, attempt, better)
         if finished and attempt.value.keeps(0.0):
             break

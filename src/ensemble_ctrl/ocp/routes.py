@@ -44,9 +44,7 @@ class Route:
     word: Word
 
 
-def routes(
-    start: Floats, goal: Floats, pieces: Sequence[Obstacle], clearance: float, most: int
-) -> list[Route]:
+def routes(start: Floats, goal: Floats, pieces: Sequence[Obstacle], clearance: float, most: int) -> list[Route]:
     """The `most` shortest routes of different kinds that keep `clearance` metres from the obstacles."""
     corners = np.array([start, goal, *_corners(pieces, clearance)], dtype=float)
     keep = _clear_points(corners, pieces, clearance)

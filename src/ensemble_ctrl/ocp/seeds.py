@@ -85,9 +85,7 @@ class _Trips:
         whole = [trip for trip, _ in best] + sorted(others, key=lambda t: t.length)[1 : self.most]
         return sorted(whole, key=lambda t: t.length)[: self.most]
 
-    def _trip(
-        self, skeleton: Skeleton, order: tuple[int, ...], choice: int
-    ) -> tuple[_Trip, list[list[Route]]] | None:
+    def _trip(self, skeleton: Skeleton, order: tuple[int, ...], choice: int) -> tuple[_Trip, list[list[Route]]] | None:
         """One order of visits with its shortest legs, and every choice for each leg."""
         place, legs = self.problem.fleet.position, []
         for k, index in enumerate(order):
@@ -102,18 +100,14 @@ class _Trips:
         visits = tuple(skeleton.visits[i] for i in order)
         return _Trip(visits, tuple(choices[choice] for choices in legs)), legs
 
-    def _leg(
-        self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]
-    ) -> list[Route]:
+    def _leg(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]) -> list[Route]:
         """Routes of different kinds for one leg."""
         key = (start.tobytes(), goal.tobytes(), closed, corridor)
         if key not in self._legs:
             self._legs[key] = self._search(start, goal, closed, corridor)
         return self._legs[key]
 
-    def _search(
-        self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]
-    ) -> list[Route]:
+    def _search(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]) -> list[Route]:
         """Each kind with the widest clearance that admits it; a straight line, at a price, where there is none."""
         straight = Route(np.stack([start, goal]), 10 * float(np.linalg.norm(goal - start)) + 1e-9, ())
         if corridor:

@@ -80,9 +80,7 @@ def ipopt(
         settings["iteration_callback"] = watcher
     nlp: Any = program.nlp
     solver = ca.nlpsol("solver", "ipopt", nlp, settings)
-    result = solver(
-        x0=guess, p=program.parameters, lbx=lower, ubx=upper, lbg=program.lower, ubg=program.upper
-    )
+    result = solver(x0=guess, p=program.parameters, lbx=lower, ubx=upper, lbg=program.lower, ubg=program.upper)
     if watcher and watcher.error:
         raise watcher.error
     stats = solver.stats()

@@ -44,7 +44,7 @@ Pairs = NDArray[np.bool_]
 PULL = 1e-3
 """Weight that pulls idle levels up to their bounds, so that none drifts away unbounded."""
 PRICE = 10.0
-"""Price of a metre of slack: far above the multiplier of any constraint, so that slack is used only where it must be."""
+"""Price of a metre of slack: above the multipliers seen, so that slack is used only where it must be."""
 SMOOTH = 0.05
 """``|v omega|`` is replaced by the larger ``sqrt((v omega)^2 + SMOOTH^2)``, which can be differentiated."""
 
@@ -129,9 +129,7 @@ def _turning(layout: Layout, step: float) -> Block:
     """``turned`` is the running integral of omega."""
     columns = np.column_stack([layout.controls[:, 1], layout.turned[:-1], layout.turned[1:]])
     zero = np.zeros((layout.steps, 1))
-    return Block(
-        "turning", lambda z, d: z[2] - z[1] - step * z[0], columns, np.zeros((layout.steps, 0)), zero, zero
-    )
+    return Block("turning", lambda z, d: z[2] - z[1] - step * z[0], columns, np.zeros((layout.steps, 0)), zero, zero)
 
 
 def _moving(problem: Problem, truncation: Truncation, layout: Layout, step: float) -> Block:

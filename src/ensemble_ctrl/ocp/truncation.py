@@ -121,9 +121,7 @@ def choose(problem: Problem, controls: Floats) -> Truncation:
     if not hull and problem.order is not None:
         return Truncation(problem.order, problem.order, hull)
     ceiling = problem.order or MAX_ORDER
-    degree = next(
-        (n for n in range(1, ceiling) if tail(problem, controls, _plain(n, hull)) < TAIL_TOLERANCE), ceiling
-    )
+    degree = next((n for n in range(1, ceiling) if tail(problem, controls, _plain(n, hull)) < TAIL_TOLERANCE), ceiling)
     return Truncation(problem.order or degree, degree, hull)
 
 

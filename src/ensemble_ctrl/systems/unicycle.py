@@ -114,9 +114,7 @@ class Unicycle:
         along, across = chord * arrays.cos(angle), chord * arrays.sin(angle)
         return (along, across) if self.heading_from == "x" else (across, along)
 
-    def positions(
-        self, controls: Floats, start: Floats, heading: float, traction: Floats, step: float
-    ) -> Floats:
+    def positions(self, controls: Floats, start: Floats, heading: float, traction: Floats, step: float) -> Floats:
         """Positions of members at the ends of all steps, by exact arcs.
 
         Parameters

@@ -1,0 +1,68 @@
+"""What users copy from runs: the notebook, the pages' examples, and the README's lines."""
+
+from __future__ import annotations
+
+import doctest
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [page for page in sorted((ROOT / "docs").glob("*.md")) if ">>>" in page.read_text(encoding="utf-8")]
+EXAMPLES = sorted((ROOT / "examples").glob("*.ipynb"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_notebook_runs(path: Path) -> None:
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    notebook = nbformat.read(path, as_version=4)
+    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(path.parent)}}).execute()
+    shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert any("image/png" in output.get("data", {}) for output in shown)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_notebook_is_stored_without_outputs(path: Path) -> None:
+    nbformat = pytest.importorskip("nbformat")
+    notebook = nbformat.read(path, as_version=4)
+    assert not any(cell.get("outputs") or cell.get("execution_count") for cell in notebook.cells)
+    assert path.stat().st_size < 20_000
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_examples_of_a_page(page: Path) -> None:
+    failed, tried = doctest.testfile(str(page), module_relative=False, encoding="utf-8")
+    assert tried > 0
+    assert failed == 0
+
+
+def test_lines_of_the_readme(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    monkeypatch.chdir(ROOT)
+    names: dict[str, object] = {}
+    exec(code.replace("100_000", "1_000"), names)
+    assert getattr(names["plan"], "verified")  # noqa: B009
+    assert len(code.strip().splitlines()) == 4
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=lambda page: page.stem)
+def test_links_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#]+)[^)]*\)|src=\"([^\"]+)\"", page.read_text(encoding="utf-8"))
+    files = [a or b for a, b in links if not (a or b).startswith("http")]
+    assert files
+    assert [name for name in files if not (page.parent / name).exists()] == []
+
+
+def test_pictures_are_small() -> None:
+    static = ROOT / "docs" / "_static"
+    assert (static / "five_obstacles.png").stat().st_size < 300_000
+    assert [path.name for path in (static / "gallery").glob("*.png") if path.stat().st_size > 80_000] == []
+
+
+def test_gallery_shows_every_problem() -> None:
+    text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    missing = [path.stem for path in (ROOT / "configs").rglob("*.yaml") if f"### {path.stem}\n" not in text]
+    assert missing == [], "run: python docs/make_gallery.py"
