@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,7 +37,7 @@ def problem_of(
     steps: int,
     width: float,
     heading_from: str,
-    obstacles: dict[str, tuple[Obstacle, ...]],
+    obstacles: Mapping[str, tuple[Obstacle, ...]],
     task: str,
     radius: float = 0.0,
 ) -> Problem:
@@ -50,7 +51,7 @@ def problem_of(
         np.array([20.0, 2.0]),
         radius,
     )
-    regions = {"home": Polyhedron.box([[-1, 1], [-1, 1]]), "there": Polyhedron.box([[0.5, 2], [-1, 2]])}
+    regions = {"home": Polyhedron.box([[-1.0, 1.0], [-1.0, 1.0]]), "there": Polyhedron.box([[0.5, 2.0], [-1.0, 2.0]])}
     return Problem("test", fleet, 0.25 * steps, steps, parse(task), regions, obstacles)
 
 
@@ -203,7 +204,7 @@ def test_a_plan_made_unsafe_by_a_millimetre_is_rejected(five: tuple[Problem, Flo
 
 def test_a_corner_cut_between_grid_times_is_found() -> None:
     # two steps of 1.5 m past a thin wall: clear at every grid time, through it in between
-    wall = {"wall": (Obstacle.box([[0.7, 0.8], [-1, 1]]),)}
+    wall = {"wall": (Obstacle.box([[0.7, 0.8], [-1.0, 1.0]]),)}
     problem = problem_of(2, 0.0, "x", wall, "G avoid(wall)").with_(duration=2.0)
     problem = problem.with_(fleet=replace(problem.fleet, heading=0.0))
     controls = np.array([[1.5, 0.0], [1.5, 0.0]])
@@ -215,7 +216,7 @@ def test_a_corner_cut_between_grid_times_is_found() -> None:
 
 
 def test_touching_counts_as_clear_only_up_to_rounding() -> None:
-    wall = {"wall": (Obstacle.box([[1.0, 2.0], [-1, 1]]),)}
+    wall = {"wall": (Obstacle.box([[1.0, 2.0], [-1.0, 1.0]]),)}
     problem = problem_of(1, 0.0, "x", wall, "G avoid(wall)").with_(duration=1.0)
     problem = problem.with_(fleet=replace(problem.fleet, heading=0.0))
     certificate = certify(problem, np.array([[1.0, 0.0]]))
@@ -225,7 +226,7 @@ def test_touching_counts_as_clear_only_up_to_rounding() -> None:
 
 @pytest.mark.parametrize("controls", [[[0.0, 0.0]], [[0.0, 2.0]], [[2.0, 0.0]], [[1.0, 1e-9]]])
 def test_degenerate_commands(controls: list[list[float]]) -> None:
-    wall = {"wall": (Obstacle.box([[3.0, 4.0], [-1, 1]]),)}
+    wall = {"wall": (Obstacle.box([[3.0, 4.0], [-1.0, 1.0]]),)}
     certificate = certify(problem_of(1, 0.1, "x", wall, "G avoid(wall)"), np.array(controls))
     assert certificate.proven == "yes"
 
@@ -255,7 +256,7 @@ def test_inputs_hash_changes_with_anything_claimed(five: tuple[Problem, Floats])
 
 
 def test_prover_is_bounded_in_boxes() -> None:
-    problem = problem_of(30, 0.4, "x", {"o": (Obstacle.box([[1.5, 2], [1.5, 2]]),)}, "G avoid(o)")
+    problem = problem_of(30, 0.4, "x", {"o": (Obstacle.box([[1.5, 2.0], [1.5, 2.0]]),)}, "G avoid(o)")
     flow = Flow.of(problem, random_controls(np.random.default_rng(3), 30), problem.fleet.parameter)
     prover = Prover(flow, 0.6, 1.4, limit=600)
     bound = prover.bound("o", problem.obstacles["o"][0], np.arange(30), 0.0)
@@ -264,7 +265,7 @@ def test_prover_is_bounded_in_boxes() -> None:
 
 
 def test_nested_formula_against_dense_sampling() -> None:
-    regions = {"a": Polyhedron.box([[0.3, 1.5], [-1, 1]])}
+    regions = {"a": Polyhedron.box([[0.3, 1.5], [-1.0, 1.0]])}
     problem = problem_of(20, 0.1, "x", {}, "F in(there)")
     formula = ground(parse("F[0,3] G[0,1] (in(a) or y >= 0.2)"), regions, {})
     controls = np.tile([[0.5, 0.1]], (20, 1))
