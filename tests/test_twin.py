@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from ensemble_ctrl import Problem, load_text, unconstrained
+from ensemble_ctrl import Plan, Problem, load_text, unconstrained
+from ensemble_ctrl.api import with_twin
+from ensemble_ctrl.replay import replay
 
 MAP = """\
 name: small
@@ -19,6 +24,7 @@ obstacles: {rock: {box: [[2, 3], [3, 4]]}}
 objective: {robustness: 2.0, terminal: {target: [6.5, 5.5]}}
 report: {twin: true}
 task: """
+TASK = "F[8, 10] in(goal) and G avoid(rock)"
 
 
 def problem(task: str) -> Problem:
@@ -65,9 +71,41 @@ def test_where_nothing_is_left_the_whole_plane_is_the_task(task: str) -> None:
 
 
 def test_the_rest_of_the_problem_is_the_same() -> None:
-    one = problem("F[8, 10] in(goal) and G avoid(rock)")
+    one = problem(TASK)
     twin = unconstrained(one)
     assert (twin.fleet, twin.objective, twin.solve) == (one.fleet, one.objective, one.solve)
     assert (one.verify.certificate, twin.verify.certificate) == (True, False)
     assert (one.report.twin, twin.report.twin) == (True, False)
     assert list(twin.obstacles) == ["rock"]
+
+
+def test_a_figure_shows_the_twin_dashed_and_its_whole_way() -> None:
+    from ensemble_ctrl.report.figures import draw_trajectories
+
+    one = problem(TASK)
+    still, straight = np.zeros((100, 2)), np.tile([2.0, 0.0], (100, 1))
+    ax = Figure().subplots()
+    assert not dashed(draw_trajectories(one, still, ax))
+    lines = dashed(draw_trajectories(one, still, ax, straight))
+    assert len(lines) > 3
+    assert max(np.max(line.get_xdata()) for line in lines) == pytest.approx(1 + 2 * 1.1 * 10)
+    assert ax.get_legend_handles_labels()[1] == ["unconstrained"]
+
+
+def dashed(ax: Axes) -> list[Line2D]:
+    """The dashed lines on some axes."""
+    return [line for line in ax.lines if line.get_linestyle() == "--"]
+
+
+def test_a_twin_that_can_not_be_planned_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = problem(TASK)
+    plan = Plan(one, np.zeros((100, 2)), "planned")
+    assert with_twin(plan, lambda phase, iteration: True).twin is None
+
+
+def test_the_twin_of_a_plan_is_planned_without_the_obstacle() -> None:
+    ahead = MAP.replace("{position: [1, 1], heading: 0", "{position: [2.5, 1], heading: 90")
+    one = load_text(ahead + TASK)
+    twin = with_twin(Plan(one, np.zeros((100, 2)), "planned")).twin
+    assert twin is not None
+    assert replay(one, twin, members=100).violating.any()

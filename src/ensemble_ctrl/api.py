@@ -47,6 +47,8 @@ class Plan:
         The last replay that was run on this plan when it was made.
     certificate : Certificate or None
         What is proven of it for every parameter and instant, if that was asked for.
+    twin : ndarray of shape (steps, n_u), or None
+        Commands of the problem's unconstrained twin, for figures only; not saved.
 
     Notes
     -----
@@ -59,6 +61,7 @@ class Plan:
     details: dict[str, Any] = field(default_factory=dict)
     replayed: Replay | None = None
     certificate: Certificate | None = None
+    twin: Floats | None = None
 
     def __post_init__(self) -> None:
         controls = np.array(self.controls, dtype=float)
@@ -100,7 +103,7 @@ class Plan:
         """Draw map and trajectories on `ax`, or on a new figure; returns the axes and shows nothing."""
         from ensemble_ctrl.report.figures import draw_trajectories
 
-        return draw_trajectories(self.problem, self.controls, ax)
+        return draw_trajectories(self.problem, self.controls, ax, self.twin)
 
     def save(self, path: str | Path) -> Path:
         """Write everything needed to load the plan again to one ``.npz`` file, without pickle.
@@ -228,6 +231,15 @@ def failure_message(plan: Plan) -> str:
 def checked(plan: Plan, run: Replay | None, certificate: Certificate | None) -> Plan:
     """The plan with another replay and certificate."""
     return replace(plan, replayed=run, certificate=certificate)
+
+
+def with_twin(plan: Plan, progress: Progress | None = None) -> Plan:
+    """The plan with the controls of its problem's unconstrained twin, if that finds any; see `ensemble_ctrl.twin`."""
+    from ensemble_ctrl.planner import solve
+    from ensemble_ctrl.twin import unconstrained
+
+    solution = solve(unconstrained(plan.problem), progress=progress)
+    return replace(plan, twin=solution.controls if solution.status == "planned" else None)
 
 
 def _details(solution: Solution) -> dict[str, Any]:

@@ -6,8 +6,9 @@ import signal
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ensemble_ctrl.api import Plan, failure_message, plan
+from ensemble_ctrl.api import Plan, failure_message, plan, with_twin
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
@@ -15,6 +16,9 @@ from ensemble_ctrl.config import read
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.report import summary_lines
 from ensemble_ctrl.results import controls_csv, summary, to_json, write_results
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.ocp.solvers import Iteration
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,8 @@ def run(options: RunOptions) -> int:
         with stoppable(progress, abandon):
             log = folder.working / "solver.log"
             found = plan(loaded.problem, progress=progress, guess=guess, log=log, check=False)
+            if options.plots and found.problem.report.twin and found.status == "planned":
+                found = _compared(found, progress)
             written = _write(found, folder, options, progress)
     finally:
         folder.discard()
@@ -66,6 +72,20 @@ def run(options: RunOptions) -> int:
     code = codes.INTERNAL if written.error else exit_code(found, progress.stop_signal)
     _print(found, options, written, code)
     return code
+
+
+def _compared(found: Plan, progress: Progress) -> Plan:
+    """The plan with its unconstrained twin for the figures; without one if that fails: the plan itself is good."""
+
+    def watch(_: str, iteration: Iteration | None) -> bool:
+        return progress("twin", iteration) if iteration else progress.stop_signal is not None
+
+    progress("twin", None)
+    try:
+        return with_twin(found, watch)
+    except Exception as error:
+        progress.note(f"warning: the unconstrained twin could not be planned ({type(error).__name__}: {error})")
+        return found
 
 
 def exit_code(found: Plan, stop_signal: int | None = None) -> int:
@@ -98,7 +118,7 @@ def _draw(found: Plan, folder: Path) -> str:
     from ensemble_ctrl.report.figures import write_figures
 
     try:
-        write_figures(found.problem, found.controls, folder)
+        write_figures(found.problem, found.controls, folder, found.twin)
     except Exception as error:
         for half_written in folder.glob("*.png"):
             with suppress(OSError):

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 MEMBERS = 21
 """Members drawn."""
-OBSTACLE, REGION = "#8a8f98", "#2166ac"
+OBSTACLE, REGION, TWIN = "#8a8f98", "#2166ac", "#b2182b"
 
 
 def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
@@ -37,12 +37,15 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
         What else will be drawn: an unbounded region is shown as far as that.
     """
     from matplotlib.patches import Polygon
+    from matplotlib.patheffects import withStroke
 
+    halo = [withStroke(linewidth=2, foreground="#5a5f68")]
     for name, pieces in problem.obstacles.items():
         for piece in pieces:
             ax.add_patch(Polygon(piece.vertices, closed=True, facecolor=OBSTACLE, edgecolor="#5a5f68"))
-        middle = np.mean([p.vertices.mean(axis=0) for p in pieces], axis=0)
-        ax.annotate(name, middle, ha="center", va="center", fontsize=8, color="white")
+        largest = max(pieces, key=lambda piece: float(np.ptp(piece.vertices, axis=0).prod()))
+        middle = largest.vertices.mean(axis=0)
+        ax.annotate(name, middle, ha="center", va="center", fontsize=8, color="white", path_effects=halo)
     for name, corners in outlines(problem, paths).items():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor="none", alpha=0.15))
         ax.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=REGION, linewidth=1.5))
@@ -64,7 +67,9 @@ def _draw_start(problem: Problem, ax: Axes) -> None:
     ax.annotate("start", (x, y), behind, textcoords="offset points", fontsize=8, ha="center", va="center")
 
 
-def draw_trajectories(problem: Problem, controls: Floats, ax: Axes | None = None) -> Axes:
+def draw_trajectories(
+    problem: Problem, controls: Floats, ax: Axes | None = None, twin_controls: Floats | None = None
+) -> Axes:
     """Map and trajectories of members spread over the parameter's range, coloured by parameter.
 
     Parameters
@@ -75,6 +80,8 @@ def draw_trajectories(problem: Problem, controls: Floats, ax: Axes | None = None
         Broadcast commands.
     ax : matplotlib Axes, optional
         Where to draw; without it a new figure of pyplot's, so that a notebook or a later ``show`` shows it.
+    twin_controls : ndarray, shape (steps, n_u), optional
+        Commands of the unconstrained twin, whose trajectories are drawn thin and dashed below the plan's.
 
     Returns
     -------
@@ -87,8 +94,10 @@ def draw_trajectories(problem: Problem, controls: Floats, ax: Axes | None = None
     law = problem.fleet.parameter
     parameters = np.linspace(law.lower, law.upper, MEMBERS)
     paths = trajectories(problem, controls, parameters, 4)
-    ax = _shown_axes(_size(problem, controls)) if ax is None else ax
+    ax = _shown_axes(_size(problem, controls, twin_controls)) if ax is None else ax
     draw_map(problem, ax, list(paths))
+    if twin_controls is not None:
+        _draw_twin(trajectories(problem, twin_controls, parameters[::2], 4), ax)
     colours = ScalarMappable(Normalize(law.lower, law.upper), "viridis")
     for parameter, path in zip(parameters, paths, strict=True):
         colour = colours.to_rgba(np.array(parameter))
@@ -98,6 +107,14 @@ def draw_trajectories(problem: Problem, controls: Floats, ax: Axes | None = None
     bar.set_label(problem.fleet.parameter_name)
     ax.set_title(f"{problem.name}: one control, {problem.fleet.parameter_name} {law.lower:g} to {law.upper:g}")
     return ax
+
+
+def _draw_twin(paths: Floats, ax: Axes) -> None:
+    """The unconstrained twin's trajectories, named by one line of a legend."""
+    for i, path in enumerate(paths):
+        label = None if i else "unconstrained"
+        ax.plot(path[:, 0], path[:, 1], "--", color=TWIN, linewidth=0.6, alpha=0.7, zorder=1.9, label=label)
+    ax.legend(loc="best", fontsize=8)
 
 
 def draw_comparison(problem: Problem, panels: Sequence[tuple[str, Floats]]) -> Figure:
@@ -129,20 +146,21 @@ def draw_controls(problem: Problem, controls: Floats) -> Figure:
     return figure
 
 
-def write_figures(problem: Problem, controls: Floats, folder: Path) -> list[str]:
+def write_figures(problem: Problem, controls: Floats, folder: Path, twin_controls: Floats | None = None) -> list[str]:
     """Write ``trajectories.png`` and ``controls.png`` into `folder`; returns their names."""
-    trajectory_figure = _new_figure(_size(problem, controls))
-    draw_trajectories(problem, controls, trajectory_figure.subplots())
+    trajectory_figure = _new_figure(_size(problem, controls, twin_controls))
+    draw_trajectories(problem, controls, trajectory_figure.subplots(), twin_controls)
     figures = {"trajectories.png": trajectory_figure, "controls.png": draw_controls(problem, controls)}
     for name, figure in figures.items():
         figure.savefig(folder / name, dpi=150)
     return list(figures)
 
 
-def _size(problem: Problem, controls: Floats) -> tuple[float, float]:
+def _size(problem: Problem, controls: Floats, twin_controls: Floats | None = None) -> tuple[float, float]:
     """Inches for a map of its own proportions, with room for labels and the colour bar."""
     law = problem.fleet.parameter
-    ends = trajectories(problem, controls, np.array([law.lower, law.upper]))
+    drawn = [controls] if twin_controls is None else [controls, twin_controls]
+    ends = np.concatenate([trajectories(problem, c, np.array([law.lower, law.upper])) for c in drawn])
     shapes = [*outlines(problem, list(ends)).values(), *(piece.vertices for _, piece in problem.pieces)]
     width, height = np.ptp(np.concatenate([*ends, *shapes]), axis=0)
     ratio = float(np.clip(height / max(width, 1e-9), 0.4, 1.1))
