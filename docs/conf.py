@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
@@ -29,7 +31,7 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx.ext.viewcode",
 ]
-exclude_patterns = ["_build", "_generated"]
+exclude_patterns = ["_build", "_generated", "jupyter_execute"]
 default_role = "literal"
 
 html_theme = "furo"
@@ -49,3 +51,13 @@ autodoc_default_options = {"members": True, "show-inheritance": False}
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True
+
+
+def _shapes_are_text(app: Any, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    """Set types with an array's shape as text: ``steps`` in ``shape (steps, 2)`` is no name to link to."""
+    lines[:] = [re.sub(r"^(\s*:\w*type[^:]*:) (.*shape .*)$", r"\1 *\2*", line) for line in lines]
+
+
+def setup(app: Any) -> None:
+    """Register what follows napoleon's reading of a docstring."""
+    app.connect("autodoc-process-docstring", _shapes_are_text, priority=900)

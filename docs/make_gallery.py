@@ -108,7 +108,7 @@ def page(facts: dict[str, Any]) -> Iterator[str]:
     for path in shown:
         found = facts[path.stem]
         numbers = ("–" if found[key] is None else f"{found[key]:.4f}" for key in ("clearance", "robustness"))
-        name = f"[`{path.relative_to(CONFIGS.parent)}`](#{path.stem.replace('_', '-')})"
+        name = f"[`{path.relative_to(CONFIGS.parent)}`](#{path.stem})"
         yield f"| {name} | {found['proven']} | {' | '.join(numbers)} | {found['exit']} |"
     for folder, title in SECTIONS.items():
         here = [path for path in shown if path.parent.name == (folder or CONFIGS.name)]
@@ -122,9 +122,9 @@ def entry(path: Path) -> Iterator[str]:
     """One problem: its own words, its task and its picture."""
     task = " ".join(str(ec.load(path).task).split())
     words = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
-    yield from ("", f"({path.stem.replace('_', '-')})=", f"### {path.stem}", "", words, "", f"`{task}`", "")
+    yield from ("", f"### {path.stem}", "", words, "", f"`{task}`", "")
     if (PICTURES / f"{path.stem}.png").exists():
-        yield from (f"```{{image}} _static/gallery/{path.stem}.png", f":alt: {path.stem}", ":width: 520px", "```")
+        yield f"![{path.stem}](_static/gallery/{path.stem}.png)"
 
 
 if __name__ == "__main__":
