@@ -296,3 +296,27 @@ def test_taylor_remainder_and_bulge_bound_the_truth(seed: int, half: float) -> N
     ends, _ = flow.moved(n, np.ones(steps), np.ones(steps))
     bulge = growth(flow, n, np.full(steps, flow.step), np.ones(steps), np.zeros(steps), flow.remainder())
     assert (np.linalg.norm(inside - share[:, None] * ends, axis=1) <= bulge + 1e-12).all()
+
+
+def test_a_share_is_never_refuted_by_its_cells() -> None:
+    problem = ec.load_text(
+        """
+        fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}
+        horizon: {duration: 2 s, steps: 10}
+        task: share(0.95, F x >= 1.816)
+        """
+    )
+    certificate = certify(problem, np.tile([[1.0, 0.0]], (10, 1)))
+    assert certificate.proven != "no"
+    assert certificate.counter_example is None
+
+
+def test_rounding_grows_with_the_map() -> None:
+    near, far = (
+        problem_of(4, 0.1, "x", {"o": (Obstacle.box([[at, at + 1.0], [-1.0, 1.0]]),)}, "G avoid(o)")
+        for at in (3.0, 3e6)
+    )
+    controls = np.ones((4, 2))
+    errors = [Flow.of(p, controls, p.fleet.parameter).rounding() for p in (near, far)]
+    assert errors[0] < 1e-11
+    assert errors[1] > 1e-8

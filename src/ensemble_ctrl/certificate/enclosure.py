@@ -50,6 +50,8 @@ class Flow:
         Commands of each step, and the integral of omega before it.
     fastest : float
         Largest absolute parameter of the range.
+    extent : float
+        Largest absolute coordinate of any shape of the map, metres: rounding grows with it.
     """
 
     start: Floats
@@ -60,6 +62,7 @@ class Flow:
     omega: Floats
     turned: Floats
     fastest: float
+    extent: float
 
     @classmethod
     def of(cls, problem: Problem, controls: Floats, law: Interval) -> Flow:
@@ -77,6 +80,7 @@ class Flow:
             omega,
             turned,
             max(abs(law.lower), abs(law.upper)),
+            _extent(problem),
         )
 
     @property
@@ -115,7 +119,7 @@ class Flow:
         way = float(np.abs(self.v).sum()) * self.step * self.fastest
         turned = np.abs(np.concatenate([self.turned, self.turned + self.step * self.omega])).max()
         angle = abs(self.heading) + self.fastest * float(turned)
-        size = float(np.abs(self.start).max()) + way
+        size = float(np.abs(self.start).max()) + way + 8 * self.extent
         return 4 * UNIT * ((self.steps + 32) * (way * (1 + angle) + size))
 
     def _direction(self, angle: Floats) -> Floats:
@@ -163,6 +167,13 @@ def growth(flow: Flow, n: Ints, span: Floats, c: Floats, h: Floats, remainder: F
     size = np.abs(c)
     bulge = span**2 / 8 * rate * (size**2 + h * (2 * size + size**2 * largest))
     return np.asarray((h**2 / 2 * remainder[n + 1] + bulge) * (1 + 64 * UNIT))
+
+
+def _extent(problem: Problem) -> float:
+    """Largest coordinate of an obstacle's corner, or level of a region's face, in absolute value."""
+    sizes = [float(np.abs(piece.vertices).max()) for _, piece in problem.pieces]
+    levels = (np.abs(region.unit_rows()[1]) for region in problem.regions.values())
+    return max([0.0, *sizes, *(float(level[np.isfinite(level)].max(initial=0.0)) for level in levels)])
 
 
 def _sinc(x: Floats) -> Floats:

@@ -38,7 +38,8 @@ class TaskBound:
     proven : float
         Every member's robustness in dense time is at least this, metres.
     sampled : float
-        Upper bound of the robustness of the worst centre: the truth lies between the two.
+        Upper bound of the robustness of the worst centre: the truth lies between the two. Infinite for a formula that
+        reads the fleet (``mean``, ``share``), which a list of centres can't refute.
     parameter : float
         That centre's parameter.
     covered : bool
@@ -131,7 +132,7 @@ def bound_task(flow: Flow, formula: Formula, lower: float, upper: float, cells: 
         total += len(centres)
         low = _evaluate(formula, CellSignals.of(flow, centres, half))
         best = _evaluate(formula, CellSignals.of(flow, centres, np.zeros_like(half), upper=True))
-        if best.min() < sampled:
+        if not whole and best.min() < sampled:
             sampled, parameter = float(best.min()), float(centres[best.argmin()])
         centre = _evaluate(formula, CellSignals.of(flow, centres, np.zeros_like(half)))
         target = min(target, float(centre.min()))
