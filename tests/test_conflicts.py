@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ensemble_ctrl.config import load
+from ensemble_ctrl.config import load, load_text
 from ensemble_ctrl.conflicts import conflicts
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
@@ -75,3 +75,17 @@ def test_an_obstacle_crossed_between_two_grid_times_conflicts() -> None:
     dash[0] = 2.0, 0.0
     problem = five().with_(obstacles={"post": (Obstacle.box([[1.04, 1.11], [0.0, 3.0]]),)})
     assert "avoid(post)" in {c.what for c in conflicts(problem, dash)}
+
+
+def test_a_window_that_starts_at_the_end_of_the_horizon() -> None:
+    problem = load_text(
+        """
+        fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}
+        horizon: {duration: 4 s, steps: 20}
+        regions: {goal: {box: [[1, 2], [-1, 1]]}}
+        task: F[T, T] in(goal)
+        """
+    )
+    (found,) = conflicts(problem, np.zeros((20, 2)))
+    assert found.time == 4.0
+    assert found.amount == 1.0

@@ -16,7 +16,7 @@ from ensemble_ctrl.constraints.stl import (
     leaves,
     member_robustness,
 )
-from ensemble_ctrl.duties import grounded, other_parts
+from ensemble_ctrl.duties import grounded, other_parts, window_of
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay, trajectories
 
@@ -87,7 +87,5 @@ def _closest_time(problem: Problem, part: Formula, path: Floats) -> float:
 
 def _window(problem: Problem, part: Formula) -> tuple[int, int]:
     """First and last step of a conjunct's own window."""
-    a, b = getattr(part, "a", None), getattr(part, "b", None)
-    low = 0 if a is None else int(np.ceil(a / problem.step - 1e-9))
-    high = problem.steps if b is None else int(np.floor(min(b, problem.duration) / problem.step + 1e-9))
-    return low, high
+    begin, end = window_of(problem, part)
+    return int(np.ceil(begin / problem.step - 1e-9)), int(np.floor(end / problem.step + 1e-9))

@@ -73,6 +73,13 @@ def grounded(problem: Problem, part: Formula) -> Formula:
     return ground(resolved, problem.regions, problem.obstacles, radius=problem.fleet.radius)
 
 
+def window_of(problem: Problem, part: Formula) -> tuple[float, float]:
+    """The window of a part's outermost operator in seconds; the whole horizon where it has none."""
+    resolved = resolve(part, problem.duration)
+    begin, end = getattr(resolved, "a", None), getattr(resolved, "b", None)
+    return float(begin or 0.0), problem.duration if end is None else float(end)
+
+
 def _kept_out(part: Formula) -> tuple[Formula, ...]:
     """The leaves of ``G (avoid(a) and not in(b) and ...)``, none for any other formula."""
     if not isinstance(part, Always):
@@ -89,10 +96,7 @@ def _is_not_in(leaf: Formula) -> bool:
 def _duties(problem: Problem, part: Formula) -> Iterator[Duty]:
     """The duties of one conjunct."""
     for leaf in _kept_out(part):
-        resolved = resolve(part, problem.duration)
-        begin = getattr(resolved, "a", None) or 0.0
-        end = getattr(resolved, "b", None)
-        window = (begin, problem.duration if end is None else float(end))
+        window = window_of(problem, part)
         if isinstance(leaf, Avoid):
             names = list(problem.obstacles) if leaf.name == ALL and ALL not in problem.obstacles else [leaf.name]
             for name in names:

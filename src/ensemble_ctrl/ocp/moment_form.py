@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
-from ensemble_ctrl.constraints.stl import Always, Inside, resolve
-from ensemble_ctrl.duties import duties, other_parts
+from ensemble_ctrl.constraints.stl import Always, Inside
+from ensemble_ctrl.duties import duties, other_parts, window_of
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import Block, Build
 from ensemble_ctrl.ocp.task import SHARPNESS
@@ -57,7 +57,7 @@ def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Layout) 
         return rows
 
     return [
-        _bounded(
+        Block(
             "avoiding (mean)",
             build(facets),
             layout.points[[k for k, _, _ in entries]],
@@ -87,7 +87,7 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: La
     positive, _ = truncation.basis.signed_moments()
     high = np.outer(list(rows.values()), positive[1:])
     build = _moments_along(truncation, layout, 1)
-    return [_bounded("avoiding (moments)", build, layout.points[at], data, -high, high)]
+    return [Block("avoiding (moments)", build, layout.points[at], data, -high, high)]
 
 
 def _region_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
@@ -95,10 +95,9 @@ def _region_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> 
     blocks = []
     for part in other_parts(problem):
         if isinstance(part, Always) and isinstance(part.child, Inside):
-            resolved = resolve(part, problem.duration)
-            begin, end = getattr(resolved, "a", None) or 0.0, getattr(resolved, "b", None)
+            begin, end = window_of(problem, part)
             grid = np.linspace(0.0, problem.duration, layout.steps + 1)
-            inside = (grid >= begin - 1e-9) & (grid <= (problem.duration if end is None else end) + 1e-9)
+            inside = (grid >= begin - 1e-9) & (grid <= end + 1e-9)
             times = np.flatnonzero(inside & (grid > 0))
             blocks.append(_region_block(problem.regions[part.child.name], times, truncation, layout))
     return blocks
@@ -110,7 +109,7 @@ def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layou
     pairs = [(k, face) for k in times.tolist() for face in range(len(region.A))]
     at, face = (np.array(part) for part in zip(*pairs, strict=True))
     build = _moments_along(truncation, layout, 0)
-    return _bounded("staying in (moments)", build, layout.points[at], region.A[face], lower.T[face], upper.T[face])
+    return Block("staying in (moments)", build, layout.points[at], region.A[face], lower.T[face], upper.T[face])
 
 
 def _moments_along(truncation: Truncation, layout: Layout, first: int) -> Build:
@@ -138,8 +137,3 @@ def _big_m(problem: Problem) -> float:
     """An M that no position or facet offset on the map exceeds."""
     corners = np.concatenate([problem.fleet.position[None, :], *(p.vertices for _, p in problem.pieces)])
     return max(BIG_M, 4 * float(np.abs(corners).max()))
-
-
-def _bounded(name: str, build: Build, columns: Ints, data: Floats, low: Floats, high: Floats) -> Block:
-    """A block of rows between bounds."""
-    return Block(name, build, columns, data, low, high)

@@ -77,7 +77,7 @@ class _Trips:
 
     def trips(self, skeleton: Skeleton) -> list[_Trip]:
         """The shortest trips of one skeleton: every order with its best legs, and other legs for the best order."""
-        firsts = [trip for order in skeleton.orders() if (trip := self._trip(skeleton, order, 0))]
+        firsts = [self._trip(skeleton, order) for order in skeleton.orders()]
         best = sorted(firsts, key=lambda t: t[0].length)[: self.most]
         if not best:
             return []
@@ -85,7 +85,7 @@ class _Trips:
         whole = [trip for trip, _ in best] + sorted(others, key=lambda t: t.length)[1 : self.most]
         return sorted(whole, key=lambda t: t.length)[: self.most]
 
-    def _trip(self, skeleton: Skeleton, order: tuple[int, ...], choice: int) -> tuple[_Trip, list[list[Route]]] | None:
+    def _trip(self, skeleton: Skeleton, order: tuple[int, ...]) -> tuple[_Trip, list[list[Route]]]:
         """One order of visits with its shortest legs, and every choice for each leg."""
         place, legs = self.problem.fleet.position, []
         for k, index in enumerate(order):
@@ -98,7 +98,7 @@ class _Trips:
             closed = frozenset(door.name for door in skeleton.doors if door.until not in order)
             legs.append(self._leg(place, target, closed, skeleton.corridor))
         visits = tuple(skeleton.visits[i] for i in order)
-        return _Trip(visits, tuple(choices[choice] for choices in legs)), legs
+        return _Trip(visits, tuple(choices[0] for choices in legs)), legs
 
     def _leg(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]) -> list[Route]:
         """Routes of different kinds for one leg."""

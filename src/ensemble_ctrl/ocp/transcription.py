@@ -161,7 +161,8 @@ def _avoiding(
     if not len(piece):
         return []
     n, fastest = layout.count, max(abs(problem.fleet.parameter.lower), abs(problem.fleet.parameter.upper))
-    curvature = (problem.duration / layout.steps) ** 2 / 8 * fastest**2 if hull else 0.0
+    step = problem.duration / layout.steps
+    curvature = problem.fleet.system.sagitta(1.0, 1.0, fastest, step) if hull else 0.0
     keep = lines.radius[piece] + problem.solve.margin + (tail if hull else 0.0)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
