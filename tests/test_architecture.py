@@ -18,7 +18,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
     for layer in (
         "errors _version",
         "moments systems",
-        "constraints",
+        "constraints fleet",
         "problem checks drawing",
         "duties",
         "ocp",

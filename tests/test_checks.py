@@ -21,7 +21,7 @@ from ensemble_ctrl.systems import Unicycle
 
 FLEET = Fleet(
     system=Unicycle(),
-    parameter=Interval(0.5, 2.0),
+    parameters=Interval(0.5, 2.0),
     position=np.array([0.0, 0.0]),
     heading=0.0,
     input_lower=np.array([-3.0, -1.0]),
@@ -79,7 +79,7 @@ NUMBERS: list[tuple[dict[str, Any], str, str]] = [
     ({"order": 0}, "moments.order", "whole number from 1 to 50 (or auto), got 0"),
     ({"order": 60}, "moments.order", "got 60"),
     (
-        {"fleet": replace(FLEET, parameter=Interval(0.0, 1.0))},
+        {"fleet": replace(FLEET, parameters=Interval(0.0, 1.0))},
         "fleet.parameters.traction.range",
         "got [0, 1]",
     ),

@@ -17,14 +17,16 @@ if TYPE_CHECKING:
     from ensemble_ctrl.api import Plan, plan
     from ensemble_ctrl.config import load, load_text
     from ensemble_ctrl.constraints import Obstacle, Polyhedron
+    from ensemble_ctrl.fleet import Fleet
     from ensemble_ctrl.moments import Interval, LegendreBasis
-    from ensemble_ctrl.problem import Fleet, Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
+    from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
     from ensemble_ctrl.replay import Replay
-    from ensemble_ctrl.systems import Unicycle
+    from ensemble_ctrl.systems import Bicycle, Unicycle
     from ensemble_ctrl.twin import unconstrained
 
 _HOMES = {
-    "Fleet": "problem",
+    "Bicycle": "systems",
+    "Fleet": "fleet",
     "Interval": "moments",
     "LegendreBasis": "moments",
     "Objective": "problem",
@@ -45,6 +47,7 @@ _HOMES = {
 """Public names and the module that each is loaded from when it is first used."""
 
 __all__ = [
+    "Bicycle",
     "ConfigError",
     "EnsembleError",
     "Fleet",

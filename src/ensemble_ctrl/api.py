@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl import planfile
-from ensemble_ctrl.certificate import Certificate, certify
+from ensemble_ctrl.certificate import Certificate, Ranges, certify
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
-from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import Replay, replay
 
@@ -86,14 +86,14 @@ class Plan:
         return self.status != "infeasible" and replayed and proven
 
     def replay(
-        self, members: int | None = None, *, substeps: int | None = None, parameters: Floats | None = None
+        self, members: int | None = None, *, substeps: int | None = None, parameters: ArrayLike | Sequence[Mapping[str, float]] | None = None
     ) -> Replay:
         """Run the controls on sampled members; see `ensemble_ctrl.replay.replay`."""
         return replay(self.problem, self.controls, members=members, substeps=substeps, parameters=parameters)
 
-    def certify(self, parameter: Interval | None = None) -> Certificate:
-        """Prove the plan for every parameter of its range, or of another one; see `ensemble_ctrl.certificate`."""
-        return certify(self.problem, self.controls, parameter)
+    def certify(self, ranges: Ranges | None = None) -> Certificate:
+        """Prove the plan for every member, or for one of other ranges; see `ensemble_ctrl.certificate`."""
+        return certify(self.problem, self.controls, ranges)
 
     def conflicts(self) -> tuple[Conflict, ...]:
         """What fails, by how much, when and for whom; empty for a good plan."""
@@ -223,7 +223,7 @@ def failure_message(plan: Plan) -> str:
     from ensemble_ctrl.report import conflict_text
 
     lead = "no plan was found" if plan.status == "infeasible" else f"the plan falls short ({plan.status})"
-    lines = [conflict_text(plan.problem, c) for c in plan.conflicts()[:5]]
+    lines = [conflict_text(c) for c in plan.conflicts()[:5]]
     listed = "; violated near the best guess: " + "; ".join(lines) if lines else ""
     return f"{plan.problem.name}: {lead}{listed}"
 
@@ -247,8 +247,8 @@ def _details(solution: Solution) -> dict[str, Any]:
     attempt = solution.attempt
     return {
         **{name: float(value) for name, value in asdict(attempt.value).items()},
-        "order": attempt.truncation.order,
-        "degree": attempt.truncation.degree,
+        "orders": list(attempt.truncation.orders),
+        "degrees": list(attempt.truncation.degrees),
         "guarantee": solution.problem.solve.guarantee,
         "solver": attempt.message,
         "iterations": solution.iterations,

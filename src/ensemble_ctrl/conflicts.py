@@ -17,13 +17,14 @@ from ensemble_ctrl.constraints.stl import (
     member_robustness,
 )
 from ensemble_ctrl.duties import grounded, other_parts, window_of
+from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay, trajectories
 
 Floats = NDArray[np.float64]
 
 MEMBERS = 201
-"""Members looked at, spread evenly over the parameter's range."""
+"""About as many members are looked at, spread evenly over the parameters' ranges."""
 
 
 @dataclass(frozen=True)
@@ -36,25 +37,24 @@ class Conflict:
         The obstacle, or the part of the task as text.
     amount : float
         Metres by which the worst member falls short, > 0.
-    parameter : float
-        That member's parameter.
+    parameters : dict of str to float
+        That member's parameters.
     time : float
         When, in seconds: the deepest moment in an obstacle, or the closest approach to what should be visited.
     """
 
     what: str
     amount: float
-    parameter: float
+    parameters: Member
     time: float
 
 
 def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
     """Everything that fails under `controls`, worst first."""
-    law = problem.fleet.parameter
-    parameters = np.linspace(law.lower, law.upper, MEMBERS)
+    parameters = problem.fleet.grid(MEMBERS)
     run = replay(problem, controls, parameters=parameters, substeps=4)
     found = [
-        Conflict(f"avoid({c.obstacle})", -c.distance, c.parameter, c.time) for c in run.clearances if c.distance < 0
+        Conflict(f"avoid({c.obstacle})", -c.distance, c.parameters, c.time) for c in run.clearances if c.distance < 0
     ]
     paths = trajectories(problem, controls, parameters)
     for part in other_parts(problem):
@@ -70,7 +70,7 @@ def _failing(problem: Problem, part: Formula, paths: Floats, parameters: Floats)
     if values[worst] >= 0:
         return []
     at = _closest_time(problem, part, paths[worst])
-    return [Conflict(str(part), -float(values[worst]), float(parameters[worst]), at)]
+    return [Conflict(str(part), -float(values[worst]), problem.fleet.named(parameters[worst]), at)]
 
 
 def _closest_time(problem: Problem, part: Formula, path: Floats) -> float:

@@ -25,7 +25,7 @@ from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
-from ensemble_ctrl.ocp.truncation import Truncation, choose, raised, tail
+from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -211,7 +211,7 @@ def _windows(formula: Formula) -> list[tuple[float, float]]:
 def _coarse(search: _Search, controls: Floats) -> Attempt:
     """A seed improved on its own coarse grid at low order."""
     problem = search.problem
-    truncation = Truncation(2, 2, problem.solve.guarantee != "moment")
+    truncation = coarse(problem.fleet, problem.solve.guarantee != "moment")
     if search.over():
         return start(problem, controls, truncation)
     options = search.options(1e-2, 1e-3)
@@ -249,7 +249,7 @@ def _fine(search: _Search, controls: Floats, problem: Problem) -> Attempt:
         attempt = improve(problem, attempt.controls, truncation, FINE_ROUNDS, options, search.watch("solve"))
         if search.over() or tail(problem, attempt.controls, truncation) < TAIL_LIMIT:
             break
-        truncation = raised(problem, truncation)
+        truncation = raised(truncation)
     return attempt
 
 

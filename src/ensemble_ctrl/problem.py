@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.systems import Unicycle
+from ensemble_ctrl.fleet import Fleet, frozen
 
 Floats = NDArray[np.float64]
 Guarantee = Literal["moment", "nodes", "hull"]
@@ -22,62 +21,6 @@ Method = Literal["nlp"]
 
 MAX_ORDER = 50
 """Largest truncation order a problem may ask for."""
-
-
-def frozen(values: Any, shape: tuple[int, ...], what: str) -> Floats:
-    """A read-only float copy of `values`, checked for shape and finiteness."""
-    array = np.array(values, dtype=float)
-    if array.shape != shape:
-        raise ProblemError(f"{what}: expected {shape} numbers, got shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise ProblemError(f"{what}: expected finite numbers, got {array.tolist()}")
-    array.setflags(write=False)
-    return array
-
-
-@dataclass(frozen=True, eq=False)
-class Fleet:
-    """The ensemble: shared dynamics, the parameter that differs, where all members start, and their limits.
-
-    Parameters
-    ----------
-    system : Unicycle
-        The dynamics all members share.
-    parameter : Interval
-        Range of the parameter, dimensionless.
-    position : array_like, shape (2,)
-        Common start position in metres.
-    heading : float
-        Common start heading in radians, counted from +x counter-clockwise whatever the system's own convention.
-    input_lower, input_upper : array_like, shape (2,)
-        Bounds of the commands (m/s and rad/s for a unicycle).
-    radius : float
-        Radius of a robot in metres; obstacles grow by it.
-    parameter_name : str
-        What the parameter is called in a problem file.
-    """
-
-    system: Unicycle
-    parameter: Interval
-    position: Floats
-    heading: float
-    input_lower: Floats
-    input_upper: Floats
-    radius: float = 0.0
-    parameter_name: str = "traction"
-
-    def __post_init__(self) -> None:
-        for name in ("position", "input_lower", "input_upper"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"fleet.{name}"))
-        if not np.isfinite([self.heading, self.radius]).all() or self.radius < 0:
-            raise ProblemError(f"fleet: expected a finite heading and a radius >= 0, got {self.heading}, {self.radius}")
-        if (self.input_lower > self.input_upper).any():
-            raise ProblemError(f"fleet.input_bounds: low above high: {self.input_lower}, {self.input_upper}")
-
-    @property
-    def own_heading(self) -> float:
-        """Start heading in radians in the system's own convention."""
-        return self.heading if self.system.heading_from == "x" else np.pi / 2 - self.heading
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,9 +197,9 @@ class Problem:
 
     def __repr__(self) -> str:
         order = "auto" if self.order is None else self.order
-        p = self.fleet.parameter
+        laws = ", ".join(f"{name} {law.lower:g}..{law.upper:g}" for name, law in self.fleet.parameters.items())
         return (
-            f"Problem({self.name!r}: {self.fleet.system.name}, {self.fleet.parameter_name} {p.lower:g}..{p.upper:g}, "
+            f"Problem({self.name!r}: {self.fleet.system.name}, {laws}, "
             f"{self.duration:g} s in {self.steps} steps, order {order}, {len(self.obstacles)} obstacles, "
             f"task {self.task})"
         )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -18,6 +18,7 @@ from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness, reads_fleet
 from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -38,8 +39,8 @@ class Clearance:
         Metres from the robot's edge (its centre minus the radius) to the obstacle; negative inside.
     time : float
         Seconds.
-    parameter : float
-        Whose parameter it was.
+    parameters : dict of str to float
+        Whose parameters these were.
     inside : int
         Members that were inside at some time looked at.
     """
@@ -47,7 +48,7 @@ class Clearance:
     obstacle: str
     distance: float
     time: float
-    parameter: float
+    parameters: Member
     inside: int
 
 
@@ -57,8 +58,10 @@ class Replay:
 
     Attributes
     ----------
-    parameters : ndarray, shape (members,)
-        Parameters in sampling order; the ends of the range come first.
+    parameters : ndarray, shape (members, parameters)
+        Parameters in sampling order, in the columns of ``names``; the corners of the ranges come first.
+    names : tuple of str
+        The parameters' names.
     robustness : ndarray, shape (members,)
         Exact robustness in metres of the whole task, one number a member: at the grid times, and for what must be kept
         out of all the time (`ensemble_ctrl.duties`) the distance at `substeps` times a step.
@@ -73,6 +76,7 @@ class Replay:
     """
 
     parameters: Floats
+    names: tuple[str, ...]
     robustness: Floats
     clearances: tuple[Clearance, ...]
     violating: NDArray[np.bool_]
@@ -90,10 +94,10 @@ class Replay:
         return float(1.0 - self.violating.mean())
 
     @property
-    def worst(self) -> tuple[float, float]:
-        """Smallest robustness in metres and whose parameter it is."""
+    def worst(self) -> tuple[float, Member]:
+        """Smallest robustness in metres and whose parameters they are."""
         i = int(self.robustness.argmin())
-        return float(self.robustness[i]), float(self.parameters[i])
+        return float(self.robustness[i]), dict(zip(self.names, self.parameters[i].tolist(), strict=True))
 
     def __repr__(self) -> str:
         closest = min((c.distance for c in self.clearances), default=float("inf"))
@@ -108,7 +112,7 @@ def replay(
     controls: Floats,
     *,
     members: int | None = None,
-    parameters: Floats | None = None,
+    parameters: ArrayLike | Sequence[Mapping[str, float]] | None = None,
     substeps: int | None = None,
     seed: int | None = None,
 ) -> Replay:
@@ -121,9 +125,10 @@ def replay(
     controls : ndarray, shape (steps, n_u)
         The broadcast commands, one row a step of equal length.
     members : int, optional
-        How many to draw from the parameter's law, the two ends of its range included; default `problem.verify.members`.
-    parameters : ndarray, shape (members,), optional
-        Parameters to run instead of drawing any.
+        How many to draw from the parameters' laws, the corners of their ranges included; default
+        `problem.verify.members`.
+    parameters : array_like or sequence of mappings, optional
+        Members to run instead of drawing any, as `Fleet.members` takes them.
     substeps : int, optional
         Times looked at in each step for obstacles; default `problem.verify.substeps`.
     seed : int, optional
@@ -147,8 +152,8 @@ def replay(
     substeps = problem.verify.substeps if substeps is None else substeps
     if substeps < 1:
         raise ProblemError(f"substeps: expected 1 or more, got {substeps}")
-    controls = _finite("controls", controls, 2)
-    drawn = _draw(problem, members, seed) if parameters is None else _finite("parameters", parameters, 1)
+    controls = _finite(controls)
+    drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
     size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
     with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
@@ -159,38 +164,36 @@ def replay(
         _closest(duty.name, [found[o] for _, _, found in results], int(inside[o].sum()))
         for o, duty in enumerate(duties(problem))
     )
-    return Replay(drawn, robustness, clearances, robustness < 0, substeps, time.perf_counter() - began)
+    return Replay(drawn, problem.fleet.names, robustness, clearances, robustness < 0, substeps, time.perf_counter() - began)
 
 
 def trajectories(problem: Problem, controls: Floats, parameters: Floats, substeps: int = 1) -> Floats:
-    """Positions of members, shape (members, steps * substeps + 1, 2), metres."""
+    """Positions of members of shape (members, parameters), shape (members, steps * substeps + 1, 2), metres."""
     fleet = problem.fleet
     fine = np.repeat(np.asarray(controls, float), substeps, axis=0)
     step = problem.duration / len(fine)
-    return fleet.system.positions(fine, fleet.position, fleet.own_heading, parameters, step)
+    return fleet.system.positions(fine, fleet.drives(parameters), step)
 
 
-_Closest = tuple[float, float, float]
+_Closest = tuple[float, float, Member]
 
 
-def _finite(name: str, values: ArrayLike, ndim: int) -> Floats:
-    """Finite numbers: controls of shape (steps, 2), or a row of parameters; a NaN would fail no comparison."""
-    array = np.atleast_1d(np.asarray(values, dtype=float))
-    shape = "(members,)" if ndim == 1 else "(steps, 2)"
-    if array.ndim != ndim or not array.size or (ndim == 2 and array.shape[1] != 2) or not np.isfinite(array).all():
-        raise ProblemError(f"{name}: expected finite numbers of shape {shape}, got shape {array.shape}")
+def _finite(controls: ArrayLike) -> Floats:
+    """Controls of shape (steps, 2); a NaN would fail no comparison."""
+    array = np.asarray(controls, dtype=float)
+    if array.ndim != 2 or not array.size or array.shape[1] != 2 or not np.isfinite(array).all():
+        raise ProblemError(f"controls: expected finite numbers of shape (steps, 2), got shape {array.shape}")
     return array
 
 
 def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
-    """Sampled parameters, the ends of the range first."""
+    """Sampled members, the corners of the ranges first."""
     members = problem.verify.members if members is None else members
     if members < 1:
         raise ProblemError(f"members: expected 1 or more, got {members}")
-    law = problem.fleet.parameter
-    ends = np.array([law.lower, law.upper])[:members]
-    rest = law.sample(members - len(ends), problem.solve.seed if seed is None else seed)
-    return np.concatenate([ends, rest])
+    corners = problem.fleet.corners[:members]
+    rest = problem.fleet.sample(members - len(corners), problem.solve.seed if seed is None else seed)
+    return np.concatenate([corners, rest])
 
 
 def _run(
@@ -207,7 +210,7 @@ def _run(
         when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
         closest, at = _approach(paths, box, when, duty)
         member = int(closest.argmin())
-        found.append((float(closest[member]), float(times[at[member]]), float(parameters[member])))
+        found.append((float(closest[member]), float(times[at[member]]), problem.fleet.named(parameters[member])))
         inside[o] = closest < 0
         np.minimum(robustness, closest, out=robustness)
     return robustness, inside, found
@@ -261,5 +264,5 @@ def _nearest_first(bound: Floats) -> Iterator[NDArray[np.int64]]:
 
 def _closest(name: str, found: Sequence[_Closest], inside: int) -> Clearance:
     """The closest of all blocks."""
-    distance, at, parameter = min(found)
-    return Clearance(name, distance, at, parameter, inside)
+    distance, at, parameters = min(found, key=lambda one: one[:2])
+    return Clearance(name, distance, at, parameters, inside)

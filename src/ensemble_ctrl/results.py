@@ -61,13 +61,13 @@ def summary(plan: Plan) -> dict[str, Any]:
 
 def replay_summary(run: Replay) -> dict[str, Any]:
     """A replay as plain data."""
-    value, parameter = run.worst
+    value, worst = run.worst
     return {
         "members": run.members,
         "substeps": run.substeps,
         "violating": int(run.violating.sum()),
         "satisfied_share": run.satisfied,
-        "worst_robustness": {"metres": value, "parameter": parameter},
+        "worst_robustness": {"metres": value, "parameters": worst},
         "clearances": [vars(c) for c in run.clearances],
         "seconds": run.seconds,
     }

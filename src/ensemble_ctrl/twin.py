@@ -89,6 +89,5 @@ def _anywhere(problem: Problem) -> Polyhedron:
     """A box around the start of twice what the fastest member can drive."""
     fleet = problem.fleet
     speed = max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
-    traction = max(abs(fleet.parameter.lower), abs(fleet.parameter.upper))
-    reach = 2 * float(speed * traction) * problem.duration + 1.0
+    reach = 2 * float(speed * fleet.fastest[0]) * problem.duration + 1.0
     return Polyhedron.box(np.column_stack([fleet.position - reach, fleet.position + reach]))

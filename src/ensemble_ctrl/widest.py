@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from ensemble_ctrl.api import Plan, plan
 from ensemble_ctrl.conflicts import Conflict
+from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
 
@@ -16,7 +17,9 @@ Tell = Callable[[Interval, bool], None]
 GROWTH = 1.5
 """Factor by which the range grows until it is too wide."""
 NARROWEST = 0.05
-"""Smallest parameter considered, as a share of the nominal one."""
+"""Smallest factor considered, as a share of the nominal one."""
+FURTHEST = 3.0
+"""Largest offset of a start considered, metres or radians."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +47,10 @@ class Widest:
     tried: int
 
 
-def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None) -> Widest:
-    """Search by doubling and bisection for the widest certified range around the nominal parameter.
+def widest(
+    problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, parameter: str | None = None
+) -> Widest:
+    """Search by doubling and bisection for the widest certified range around a nominal parameter.
 
     Parameters
     ----------
@@ -55,17 +60,28 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None) 
         The half width is found to within this, in units of the parameter.
     tell : callable, optional
         Told of each range tried.
+    parameter : str, optional
+        The parameter to widen, the fleet's first if not given; the others keep their ranges.
+
+    Raises
+    ------
+    ProblemError
+        If the fleet has no such parameter.
 
     Notes
     -----
     *Guarantee*: the plan returned is certified for its whole range. That no wider plan exists is not proven: the
     planner just found none.
     """
-    search = _Search(problem, tell)
-    nominal = problem.fleet.parameter.center
-    limit = nominal * (1 - NARROWEST)
+    names = problem.fleet.names
+    if not names or parameter not in (None, *names):
+        known = ", ".join(names) or "none: all members are equal"
+        raise ProblemError(f"parameter: expected one of the fleet's ({known}), got {parameter!r}")
+    search = _Search(problem, tell, parameter or names[0])
+    law = search.law_of(problem)
+    limit = law.center * (1 - NARROWEST) if search.name in problem.fleet.system.parameters else FURTHEST
     good, bad = 0.0, limit
-    half = min(max(problem.fleet.parameter.half_width, tolerance), limit)
+    half = min(max(law.half_width, tolerance), limit)
     if not search.certified(half):
         bad, half = half, half / 2
         while half > tolerance / 2 and not search.certified(half):
@@ -88,16 +104,21 @@ class _Search:
 
     problem: Problem
     tell: Tell | None
+    name: str
     best: Plan | None = None
     failed: Plan | None = None
     tried: int = 0
 
+    def law_of(self, problem: Problem) -> Interval:
+        """The range of the parameter that is widened."""
+        return problem.fleet.parameters[self.name]
+
     def certified(self, half: float) -> bool:
         """Whether a certified plan is found for the nominal value give or take `half`."""
-        nominal = self.problem.fleet.parameter.center
+        nominal, fleet = self.law_of(self.problem).center, self.problem.fleet
         law = Interval(nominal - half, nominal + half)
         problem = self.problem.with_(
-            fleet=replace(self.problem.fleet, parameter=law),
+            fleet=replace(fleet, parameters={**fleet.parameters, self.name: law}),
             verify=replace(self.problem.verify, certificate=True, members=1000),
         )
         found = self._plan(problem)
@@ -105,7 +126,7 @@ class _Search:
         self.tried += 1
         if good:
             self.best = found
-        elif self.failed is None or law.half_width < self.failed.problem.fleet.parameter.half_width:
+        elif self.failed is None or half < self.law_of(self.failed.problem).half_width:
             self.failed = found
         if self.tell:
             self.tell(law, good)
@@ -122,9 +143,9 @@ class _Search:
     def answer(self) -> Widest:
         """What was found."""
         return Widest(
-            self.best.problem.fleet.parameter if self.best else None,
+            self.law_of(self.best.problem) if self.best else None,
             self.best,
             self.failed.conflicts() if self.failed else (),
-            self.failed.problem.fleet.parameter if self.failed else None,
+            self.law_of(self.failed.problem) if self.failed else None,
             self.tried,
         )

@@ -44,7 +44,7 @@ def test_order_eight_is_exact_to_rounding() -> None:
     [(0.9, 1.1, 2), (0.95, 1.05, 2), (0.8, 1.2, 3), (0.7, 1.3, 4), (0.6, 1.4, 5), (1.0, 1.0, 1)],
 )
 def test_the_chosen_order_is_the_first_that_is_good_enough(low: float, high: float, least: int, hull: bool) -> None:
-    problem = five(None, replace(FLEET, parameter=Interval(low, high)), guarantee="hull" if hull else "nodes")
+    problem = five(None, replace(FLEET, parameters=Interval(low, high)), guarantee="hull" if hull else "nodes")
     chosen, controls = choose(problem, planned().controls), planned().controls
     assert chosen.hull is hull
     assert chosen.degree == chosen.order >= least

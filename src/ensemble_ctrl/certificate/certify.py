@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,6 +16,8 @@ from ensemble_ctrl.certificate.enclosure import Flow
 from ensemble_ctrl.certificate.task import TaskBound, bound_task
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
 
@@ -23,6 +25,7 @@ Floats = NDArray[np.float64]
 SPLITS = (1, 4, 16)
 """Parts into which each step is cut, in turn, until a part of the task is proven or refuted."""
 Verdict = Literal["yes", "no", "undecided"]
+Ranges = Interval | Mapping[str, Interval]
 
 
 @dataclass(frozen=True)
@@ -33,8 +36,8 @@ class CounterExample:
     ----------
     what : str
         The obstacle kept out of, or the part of the task.
-    parameter : float
-        Whose parameter it is; replaying this member shows the violation.
+    parameters : dict of str to float
+        Whose parameters these are; replaying this member shows the violation.
     time : float or None
         When, in seconds, where it is an obstacle.
     amount : float
@@ -42,14 +45,14 @@ class CounterExample:
     """
 
     what: str
-    parameter: float
+    parameters: Member
     time: float | None
     amount: float
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What is proven of a plan, for every parameter in `lower`..`upper` and every instant.
+    """What is proven of a plan, for every member with parameters in `ranges` and every instant.
 
     Attributes
     ----------
@@ -61,8 +64,8 @@ class Certificate:
         Proven and sampled robustness of the other parts of the task.
     counter_example : CounterExample or None
         A concrete violation.
-    lower, upper : float
-        Range of the parameter that the claim is about.
+    ranges : dict of str to (float, float)
+        Range of each parameter that the claim is about.
     boxes : int
         Parameter-time boxes examined for clearances.
     seconds : float
@@ -72,7 +75,7 @@ class Certificate:
 
     Notes
     -----
-    *Guarantee*: with ``yes``, every member of the exact model with its parameter in the range does the task in dense
+    *Guarantee*: with ``yes``, every member of the exact model with its parameters in the ranges does the task in dense
     time, rounding included. Not covered: sensor noise, model error, rounding in the robot.
     """
 
@@ -80,8 +83,7 @@ class Certificate:
     clearances: tuple[Bound, ...]
     parts: tuple[TaskBound, ...]
     counter_example: CounterExample | None
-    lower: float
-    upper: float
+    ranges: dict[str, tuple[float, float]]
     boxes: int
     seconds: float
     inputs: str
@@ -97,13 +99,14 @@ class Certificate:
         return min((b.proven for b in self.parts), default=np.inf)
 
     def __repr__(self) -> str:
+        scope = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in self.ranges.items())
         return (
-            f"Certificate(proven: {self.proven}, parameter {self.lower:g}..{self.upper:g}, clearance >= "
+            f"Certificate(proven: {self.proven}, {scope}, clearance >= "
             f"{self.clearance:.4f} m, robustness >= {self.robustness:.4f} m, {self.seconds:.2f} s)"
         )
 
 
-def certify(problem: Problem, controls: Floats, parameter: Interval | None = None) -> Certificate:
+def certify(problem: Problem, controls: Floats, ranges: Ranges | None = None) -> Certificate:
     """Prove, refute or leave undecided that `controls` are good for every member.
 
     Parameters
@@ -112,19 +115,24 @@ def certify(problem: Problem, controls: Floats, parameter: Interval | None = Non
         Fleet, map and task.
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
-    parameter : Interval, optional
-        Another range of the parameter than the fleet's.
+    ranges : Interval, or mapping of str to Interval, optional
+        Other ranges than the fleet's for some of its parameters; an interval alone is that of a fleet with one.
+
+    Raises
+    ------
+    ProblemError
+        For names that are not the fleet's.
 
     Returns
     -------
     Certificate
     """
     began = time.perf_counter()
-    law = problem.fleet.parameter if parameter is None else parameter
-    flow = Flow.of(problem, controls, law)
-    prover = Prover(flow, law.lower, law.upper)
+    laws = _laws(problem, ranges)
+    flow = Flow.of(problem, controls, laws)
+    prover = Prover(flow, problem.fleet.names)
     clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
-    parts = tuple(_part(problem, controls, law, part) for part in other_parts(problem))
+    parts = tuple(_part(problem, controls, laws, part) for part in other_parts(problem))
     found = _counter_example(clearances, parts)
     good = all(b.proven >= 0 for b in clearances) and all(b.covered and b.proven >= 0 for b in parts)
     verdict: Verdict = "no" if found else "yes" if good else "undecided"
@@ -133,15 +141,26 @@ def certify(problem: Problem, controls: Floats, parameter: Interval | None = Non
         clearances,
         parts,
         found,
-        law.lower,
-        law.upper,
+        {name: (law.lower, law.upper) for name, law in laws.items()},
         prover.boxes,
         time.perf_counter() - began,
-        fingerprint(problem, controls, law),
+        fingerprint(problem, controls, laws),
     )
 
 
-def fingerprint(problem: Problem, controls: Floats, law: Interval) -> str:
+def _laws(problem: Problem, ranges: Ranges | None) -> dict[str, Interval]:
+    """The fleet's ranges, some of them replaced."""
+    laws = dict(problem.fleet.parameters)
+    if isinstance(ranges, Interval):
+        ranges = dict.fromkeys(list(laws)[:1], ranges) if len(laws) == 1 else {"": ranges}
+    for name, law in (ranges or {}).items():
+        if name not in laws:
+            raise ProblemError(f"ranges: expected names among {', '.join(laws)}, got {name!r}")
+        laws[name] = law
+    return laws
+
+
+def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Interval]) -> str:
     """SHA-256 of the controls and of everything that the claim depends on."""
     fleet = problem.fleet
     digest = hashlib.sha256()
@@ -151,8 +170,7 @@ def fingerprint(problem: Problem, controls: Floats, law: Interval) -> str:
         fleet.heading,
         fleet.radius,
         problem.duration,
-        law.lower,
-        law.upper,
+        [(name, law.lower, law.upper) for name, law in laws.items()],
         str(problem.task),
         [
             (name, region.A.tolist(), region.lower.tolist(), region.upper.tolist())
@@ -170,15 +188,15 @@ def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     steps = np.flatnonzero(duty.steps(prover.flow.steps, problem.duration))
     found = [prover.bound(duty.name, piece, steps, duty.radius) for piece in duty.pieces]
     worst = min(found, key=lambda b: b.sampled)
-    return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameter, worst.time)
+    return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 
 
-def _part(problem: Problem, controls: Floats, law: Interval, part: Formula) -> TaskBound:
+def _part(problem: Problem, controls: Floats, laws: Mapping[str, Interval], part: Formula) -> TaskBound:
     """The bound of one part of the task; on finer time where the bulges between grid times stand in the way."""
     formula = grounded(problem, part)
     for split in SPLITS:
-        flow = Flow.of(problem, np.repeat(controls, split, axis=0), law)
-        bound = bound_task(flow, formula, law.lower, law.upper)
+        flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)
+        bound = bound_task(flow, formula, problem.fleet.names)
         if bound.proven >= 0 or bound.sampled < 0:
             break
     return replace(bound, part=str(part))
@@ -187,7 +205,7 @@ def _part(problem: Problem, controls: Floats, law: Interval, part: Formula) -> T
 def _counter_example(clearances: Sequence[Bound], parts: Sequence[TaskBound]) -> CounterExample | None:
     """The worst violation seen."""
     found = [
-        CounterExample(f"avoid({b.obstacle})", b.parameter, b.time, -b.sampled) for b in clearances if b.sampled < 0
+        CounterExample(f"avoid({b.obstacle})", b.parameters, b.time, -b.sampled) for b in clearances if b.sampled < 0
     ]
-    found += [CounterExample(b.part, b.parameter, None, -b.sampled) for b in parts if b.covered and b.sampled < 0]
+    found += [CounterExample(b.part, b.parameters, None, -b.sampled) for b in parts if b.covered and b.sampled < 0]
     return max(found, key=lambda c: c.amount, default=None)

@@ -1,33 +1,40 @@
 """Proven clearance: lower bounds of the distance between whole cells of members and convex obstacles, refined.
 
-A *box* is a cell of parameters and a piece of one step.  Boxes whose lower bound is too far below the best sampled
-distance are halved, in the parameter or in time, whichever adds more to their size, until the bound is tight.
+Parameters that only shift the start need no cells: the smallest distance over a box of shifts is the distance to the
+obstacle grown by that box.  For the others, a *box* is a cell of parameters and a piece of one step.  Boxes whose lower bound is too far below the best sampled
+distance are halved, in a parameter or in time, whichever adds most to their size, until the bound is tight.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.enclosure import Flow, Track, growth
+from ensemble_ctrl.certificate.enclosure import START, Flow, Track, first_cells, signs_of
 from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.fleet import Member
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Sample = tuple[float, float, float]
-"""A distance seen, with its parameter and time."""
+Sample = tuple[float, int, float]
+"""A distance seen, with the centre's index and the time."""
 
+CELLS = {0: 1, 1: 16, 2: 5, 3: 3}
+"""Cells of each of so many parameters to begin with; else 2."""
 TIGHT = 5e-4
 """Metres within which a proven clearance meets the sampled one before refinement ends."""
+SHIFTS = 41
+"""Starts tried along each side of their box for the closest one."""
 ROUNDS = 40
 """Largest number of halvings of one box."""
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes as columns: index of the centre in the track, half width, step, and the share of the step they cover."""
+    """Boxes as columns: index of the centre in the track, half widths, step, and the share of the step they cover."""
 
     centre: Ints
     half: Floats
@@ -60,14 +67,16 @@ class Bound:
         No member is ever closer than this, metres; negative when that can't be shown.
     sampled : float
         Smallest distance seen, metres, so that the truth lies between the two.
-    parameter, time : float
-        Where it was seen.
+    parameters : dict of str to float
+        Whose distance that was.
+    time : float
+        When, seconds.
     """
 
     obstacle: str
     proven: float
     sampled: float
-    parameter: float
+    parameters: Member
     time: float
 
 
@@ -75,114 +84,165 @@ class Bound:
 class Prover:
     """Bounds for one flow; the track of centres is shared by all obstacles.
 
+    Parameters
+    ----------
+    whole : Flow
+        The flow, start positions included.
+    names : sequence of str
+        Its parameters.
+
     Attributes
     ----------
     boxes : int
         Boxes looked at so far.
     """
 
-    flow: Flow
-    lower: float
-    upper: float
-    cells: int = 16
+    whole: Flow
+    names: Sequence[str]
     limit: int = 200_000
     boxes: int = 0
+    flow: Flow = field(init=False)
+    shift: Floats = field(init=False)
     centres: Floats = field(init=False)
+    half: Floats = field(init=False)
     track: Track = field(init=False)
-    remainder: Floats = field(init=False)
     error: float = field(init=False)
+    signs: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        edges = np.linspace(self.lower, self.upper, self.cells + 1)
-        self.centres = (edges[:-1] + edges[1:]) / 2
+        self.flow, self.shift = self.whole.bent(), self.whole.shift()
+        count = len(self.flow.lower)
+        self.centres, self.half = first_cells(self.flow.lower, self.flow.upper, CELLS.get(count, 2))
         self.track = Track.of(self.flow, self.centres)
-        self.remainder = self.flow.remainder()
-        self.error = self.flow.rounding()
+        self.error = self.whole.rounding()
+        self.signs = signs_of(count)
 
-    @property
-    def half(self) -> float:
-        """Half width of a first cell, rounded up."""
-        return (self.upper - self.lower) / self.cells / 2 * (1 + 1e-12) + 1e-15
-
-    def bound(self, name: str, piece: Obstacle, steps: Ints, radius: float) -> Bound:
-        """Proven and sampled clearance of every member from `piece` during `steps`."""
-        centre, step = (i.ravel() for i in np.meshgrid(np.arange(self.cells), steps, indexing="ij"))
-        boxes = Boxes(centre, np.full(len(centre), self.half), step, np.zeros(len(centre)), np.ones(len(centre)))
-        best: Sample = (np.inf, np.nan, np.nan)
-        proven = np.inf
+    def bound(self, name: str, obstacle: Obstacle, steps: Ints, radius: float) -> Bound:
+        """Proven and sampled clearance of every member from `obstacle` during `steps`."""
+        piece = grown(obstacle, self.shift) if self.shift.any() else obstacle
+        centre, step = (i.ravel() for i in np.meshgrid(np.arange(len(self.half)), steps, indexing="ij"))
+        boxes = Boxes(centre, self.half[centre], step, np.zeros(len(centre)), np.ones(len(centre)))
+        best: Sample = (np.inf, 0, np.nan)
+        proven, spent = np.inf, self.boxes
         for _ in range(ROUNDS):
             if not len(boxes):
                 break
             self.boxes += len(boxes)
-            low, best, wide, long = self._bounds(boxes, piece, best)
+            low, best, sides = self._bounds(boxes, piece, best)
             open_ = low < best[0] - TIGHT
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
-            if self.boxes > self.limit:
+            if self.boxes - spent > self.limit:
                 proven = min(proven, float(low.min()))
                 break
-            boxes = self._halved(boxes.where(open_), (wide > long)[open_])
+            boxes = self._halved(boxes.where(open_), sides[open_].argmax(axis=1))
         else:
             proven = min(proven, float(self._bounds(boxes, piece, best)[0].min(initial=np.inf)))
-        return Bound(name, proven - radius - self.error, best[0] - radius, best[1], best[2])
+        sampled, member = self._closest(obstacle, best) if len(steps) else (np.inf, {})
+        return Bound(name, proven - radius - self.error, sampled - radius, member, best[2])
 
-    def _bounds(self, boxes: Boxes, piece: Obstacle, best: Sample) -> tuple[Floats, Sample, Floats, Floats]:
-        """Lower bounds, the best sample so far, and how much width and length add to each box."""
-        c = self.centres[boxes.centre]
-        ends = [self._at(boxes, share, c) for share in (boxes.begin, boxes.end)]
-        corners = np.stack([p + sign * boxes.half[:, None] * d for p, d in ends for sign in (1.0, -1.0)], axis=1)
-        radius = growth(
-            self.flow, boxes.step, (boxes.end - boxes.begin) * self.flow.step, c, boxes.half, self.remainder
-        )
-        distance = piece.distance(ends[0][0])
+    def _closest(self, obstacle: Obstacle, best: Sample) -> tuple[float, Member]:
+        """The distance of a real member near the best sample, and its parameters: shifts are tried on a grid."""
+        flow, (_, centre, time) = self.whole, best
+        bends = flow.directions[:, :3].any(axis=1)
+        axes = [np.linspace(*ends, SHIFTS) for ends in zip(flow.lower[~bends], flow.upper[~bends], strict=True)]
+        shifts = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
+        members = np.empty((len(shifts), len(bends)))
+        members[:, bends], members[:, ~bends] = self.centres[centre], shifts
+        n = min(int(time / flow.step + 1e-9), flow.steps - 1)
+        share = np.full(1, time / flow.step - n)
+        move, _ = self.flow.moved(np.array([n]), share, self.flow.drives(self.centres[[centre]]))
+        middle = self.track.position[centre, n] + move[0]
+        offset = flow.drives(members)[:, START] - self.flow.origin[START]
+        distance = obstacle.distance(middle + offset)
         k = int(distance.argmin())
-        time = (boxes.step[k] + boxes.begin[k]) * self.flow.step
-        best = min(best, (float(distance[k]), float(c[k]), float(time)))
-        middle = (ends[0][0] + ends[1][0]) / 2
-        reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + radius
-        low = piece.distance(middle) - reach
-        near = low < best[0] - TIGHT
-        low[near] = np.maximum(low[near], separation(corners[near], piece.vertices) - radius[near])
-        wide = boxes.half * np.maximum(*(np.linalg.norm(d, axis=1) for _, d in ends))
-        wide += boxes.half**2 / 2 * self.remainder[boxes.step + 1]
-        long = np.linalg.norm(ends[1][0] - ends[0][0], axis=1) / 2
-        return low, best, wide, long
+        return float(distance[k]), dict(zip(self.names, members[k].tolist(), strict=True))
 
-    def _at(self, boxes: Boxes, share: Floats, c: Floats) -> tuple[Floats, Floats]:
+    def _bounds(self, boxes: Boxes, piece: Obstacle, best: Sample) -> tuple[Floats, Sample, Floats]:
+        """Lower bounds, the best sample so far, and what time and each parameter add to every box's size."""
+        drives = self.flow.drives(self.centres[boxes.centre])
+        (here, slope), (there, slope_there) = (self._at(boxes, share, drives) for share in (boxes.begin, boxes.end))
+        distance = piece.distance(here)
+        k = int(distance.argmin())
+        seen = float(distance[k]), int(boxes.centre[k]), float((boxes.step[k] + boxes.begin[k]) * self.flow.step)
+        best = min(best, seen, key=lambda sample: sample[0])
+        curvature = self._curvature(boxes, boxes.half)
+        growth = self.flow.growth(boxes.step, (boxes.end - boxes.begin) * self.flow.step, drives, boxes.half)
+        radius = curvature + growth
+        arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
+        corners = np.concatenate([p[:, None] + self.signs @ a for p, a in zip((here, there), arms, strict=True)], axis=1)
+        middle = (here + there) / 2
+        low = piece.distance(middle) - np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) - radius
+        near = low < best[0] - TIGHT
+        sides = np.concatenate([arms[0][near], arms[1][near], corners[near, len(self.signs) :] - corners[near, : len(self.signs)]], axis=1)
+        low[near] = np.maximum(low[near], separation(corners[near], sides, piece.vertices) - radius[near])
+        long = np.linalg.norm(there - here, axis=1) / 2
+        return low, best, np.column_stack([long, self._widths(boxes, arms)])
+
+    def _curvature(self, boxes: Boxes, half: Floats) -> Floats:
+        """Radius that nonlinearity in the parameters adds to each box."""
+        kinds, index = np.unique(half, axis=0, return_inverse=True)
+        return np.asarray(self.flow.remainder(kinds)[index.ravel(), boxes.step + 1])
+
+    def _widths(self, boxes: Boxes, arms: Sequence[Floats]) -> Floats:
+        """What each parameter's width adds to a box, shape (boxes, parameters)."""
+        widths = np.maximum(*(np.linalg.norm(a, axis=2) for a in arms))
+        whole = self._curvature(boxes, boxes.half)
+        for k in range(widths.shape[1]):
+            without = boxes.half.copy()
+            without[:, k] = 0.0
+            widths[:, k] += whole - self._curvature(boxes, without)
+        return np.asarray(widths)
+
+    def _at(self, boxes: Boxes, share: Floats, drives: Floats) -> tuple[Floats, Floats]:
         """Position and slope at a share of each box's step."""
-        move, slope = self.flow.moved(boxes.step, share, c)
+        move, slope = self.flow.moved(boxes.step, share, drives)
         at = boxes.centre, boxes.step
         return self.track.position[at] + move, self.track.slope[at] + slope
 
-    def _halved(self, boxes: Boxes, wide: NDArray[np.bool_]) -> Boxes:
-        """Each box in two: in the parameter where that is the larger side, else in time."""
-        across, along = boxes.where(wide), boxes.where(~wide)
+    def _halved(self, boxes: Boxes, side: Ints) -> Boxes:
+        """Each box in two: side 0 is time, side k + 1 the parameter k."""
+        along = boxes.where(side == 0)
         middle = (along.begin + along.end) / 2
         early = Boxes(along.centre, along.half, along.step, along.begin, middle)
         late = Boxes(along.centre, along.half, along.step, middle, along.end)
-        return self._narrowed(across).joined(early).joined(late)
+        halves = early.joined(late)
+        across = side > 0
+        return halves.joined(self._narrowed(boxes.where(across), side[across] - 1)) if across.any() else halves
 
-    def _narrowed(self, boxes: Boxes) -> Boxes:
-        """Each box split in the parameter; new centres join the track."""
-        half = boxes.half / 2
+    def _narrowed(self, boxes: Boxes, k: Ints) -> Boxes:
+        """Each box split in the parameter k; new centres join the track."""
+        rows = np.arange(len(boxes))
+        half, move = boxes.half.copy(), np.zeros_like(boxes.half)
+        half[rows, k] /= 2
+        move[rows, k] = half[rows, k]
+        half[rows, k] *= 1 + 1e-12
         c = self.centres[boxes.centre]
-        wanted = np.concatenate([c - half, c + half])
-        new, index = np.unique(wanted, return_inverse=True)
-        index = index + len(self.centres)
+        new, index = np.unique(np.concatenate([c - move, c + move]), axis=0, return_inverse=True)
+        index = index.ravel() + len(self.centres)
         self.centres = np.concatenate([self.centres, new])
-        if len(new):
-            self.track = self.track.joined(Track.of(self.flow, new))
-        twice = [np.concatenate([part, part]) for part in (boxes.step, boxes.begin, boxes.end)]
-        widths = np.concatenate([half, half]) * (1 + 1e-12)
-        return Boxes(index, widths, twice[0], twice[1], twice[2])
+        self.track = self.track.joined(Track.of(self.flow, new))
+        twice = [np.concatenate([part, part]) for part in (half, boxes.step, boxes.begin, boxes.end)]
+        return Boxes(index, *twice)
 
 
-def separation(corners: Floats, vertices: Floats) -> Floats:
-    """A lower bound of the signed distance between quadrilaterals and a convex polygon, by the best line tried.
+def grown(obstacle: Obstacle, shift: Floats) -> Obstacle:
+    """The Minkowski sum of an obstacle and the box ``[-shift, shift]``: its sides are those of both."""
+    inward, level = -obstacle.unit_rows()[0], -obstacle.unit_rows()[1]
+    low, high = obstacle.vertices.min(axis=0), obstacle.vertices.max(axis=0)
+    A = np.concatenate([inward, np.eye(2), -np.eye(2)])
+    b = np.concatenate([level - np.abs(inward) @ shift, low - shift, -(high + shift)])
+    return Obstacle(A, b)
+
+
+def separation(corners: Floats, sides: Floats, vertices: Floats) -> Floats:
+    """A lower bound of the signed distance between hulls of points and a convex polygon, by the best line tried.
 
     Parameters
     ----------
-    corners : ndarray, shape (boxes, 4, 2)
+    corners : ndarray, shape (boxes, points, 2)
         Metres.
+    sides : ndarray, shape (boxes, sides, 2)
+        Directions along which the hulls may have sides.
     vertices : ndarray, shape (k, 2)
         Corners of the polygon, counter-clockwise.
 
@@ -192,9 +252,9 @@ def separation(corners: Floats, vertices: Floats) -> Floats:
     """
     edges = np.roll(vertices, -1, axis=0) - vertices
     outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
-    sides = corners[:, [1, 3, 2, 0]] - corners[:, [0, 1, 3, 2]]
     normals = np.stack([sides[..., 1], -sides[..., 0]], axis=-1)
-    towards = (corners[:, :, None] - vertices).reshape(len(corners), 4 * len(vertices), 2)
+    ends = corners if corners.shape[1] <= 8 else corners.mean(axis=1, keepdims=True)
+    towards = (ends[:, :, None] - vertices).reshape(len(corners), ends.shape[1] * len(vertices), 2)
     fixed = np.broadcast_to(outward, (len(corners), *outward.shape))
     tried = np.concatenate([fixed, normals, -normals, towards], axis=1)
     length = np.linalg.norm(tried, axis=2, keepdims=True)

@@ -1,23 +1,27 @@
-r"""Where every member of a parameter cell is, at every instant of a step, for fixed controls.
+r"""Where every member of a cell of parameters is, at every instant of a step, for fixed controls.
 
-With ``u(a) = (cos a, sin a)`` (or sine first, when headings count from +y), the position of a unicycle is
+A member is told by its *drive*: the factors ``a`` and ``b`` on speed and turn rate, its heading ``g`` and its place at the
+start.  With ``u(x) = (cos x, sin x)`` (or sine first, when headings count from +y), its position is
 
-.. math:: p(t, \psi) = p_0 + \int_0^t \psi\, v\, u(\theta_0 + \psi \Omega)\, d\tau, \quad
-          \Omega(t) = \int_0^t \omega\, d\tau
+.. math:: p(t) = p_0 + \int_0^t a\, v\, u(g + b\, \Omega)\, d\tau, \quad \Omega(t) = \int_0^t \omega\, d\tau
 
-1. *In the parameter*, on the cell ``[c - h, c + h]``: ``p(t, psi) = p(t, c) + (psi - c) p_psi(t, c) + r`` with
-   ``|r| <= h^2/2 * int_0^t |v| (2 |Omega| + psi_max Omega^2)``.
-2. *In time*, on a piece of a step of length ``dt``: a curve leaves its chord by at most ``dt^2/8`` times its largest
-   second derivative, which is ``c^2 |v omega|`` for ``p(., c)`` and ``|v omega| (2 c + c^2 |Omega|)`` for
-   ``p_psi(., c)``.
+Drives are linear in the parameters.  On a cell, the parameters differ from its centre's by at most ``h``, so that ``a``,
+``b`` and ``g`` differ by at most ``A``, ``B`` and ``G``.
 
-So during the piece the members of the cell lie in the hull of the four points ``p +- h p_psi`` at its two ends, grown
-by a radius that adds these bounds and one for rounding.
+1. *In the parameters*: ``p = p(centre) + sum_k (q_k - c_k) dp/dq_k + r`` with
+   ``|r| <= int_0^t |v| (A (B |Omega| + G) + a_max (B |Omega| + G)^2 / 2)``.
+2. *In time*, on a piece of a step of length ``dt``: a curve leaves its chord by at most ``dt^2/8`` times its largest second
+   derivative, which is ``|v omega| |a b|`` for the centre, and for all the derivatives together, times their ``h``,
+   ``|v omega| (A |b| + |a| B + |a b| (B |Omega| + G))``.
+
+So during the piece the members of the cell lie in the hull of the points ``p +- h_1 dp/dq_1 +- h_2 dp/dq_2 ...`` at its two
+ends, grown by a radius that adds these bounds and one for rounding.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +34,8 @@ Ints = NDArray[np.int64]
 
 UNIT = float(np.finfo(float).eps)
 """Twice the unit roundoff of double precision."""
+START = slice(3, 5)
+"""The place at the start, in a drive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,75 +44,125 @@ class Flow:
 
     Attributes
     ----------
-    start : ndarray, shape (2,)
-        Metres.
-    heading : float
-        Radians, in the system's own convention.
+    lower, upper : ndarray, shape (parameters,)
+        Ranges of the parameters.
+    origin, directions : ndarray, shapes (5,) and (parameters, 5)
+        The drive of parameters ``q`` is ``origin + q @ directions``.
     swapped : bool
         True when headings count from +y, so that sine comes first.
     step : float
         Seconds.
     v, omega, turned : ndarray, shape (steps,)
-        Commands of each step, and the integral of omega before it.
-    fastest : float
-        Largest absolute parameter of the range.
+        Speed and turn rate of each step, and the integral of the turn rate before it.
     extent : float
         Largest absolute coordinate of any shape of the map, metres: rounding grows with it.
     """
 
-    start: Floats
-    heading: float
+    lower: Floats
+    upper: Floats
+    origin: Floats
+    directions: Floats
     swapped: bool
     step: float
     v: Floats
     omega: Floats
     turned: Floats
-    fastest: float
     extent: float
 
     @classmethod
-    def of(cls, problem: Problem, controls: Floats, law: Interval) -> Flow:
-        """The flow of a problem's fleet with parameters in `law`."""
-        v, omega = np.asarray(controls, dtype=float).T
+    def of(cls, problem: Problem, controls: Floats, laws: Mapping[str, Interval] | None = None) -> Flow:
+        """The flow of a problem's fleet, or of one with other ranges of the same parameters."""
+        fleet = problem.fleet if laws is None else replace(problem.fleet, parameters=laws)
+        v, omega = fleet.system.rates(*np.asarray(controls, dtype=float).T)
         step = problem.duration / len(v)
-        fleet = problem.fleet
         turned = step * np.concatenate([[0.0], np.cumsum(omega)[:-1]])
-        return cls(
-            np.asarray(fleet.position),
-            fleet.own_heading,
-            fleet.system.heading_from == "y",
-            step,
-            v,
-            omega,
-            turned,
-            max(abs(law.lower), abs(law.upper)),
-            _extent(problem),
-        )
+        swapped = fleet.system.heading_from == "y"
+        ends = fleet.lower, fleet.upper
+        return cls(*ends, fleet.origin, fleet.directions, swapped, step, v, omega, turned, _extent(problem))
+
+    def bent(self) -> Flow:
+        """The flow of the members that start in the middle of their box: only parameters that bend the curve remain."""
+        bends = self.directions[:, :3].any(axis=1)
+        middle = (self.lower + self.upper) / 2
+        origin = self.origin + middle[~bends] @ self.directions[~bends]
+        rest = self.lower[bends], self.upper[bends], origin, self.directions[bends]
+        return replace(self, lower=rest[0], upper=rest[1], origin=rest[2], directions=rest[3])
+
+    def shift(self) -> Floats:
+        """Half the sides of the box of start positions, shape (2,), metres, rounded up."""
+        half = (self.upper - self.lower) / 2 + UNIT * np.maximum(np.abs(self.lower), np.abs(self.upper))
+        return np.asarray(half @ np.abs(self.directions[:, START]) * (1 + 4 * UNIT))
 
     @property
     def steps(self) -> int:
         """Number of steps."""
         return len(self.v)
 
-    def moved(self, n: Ints, share: Floats, c: Floats) -> tuple[Floats, Floats]:
-        """Displacement and its derivative by the parameter, from the start of step `n` to a share of it, (..., 2)."""
+    @property
+    def fastest(self) -> float:
+        """Largest absolute factor on the speed."""
+        return float(np.abs(self.drives(self._ends()))[:, 0].max())
+
+    def drives(self, members: Floats) -> Floats:
+        """Drives of members of shape (..., parameters), shape (..., 5)."""
+        return np.asarray(self.origin + members @ self.directions)
+
+    def moved(self, n: Ints, share: Floats, drives: Floats) -> tuple[Floats, Floats]:
+        """Displacement from the start of step `n` to a share of it, (..., 2), and its derivatives by the parameters.
+
+        The derivatives have shape (..., parameters, 2); those by the place at the start are zero.
+        """
+        a, b, g = drives[..., 0], drives[..., 1], drives[..., 2]
         span = share * self.step
         half = self.omega[n] * span / 2
-        y = c * half
-        across = _sinc(y)
-        angle = self.heading + c * (self.turned[n] + half)
-        along, normal = self._direction(angle), self._normal(angle)
+        turned = self.turned[n] + half
+        across, slope = _sinc(b * half), _sinc_slope(b * half)
+        along, normal = self._axes(g + b * turned)
         length = self.v[n] * span
-        move = (c * length * across)[..., None] * along
-        slope = (length * (across + c * _sinc_slope(y) * half))[..., None] * along
-        slope += (c * length * across * (self.turned[n] + half))[..., None] * normal
-        return move, slope
+        by_linear = (length * across)[..., None] * along
+        by_heading = (a * length * across)[..., None] * normal
+        by_angular = (a * length * slope * half)[..., None] * along + turned[..., None] * by_heading
+        move = a[..., None] * by_linear
+        rates = np.stack([by_linear, by_angular, by_heading], axis=-2)
+        return move, self.directions[:, :3] @ rates
 
-    def remainder(self) -> Floats:
-        """``int_0^t |v| (2 |Omega| + psi_max Omega^2)`` at the grid times, bounded above, shape (steps + 1,)."""
-        largest = np.maximum(np.abs(self.turned), np.abs(self.turned + self.step * self.omega))
-        rate = np.abs(self.v) * (2 * largest + self.fastest * largest**2)
-        return np.concatenate([[0.0], np.cumsum(rate) * self.step]) * (1 + 64 * UNIT * self.steps)
+    def remainder(self, half: Floats) -> Floats:
+        """How far members leave their cell's linear picture, at the grid times.
+
+        Parameters
+        ----------
+        half : ndarray, shape (cells, parameters)
+            Half widths of the cells.
+
+        Returns
+        -------
+        ndarray, shape (cells, steps + 1)
+            Metres, rounded up.
+        """
+        A, B, G = self._reach(half)
+        I0, I1, I2 = self._integrals()
+        quadratic = B**2 * I2 + 2 * B * G * I1 + G**2 * I0
+        return np.asarray((A * (B * I1 + G * I0) + self.fastest / 2 * quadratic) * (1 + 64 * UNIT * self.steps))
+
+    def growth(self, n: Ints, span: Floats, drives: Floats, half: Floats) -> Floats:
+        """How far the hull's curves leave their chords on a piece of `span` seconds of step `n`, metres, rounded up.
+
+        Parameters
+        ----------
+        n : ndarray of int, shape S
+            Steps.
+        span : ndarray, shape S
+            Seconds.
+        drives : ndarray, shape (*S, 5)
+            Drives of the centres.
+        half : ndarray, shape (*S, parameters)
+            Half widths of the cells.
+        """
+        A, B, G = (column[..., 0] for column in self._reach(half))
+        a, b = np.abs(drives[..., 0]), np.abs(drives[..., 1])
+        largest = self._largest()[n]
+        size = a * b + A * b + a * B + a * b * (B * largest + G)
+        return np.asarray(span**2 / 8 * np.abs(self.v[n] * self.omega[n]) * size * (1 + 64 * UNIT))
 
     def rounding(self) -> float:
         """Bound in metres on the rounding error of any position computed here.
@@ -116,31 +172,50 @@ class Flow:
         A sum of `steps` displacements, each with a few relative roundings and an angle whose own error is at most
         ``(steps + 8)`` roundings of its largest value.
         """
-        way = float(np.abs(self.v).sum()) * self.step * self.fastest
-        turned = np.abs(np.concatenate([self.turned, self.turned + self.step * self.omega])).max()
-        angle = abs(self.heading) + self.fastest * float(turned)
-        size = float(np.abs(self.start).max()) + way + 8 * self.extent
+        ends = np.abs(self.drives(self._ends())).max(axis=0)
+        way = float(np.abs(self.v).sum()) * self.step * float(ends[0])
+        angle = float(ends[2]) + float(ends[1]) * float(self._largest().max())
+        size = float(ends[START].max()) + way + 8 * self.extent
         return 4 * UNIT * ((self.steps + 32) * (way * (1 + angle) + size))
 
-    def _direction(self, angle: Floats) -> Floats:
-        """Unit vector of a heading."""
-        parts = [np.sin(angle), np.cos(angle)] if self.swapped else [np.cos(angle), np.sin(angle)]
-        return np.stack(parts, axis=-1)
+    def _ends(self) -> Floats:
+        """Members at the corners of the ranges, shape (corners, parameters)."""
+        signs = signs_of(len(self.lower))
+        return np.where(signs > 0, self.upper, self.lower)
 
-    def _normal(self, angle: Floats) -> Floats:
-        """Derivative of `_direction` by the angle."""
-        parts = [np.cos(angle), -np.sin(angle)] if self.swapped else [-np.sin(angle), np.cos(angle)]
-        return np.stack(parts, axis=-1)
+    def _reach(self, half: Floats) -> tuple[Floats, Floats, Floats]:
+        """By how much `a`, `b` and `g` differ in cells, each of shape (..., 1)."""
+        A, B, G = np.moveaxis(half @ np.abs(self.directions[:, :3]), -1, 0)
+        return A[..., None], B[..., None], G[..., None]
+
+    def _largest(self) -> Floats:
+        """Largest ``|Omega|`` of each step."""
+        return np.maximum(np.abs(self.turned), np.abs(self.turned + self.step * self.omega))
+
+    def _integrals(self) -> Floats:
+        """Upper bounds of the integrals of ``|v|``, ``|v| |Omega|``, ``|v| Omega^2`` up to grid times, (3, steps + 1)."""
+        powers = self._largest() ** np.arange(3)[:, None]
+        sums = np.cumsum(np.abs(self.v) * powers, axis=1) * self.step
+        return np.concatenate([np.zeros((3, 1)), sums], axis=1)
+
+    def _axes(self, angle: Floats) -> tuple[Floats, Floats]:
+        """Unit vector of a heading, and its derivative by the angle."""
+        s, c = np.sin(angle), np.cos(angle)
+        if self.swapped:
+            return np.stack([s, c], axis=-1), np.stack([c, -s], axis=-1)
+        return np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Positions and parameter derivatives at the grid times for a list of centres, grown as cells are split.
+    """Positions and their derivatives at the grid times for a list of centres, grown as cells are split.
 
     Attributes
     ----------
-    position, slope : ndarray, shape (centres, steps + 1, 2)
-        Metres, and metres per unit of the parameter.
+    position : ndarray, shape (centres, steps + 1, 2)
+        Metres.
+    slope : ndarray, shape (centres, steps + 1, parameters, 2)
+        Metres per unit of each parameter.
     """
 
     position: Floats
@@ -148,25 +223,37 @@ class Track:
 
     @classmethod
     def of(cls, flow: Flow, centres: Floats) -> Track:
-        """The track of the members at `centres`."""
-        n = np.arange(flow.steps)
-        move, slope = flow.moved(n[None, :], np.ones(1), np.asarray(centres)[:, None])
-        zero = np.zeros((len(centres), 1, 2))
-        position = flow.start + np.concatenate([zero, np.cumsum(move, axis=1)], axis=1)
-        return cls(position, np.concatenate([zero, np.cumsum(slope, axis=1)], axis=1))
+        """The track of the members at `centres`, shape (centres, parameters)."""
+        drives = flow.drives(centres)[:, None]
+        move, slope = flow.moved(np.arange(flow.steps)[None, :], np.ones(1), drives)
+        position = np.concatenate([drives[..., START], drives[..., START] + np.cumsum(move, axis=1)], axis=1)
+        start = np.broadcast_to(flow.directions[:, START], (len(centres), 1, *flow.directions[:, START].shape))
+        return cls(position, np.concatenate([start, start + np.cumsum(slope, axis=1)], axis=1))
 
     def joined(self, other: Track) -> Track:
         """Both lists of centres, one after the other."""
         return Track(np.concatenate([self.position, other.position]), np.concatenate([self.slope, other.slope]))
 
 
-def growth(flow: Flow, n: Ints, span: Floats, c: Floats, h: Floats, remainder: Floats) -> Floats:
-    """Radius by which the hull of the four points grows on a piece of `span` seconds of step `n`, metres."""
-    rate = np.abs(flow.v[n] * flow.omega[n])
-    largest = np.maximum(np.abs(flow.turned[n]), np.abs(flow.turned[n] + flow.step * flow.omega[n]))
-    size = np.abs(c)
-    bulge = span**2 / 8 * rate * (size**2 + h * (2 * size + size**2 * largest))
-    return np.asarray((h**2 / 2 * remainder[n + 1] + bulge) * (1 + 64 * UNIT))
+def signs_of(count: int) -> Floats:
+    """Every choice of `count` signs, shape (2^count, count)."""
+    return 1.0 - 2.0 * ((np.arange(2**count)[:, None] >> np.arange(count)) & 1)
+
+
+def first_cells(lower: Floats, upper: Floats, each: int | Ints) -> tuple[Floats, Floats]:
+    """Centres and half widths (rounded up) of a grid of equal cells, `each` to a range; ranges without width get one.
+
+    Returns
+    -------
+    centres, half : ndarray, shape (cells, parameters)
+    """
+    counts = np.where(upper > lower, each, 1)
+    edges = [np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, counts, strict=True)]
+    middles = np.meshgrid(*((e[:-1] + e[1:]) / 2 for e in edges), indexing="ij")
+    centres = np.stack(middles, axis=-1).reshape(-1, len(lower)) if len(lower) else np.zeros((1, 0))
+    size = np.maximum(np.abs(lower), np.abs(upper))
+    half = (upper - lower) / counts / 2 * (1 + 1e-12) + 4 * UNIT * size
+    return centres, np.tile(half, (len(centres), 1))
 
 
 def _extent(problem: Problem) -> float:

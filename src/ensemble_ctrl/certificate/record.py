@@ -16,7 +16,7 @@ def as_data(certificate: Certificate) -> dict[str, Any]:
     """The body of ``certificate.json``."""
     return {
         "proven": certificate.proven,
-        "parameter": [certificate.lower, certificate.upper],
+        "ranges": {name: list(ends) for name, ends in certificate.ranges.items()},
         "clearance": certificate.clearance,
         "robustness": certificate.robustness,
         "clearances": [asdict(b) for b in certificate.clearances],
@@ -34,7 +34,7 @@ def differences(claimed: dict[str, Any], certificate: Certificate) -> list[str]:
     fresh = as_data(certificate)
     if claimed.get("inputs_sha256") != certificate.inputs:
         found.append("it was made for other controls or another problem (inputs_sha256 differs)")
-    for name in ("proven", "parameter"):
+    for name in ("proven", "ranges"):
         if claimed.get(name) != fresh[name]:
             found.append(f"it says {name} {claimed.get(name)!r}, computed again: {fresh[name]!r}")
     for name in ("clearances", "parts"):

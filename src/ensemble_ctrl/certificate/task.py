@@ -9,20 +9,29 @@ instant of element ``e``, for both of ``F`` and ``G``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.enclosure import Flow, Track, growth
+from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells
 from ensemble_ctrl.constraints.stl import ExactOps, Formula, Predicate, Signals, member_robustness, reads_fleet
 from ensemble_ctrl.constraints.stl.robustness import Temporal
+from ensemble_ctrl.fleet import Member
 
 Floats = NDArray[np.float64]
 
 TIGHT = 5e-4
 """Metres within which the bound of a cell meets that of the worst centre before refinement ends."""
-MAX_CELLS = 4096
+MAX_CELLS = {0: 1, 1: 4096}
+"""Cells looked at for so many parameters before the search for a better bound ends; else `MANY_CELLS`."""
+MANY_CELLS = 20_000
+CELLS = {0: 1, 1: 16, 2: 5, 3: 3}
+"""Cells of each of so many parameters to begin with; else 2."""
+BLOCK = 1_000_000
+"""Numbers held at a time: cells times instants."""
 UP = 1 + 1e-12
 """Factor by which half widths are rounded up."""
 
@@ -40,8 +49,8 @@ class TaskBound:
     sampled : float
         Upper bound of the robustness of the worst centre: the truth lies between the two. Infinite for a formula that
         reads the fleet (``mean``, ``share``), which a list of centres can't refute.
-    parameter : float
-        That centre's parameter.
+    parameters : dict of str to float
+        That centre's parameters; empty where there is none.
     covered : bool
         False if the formula is outside what this method can bound; `proven` is then minus infinity.
     """
@@ -49,7 +58,7 @@ class TaskBound:
     part: str
     proven: float
     sampled: float
-    parameter: float
+    parameters: Member
     covered: bool = True
 
 
@@ -69,12 +78,11 @@ class CellSignals:
 
     @classmethod
     def of(cls, flow: Flow, centres: Floats, half: Floats, upper: bool = False) -> CellSignals:
-        """Enclosures of the cells ``centres +- half``."""
+        """Enclosures of the cells ``centres +- half``, both of shape (cells, parameters)."""
         track = Track.of(flow, centres)
         n = np.arange(flow.steps)[None, :]
-        none = np.zeros(flow.steps + 1)
-        bulge = growth(flow, n, np.full((1, 1), flow.step), centres[:, None], half[:, None], none)
-        curvature = half[:, None] ** 2 / 2 * flow.remainder()
+        bulge = flow.growth(n, np.full((1, 1), flow.step), flow.drives(centres)[:, None], half[:, None])
+        curvature = flow.remainder(half)
         return cls(centres, half, track.position, track.slope, curvature, bulge, flow.rounding(), flow.step / 2, upper)
 
     @property
@@ -93,7 +101,8 @@ class CellSignals:
         by_name = dict(coefficients)
         row = np.array([by_name.get("x", 0.0), by_name.get("y", 0.0)])
         value = self.position @ row + offset
-        spread = self.half[:, None] * np.abs(self.slope @ row) + self.curvature + self.error
+        reach = (np.abs(self.slope @ row) * self.half[:, None]).sum(axis=-1)
+        spread = reach + self.curvature + self.error
         sign = 1.0 if self.upper else -1.0
         ends = value + sign * spread
         between = (np.maximum if self.upper else np.minimum)(ends[:, :-1], ends[:, 1:]) + sign * self.bulge
@@ -104,7 +113,7 @@ class CellSignals:
         third = self.curvature.max(axis=0, keepdims=True) / 3
         return CellSignals(
             self.centres[:1],
-            np.zeros(1),
+            np.zeros_like(self.half[:1]),
             self.position.mean(axis=0, keepdims=True),
             np.zeros_like(self.slope[:1]),
             third,
@@ -115,40 +124,85 @@ class CellSignals:
         )
 
 
-def bound_task(flow: Flow, formula: Formula, lower: float, upper: float, cells: int = 16) -> TaskBound:
-    """Bound the robustness of a ground formula for every parameter in [lower, upper].
+def bound_task(flow: Flow, formula: Formula, names: Sequence[str]) -> TaskBound:
+    """Bound the robustness of a ground formula for every member; `names` are the parameters'.
 
     Notes
     -----
     *Guarantee*: `proven` is never above the robustness of any member in dense time, nor in discrete time on the grid.
     """
     if not on_grid(formula, flow.step):
-        return TaskBound(str(formula), -np.inf, np.inf, np.nan, covered=False)
-    edges = np.linspace(lower, upper, cells + 1)
-    centres, half = (edges[:-1] + edges[1:]) / 2, np.full(cells, (upper - lower) / cells / 2 * UP + 1e-15)
-    whole = reads_fleet(formula)
-    proven, sampled, target, parameter, total = np.inf, np.inf, np.inf, np.nan, 0
+        return TaskBound(str(formula), -np.inf, np.inf, {}, covered=False)
+    shifts = ~flow.directions[:, :3].any(axis=1)
+    found = _refined(flow, formula, names, shifts)
+    if shifts.any() and found.proven < 0 <= found.sampled:
+        again = _refined(flow, formula, names, np.zeros_like(shifts))
+        found = again if again.proven > found.proven else found
+    return found
+
+
+def _refined(flow: Flow, formula: Formula, names: Sequence[str], whole_sides: NDArray[np.bool_]) -> TaskBound:
+    """The bound by cells that are halved until each meets its centre's value; never along `whole_sides`."""
+    count = int((~whole_sides).sum())
+    centres, half = first_cells(flow.lower, flow.upper, np.where(whole_sides, 1, CELLS.get(count, 2)))
+    fleet_wide = reads_fleet(formula)
+    proven, sampled, target, total = np.inf, np.inf, np.inf, 0
+    member: Member = {}
     while len(centres):
         total += len(centres)
-        low = _evaluate(formula, CellSignals.of(flow, centres, half))
-        best = _evaluate(formula, CellSignals.of(flow, centres, np.zeros_like(half), upper=True))
-        if not whole and best.min() < sampled:
-            sampled, parameter = float(best.min()), float(centres[best.argmin()])
-        centre = _evaluate(formula, CellSignals.of(flow, centres, np.zeros_like(half)))
+        low, centre = (_evaluate(flow, formula, centres, h, False) for h in (half, half * whole_sides))
+        if not fleet_wide:
+            seen = _with_ends(flow, centres, centre, whole_sides)
+            best = _evaluate(flow, formula, seen, np.zeros_like(seen), True)
+            if best.min() < sampled:
+                sampled, member = float(best.min()), dict(zip(names, seen[best.argmin()].tolist(), strict=True))
         target = min(target, float(centre.min()))
         open_ = low < target - TIGHT
-        if whole:
+        if fleet_wide:
             proven = float(low.min())
             open_ = np.full(len(low), bool(open_.any()))
         else:
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
-        if total > MAX_CELLS or not open_.any():
+        if total > MAX_CELLS.get(count, MANY_CELLS) or not open_.any():
             proven = min(proven, float(low.min()))
             break
-        h = half[open_] / 2
-        centres = np.concatenate([centres[open_] - h, centres[open_] + h])
-        half = np.concatenate([h, h]) * UP
-    return TaskBound(str(formula), proven, sampled, parameter)
+        centres, half = _halved(flow, centres[open_], half[open_], ~whole_sides, fleet_wide)
+    return TaskBound(str(formula), proven, sampled, member)
+
+
+def _with_ends(flow: Flow, centres: Floats, value: Floats, whole_sides: NDArray[np.bool_]) -> Floats:
+    """The centres, and the worst of them moved to the ends of the sides that stay whole."""
+    if not whole_sides.any():
+        return centres
+    ends = np.array(list(product(*((a, b) for a, b in zip(flow.lower[whole_sides], flow.upper[whole_sides], strict=True)))))
+    moved = np.tile(centres[value.argmin()], (len(ends), 1))
+    moved[:, whole_sides] = ends
+    return np.concatenate([centres, moved])
+
+
+def _halved(
+    flow: Flow, centres: Floats, half: Floats, sides: NDArray[np.bool_], together: bool
+) -> tuple[Floats, Floats]:
+    """Each cell in two along the one of `sides` that moves its members most; all along the same one if `together`."""
+    size = np.zeros_like(half)
+    for rows in _blocks(len(centres), flow.steps):
+        slope = np.linalg.norm(Track.of(flow, centres[rows]).slope, axis=-1).max(axis=1)
+        size[rows] = half[rows] * slope + _bending(flow, half[rows])
+    size = np.where(sides, size, -1.0)
+    k = np.full(len(size), size.max(axis=0).argmax()) if together else size.argmax(axis=1)
+    rows_ = np.arange(len(half))
+    half, move = half.copy(), np.zeros_like(half)
+    half[rows_, k] /= 2
+    move[rows_, k] = half[rows_, k]
+    half[rows_, k] *= UP
+    return np.concatenate([centres - move, centres + move]), np.concatenate([half, half])
+
+
+def _bending(flow: Flow, half: Floats) -> Floats:
+    """What each parameter's width adds to the nonlinear part at the end, shape (cells, parameters)."""
+    whole = flow.remainder(half)[:, -1:]
+    without = np.repeat(half[:, None], half.shape[1], axis=1) * (1 - np.eye(half.shape[1]))
+    return whole - np.stack([flow.remainder(without[:, k])[:, -1] for k in range(half.shape[1])], axis=1)
 
 
 def on_grid(formula: Formula, step: float) -> bool:
@@ -160,9 +214,18 @@ def on_grid(formula: Formula, step: float) -> bool:
     return aligned and all(on_grid(part, step) for part in formula.parts)
 
 
-def _evaluate(formula: Formula, signals: CellSignals) -> Floats:
-    """Bounds of the formula at time 0, one a cell."""
-    return np.asarray(member_robustness(formula, signals, ExactOps()))[:, 0]
+def _evaluate(flow: Flow, formula: Formula, centres: Floats, half: Floats, upper: bool) -> Floats:
+    """Bounds of the formula at time 0, one a cell; a formula that reads the fleet needs all cells at once."""
+    everything = [slice(0, len(centres))]
+    blocks = everything if reads_fleet(formula) else _blocks(len(centres), flow.steps)
+    signals = (CellSignals.of(flow, centres[rows], half[rows], upper) for rows in blocks)
+    return np.concatenate([np.asarray(member_robustness(formula, s, ExactOps()))[:, 0] for s in signals])
+
+
+def _blocks(cells: int, steps: int) -> list[slice]:
+    """Cells in turn, so many that their arrays stay small."""
+    size = max(1, BLOCK // steps)
+    return [slice(first, first + size) for first in range(0, cells, size)]
 
 
 def _interleaved(ends: Floats, between: Floats) -> Floats:

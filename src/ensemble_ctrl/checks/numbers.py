@@ -32,7 +32,7 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     yield from _whole(("horizon", "steps"), problem.steps, 1, MAX_STEPS)
     if problem.order is not None:
         yield from _whole(("moments", "order"), problem.order, 1, MAX_ORDER, " (or auto)")
-    yield from _parameter(problem)
+    yield from _factors(problem)
     yield from _number(("fleet", "radius"), problem.fleet.radius, least=0.0, unit=" m")
     yield from _number(("solve", "time_limit"), solve.time_limit, above=0.0, unit=" s")
     yield from _number(("solve", "margin"), solve.margin, least=0.0, unit=" m")
@@ -70,12 +70,12 @@ def _choice(path: Path, value: object, known: tuple[str, ...]) -> Iterator[Findi
         yield Finding(path, f"{value!r} is not one of {', '.join(known)}")
 
 
-def _parameter(problem: Problem) -> Iterator[Finding]:
-    """The parameter's range is positive: a robot with traction zero can't move."""
-    low, high = problem.fleet.parameter.lower, problem.fleet.parameter.upper
-    if low <= 0:
-        path = ("fleet", "parameters", problem.fleet.parameter_name, "range")
-        yield Finding(path, f"expected a range above 0, got [{low:g}, {high:g}]")
+def _factors(problem: Problem) -> Iterator[Finding]:
+    """Ranges of factors are positive: a robot with traction zero can't move."""
+    for name, law in problem.fleet.parameters.items():
+        if name in problem.fleet.system.parameters and law.lower <= 0:
+            path = ("fleet", "parameters", name, "range")
+            yield Finding(path, f"expected a range above 0, got [{law.lower:g}, {law.upper:g}]")
 
 
 def name_findings(problem: Problem) -> Iterator[Finding]:

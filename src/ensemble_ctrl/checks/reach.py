@@ -62,7 +62,7 @@ def _distance(region: Polyhedron, problem: Problem) -> float:
 def _top_speed(problem: Problem) -> float:
     """Speed that the slowest member can't exceed, in m/s."""
     fastest = max(abs(float(problem.fleet.input_lower[0])), abs(float(problem.fleet.input_upper[0])))
-    return problem.fleet.parameter.lower * fastest
+    return problem.fleet.slowest * fastest
 
 
 def _wrong_start(leaf: Inside, distance: float, problem: Problem) -> Finding:
@@ -74,10 +74,10 @@ def _wrong_start(leaf: Inside, distance: float, problem: Problem) -> Finding:
 
 def _out_of_reach(leaf: Inside, distance: float, deadline: float, problem: Problem) -> Finding:
     """A finding for a region that is too far."""
-    speed, name, low = _top_speed(problem), problem.fleet.parameter_name, problem.fleet.parameter.lower
+    speed = _top_speed(problem)
     message = (
         f"region {leaf.name!r} is {distance:.3g} m from the start, but at top speed the slowest member "
-        f"({name} {low:g}) drives {speed * deadline:.3g} m by {deadline:g} s"
+        f"(traction {problem.fleet.slowest:g}) drives {speed * deadline:.3g} m by {deadline:g} s"
     )
     hint = "raise fleet.input_bounds.v"
     if speed > 0:

@@ -153,7 +153,7 @@ def verify(
         Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
     ],
     parameter_range: Annotated[
-        str | None, typer.Option("--range", help="Ask about another range.", metavar="NAME=LOW:HIGH")
+        list[str] | None, typer.Option("--range", help="Ask about another range.", metavar="NAME=LOW:HIGH")
     ] = None,
     members: Members = None,
     json: Json = False,
@@ -161,7 +161,7 @@ def verify(
     """Prove a saved plan again from its files alone."""
     from ensemble_ctrl.cli.verify import verify_plan
 
-    raise typer.Exit(verify_plan(plan, parameter_range, members, json))
+    raise typer.Exit(verify_plan(plan, parameter_range or [], members, json))
 
 
 @app.command()
@@ -185,13 +185,16 @@ def widest(
     config: Config,
     overrides: Overrides = None,
     tolerance: Annotated[float, typer.Option(help="Find the half width to within this.", metavar="X", min=1e-4)] = 0.01,
+    parameter: Annotated[
+        str | None, typer.Option(help="The parameter to widen; the fleet's first otherwise.", metavar="NAME")
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Find the widest parameter range with a certified plan."""
     from ensemble_ctrl.cli.widest import find_widest
 
-    raise typer.Exit(find_widest(config, overrides or [], tolerance, json, quiet))
+    raise typer.Exit(find_widest(config, overrides or [], tolerance, parameter, json, quiet))
 
 
 @app.command()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +39,14 @@ class Verified:
         return self.certificate.proven == "yes" and replayed and not self.tampered
 
 
-def verify_plan(path: Path, asked: str | None, members: int | None, as_json: bool) -> int:
+def verify_plan(path: Path, asked: Sequence[str], members: int | None, as_json: bool) -> int:
     """Print what is proven; returns 0 if all is well, else 4."""
     plan = read_plan(path)
-    law = _range(asked, plan) if asked else plan.problem.fleet.parameter
-    certificate = plan.certify(law)
-    run = plan.replay(parameters=_drawn(law, members)) if members else None
+    ranges = dict(_range(text, plan) for text in asked)
+    certificate = plan.certify(ranges)
+    run = _replayed(plan, ranges, members) if members else None
     tampered = () if asked else tuple(_disagreements(path, plan, certificate))
-    found = Verified(plan, certificate, run, tampered, asked is not None)
+    found = Verified(plan, certificate, run, tampered, bool(asked))
     code = codes.OK if found.good else codes.NOT_VERIFIED
     if as_json:
         say(to_json(_as_data(found, code)))
@@ -73,22 +74,24 @@ def _read_csv(path: Path) -> Any:
     return rows[:, 1:]
 
 
-def _range(asked: str, plan: Plan) -> Interval:
-    """``traction=0.85:1.15`` as an interval."""
-    name = plan.problem.fleet.parameter_name
-    key, _, values = asked.partition("=")
+def _range(asked: str, plan: Plan) -> tuple[str, Interval]:
+    """``traction=0.85:1.15`` as a name and an interval."""
+    names = plan.problem.fleet.names
+    name, _, values = (part.strip() for part in asked.partition("="))
     low, _, high = values.partition(":")
-    if key.strip() != name:
-        raise ProblemError(f"--range {asked}: expected {name}=LOW:HIGH")
+    if name not in names:
+        raise ProblemError(f"--range {asked}: expected {' or '.join(f'{n}=LOW:HIGH' for n in names)}")
     try:
-        return Interval(float(low), float(high))
+        return name, Interval(float(low), float(high))
     except ValueError as error:
         raise ProblemError(f"--range {asked}: expected {name}=LOW:HIGH with numbers LOW <= HIGH ({error})") from None
 
 
-def _drawn(law: Interval, members: int) -> Any:
-    """Parameters spread over a range, its ends included."""
-    return np.linspace(law.lower, law.upper, members)
+def _replayed(plan: Plan, ranges: Mapping[str, Interval], members: int) -> Replay:
+    """About `members` members spread evenly over the ranges asked for, their ends included."""
+    fleet = plan.problem.fleet
+    wider = replace(fleet, parameters={**fleet.parameters, **ranges})
+    return plan.replay(parameters=wider.grid(members))
 
 
 def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str]:
@@ -117,9 +120,8 @@ def _read_json(path: Path) -> dict[str, Any]:
 def _lines(found: Verified) -> list[str]:
     """The result as text."""
     problem = found.plan.problem
-    name = problem.fleet.parameter_name
     head = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN"}[found.certificate.proven]
-    rows = [*proven(found.certificate, name), *measured(found.run, name)]
+    rows = [*proven(found.certificate), *measured(found.run)]
     rows += (
         [("files", "DISAGREE, see below" if found.tampered else "agree with each other and with the proof")]
         if not found.asked

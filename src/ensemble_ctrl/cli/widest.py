@@ -11,23 +11,23 @@ from ensemble_ctrl.results import SCHEMA, to_json
 from ensemble_ctrl.widest import Widest, widest
 
 
-def find_widest(config: str, overrides: list[str], tolerance: float, as_json: bool, quiet: bool) -> int:
+def find_widest(config: str, overrides: list[str], tolerance: float, parameter: str | None, as_json: bool, quiet: bool) -> int:
     """Search and print the answer; returns 0, or 3 if no range has a certified plan."""
     problem = read(config, overrides).problem
-    name = problem.fleet.parameter_name
+    name = parameter or next(iter(problem.fleet.names), "")
 
     def tell(tried: Interval, good: bool) -> None:
         if not quiet:
             complain(f"{name} {tried.lower:.4g}..{tried.upper:.4g}: {'certified' if good else 'no certified plan'}")
 
-    found = widest(problem, tolerance, tell)
+    found = widest(problem, tolerance, tell, parameter)
     code = codes.NO_PLAN if found.interval is None else codes.OK
-    blocked = [conflict_text(problem, c) for c in found.blocked[:3]]
+    blocked = [conflict_text(c) for c in found.blocked[:3]]
     if as_json:
         say(to_json({"schema": SCHEMA, "name": problem.name, **_as_data(found), "exit_code": code}))
         return code
     if found.interval is None:
-        say(f"{problem.name}: no certified plan for any range tried around {problem.fleet.parameter.center:g}")
+        say(f"{problem.name}: no certified plan for any range of {name} tried around {problem.fleet.parameters[name].center:g}")
     else:
         certificate = found.plan.certificate if found.plan else None
         say(f"{problem.name}: widest certified {name} {found.interval.lower:.4f}..{found.interval.upper:.4f}")

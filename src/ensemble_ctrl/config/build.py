@@ -7,9 +7,10 @@ import math
 import numpy as np
 
 from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemFile
+from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.problem import Fleet, Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
-from ensemble_ctrl.systems import SYSTEMS
+from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.systems import SYSTEMS, ArcSystem, Bicycle
 
 STEP = 0.1
 """Length of a control step in seconds, unless the file gives a number of steps."""
@@ -44,18 +45,30 @@ def build(file: ProblemFile, name: str) -> Problem:
 
 def _fleet(section: FleetSection) -> Fleet:
     """Who moves."""
-    start, bounds, law = section.start, section.input_bounds, section.parameters.traction
-    (v_low, v_high), (omega_low, omega_high) = bounds.v, bounds.omega
+    start, system = section.start, _system(section)
+    bounds = np.array(
+        [
+            default if (given := getattr(section.input_bounds, name)) is None else given
+            for name, default in zip(system.controls, system.input_bounds, strict=True)
+        ]
+    )
     return Fleet(
-        system=SYSTEMS[section.model](heading_from=start.heading_from),
-        parameter=Interval(*law.range),
+        system=system,
+        parameters={name: Interval(*law.range) for name, law in section.parameters if law is not None},
         position=np.array(start.position),
         heading=start.heading if start.heading_from == "x" else math.pi / 2 - start.heading,
-        input_lower=np.array([v_low, omega_low]),
-        input_upper=np.array([v_high, omega_high]),
+        input_lower=bounds[:, 0],
+        input_upper=bounds[:, 1],
         radius=section.radius,
-        parameter_name="traction",
     )
+
+
+def _system(section: FleetSection) -> ArcSystem:
+    """The dynamics."""
+    if section.model == Bicycle.name:
+        longer = {} if section.wheelbase is None else {"wheelbase": section.wheelbase}
+        return Bicycle(heading_from=section.start.heading_from, **longer)
+    return SYSTEMS[section.model](heading_from=section.start.heading_from)
 
 
 def _objective(section: ObjectiveSection) -> Objective:

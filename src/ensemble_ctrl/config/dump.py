@@ -13,7 +13,9 @@ from ensemble_ctrl.config.tree import SCALARS
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Predicate
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.problem import Fleet, Objective, Problem
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.problem import Objective, Problem
+from ensemble_ctrl.systems import Bicycle
 
 Floats = NDArray[np.float64]
 Data = dict[str, Any]
@@ -66,16 +68,18 @@ def to_data(problem: Problem) -> Data:
 
 def _fleet(fleet: Fleet) -> Data:
     """The section on the fleet."""
-    (v_low, omega_low), (v_high, omega_high) = fleet.input_lower.tolist(), fleet.input_upper.tolist()
+    bounds = np.column_stack([fleet.input_lower, fleet.input_upper]).tolist()
+    system = fleet.system
     return {
-        "model": fleet.system.name,
-        "parameters": {fleet.parameter_name: {"range": [fleet.parameter.lower, fleet.parameter.upper]}},
+        "model": system.name,
+        **({"wheelbase": float(system.wheelbase)} if isinstance(system, Bicycle) else {}),
+        "parameters": {name: {"range": [law.lower, law.upper]} for name, law in fleet.parameters.items()},
         "start": {
             "position": fleet.position.tolist(),
             "heading": float(fleet.own_heading),
-            "heading_from": fleet.system.heading_from,
+            "heading_from": system.heading_from,
         },
-        "input_bounds": {"v": [v_low, v_high], "omega": [omega_low, omega_high]},
+        "input_bounds": dict(zip(system.controls, bounds, strict=True)),
         "radius": float(fleet.radius),
     }
 

@@ -15,6 +15,7 @@ from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.constraints.stl.leaves import RESERVED
 from ensemble_ctrl.problem import MAX_ORDER
 from ensemble_ctrl.systems import SYSTEMS
+from ensemble_ctrl.systems.bicycle import STEEPEST
 
 NUMERIC = WithJsonSchema({"type": ["number", "string"]})
 _NAME = re.compile(r"[^\W\d][\w.-]*")
@@ -113,6 +114,13 @@ def positive_range(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
+def steering(bounds: tuple[float, float]) -> tuple[float, float]:
+    """Bounds of a steering angle, short of the pole at a right angle."""
+    if max(map(abs, bounds)) > STEEPEST:
+        raise Wrong(f"expected angles from {-STEEPEST:g} to {STEEPEST:g} rad, got [{bounds[0]:g}, {bounds[1]:g}]")
+    return bounds
+
+
 Number = Annotated[float, BeforeValidator(quantity("number")), NUMERIC]
 Weight = Annotated[float, BeforeValidator(quantity("number", 0)), NUMERIC]
 Length = Annotated[float, BeforeValidator(quantity("length")), NUMERIC]
@@ -125,6 +133,10 @@ LOW_HIGH = (BeforeValidator(pair("[low, high]")), AfterValidator(ordered))
 Point = Annotated[tuple[Length, Length], BeforeValidator(pair("[x, y]"))]
 Name = Annotated[str, AfterValidator(place_name)]
 Range = Annotated[tuple[Number, Number], *LOW_HIGH, AfterValidator(positive_range)]
+Offsets = Annotated[tuple[Length, Length], *LOW_HIGH]
+AngleRange = Annotated[tuple[Angle, Angle], *LOW_HIGH]
+SteeringBounds = Annotated[tuple[Angle, Angle], *LOW_HIGH, AfterValidator(steering)]
+Wheelbase = Annotated[float, BeforeValidator(quantity("length", above=0)), NUMERIC]
 SpeedBounds = Annotated[tuple[Speed, Speed], *LOW_HIGH]
 TurnRateBounds = Annotated[tuple[TurnRate, TurnRate], *LOW_HIGH]
 ModelName = Annotated[str, AfterValidator(model_name), WithJsonSchema({"enum": list(SYSTEMS)})]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from ensemble_ctrl.checks import MAX_MEMBERS, MAX_SEED, MAX_STEPS
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
+from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.problem import Guarantee, Method, Objective, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.systems import SYSTEMS, Bicycle
 
 
 class Law(Model):
@@ -19,10 +21,35 @@ class Law(Model):
     range: f.Range = (0.9, 1.1)
 
 
-class Parameters(Model):
-    """The parameters that differ between members."""
+class OffsetLaw(Model):
+    """An offset from the start position, spread evenly over a range."""
 
-    traction: Law = Law()
+    range: f.Offsets
+
+
+class HeadingLaw(Model):
+    """An offset from the start heading, spread evenly over a range."""
+
+    range: f.AngleRange
+
+
+class Parameters(Model):
+    """The parameters that differ between members; those left out are the same for all."""
+
+    traction: Law | None = None
+    linear_traction: Law | None = None
+    angular_traction: Law | None = None
+    start_x: OffsetLaw | None = None
+    start_y: OffsetLaw | None = None
+    start_heading: HeadingLaw | None = None
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        """`traction` is both of the others in one number."""
+        for name in ("linear_traction", "angular_traction"):
+            if self.traction is not None and getattr(self, name) is not None:
+                raise Wrong(f"expected traction or {name}, got both", "traction scales both at once", (name,))
+        return self
 
 
 class Start(Model):
@@ -34,20 +61,33 @@ class Start(Model):
 
 
 class InputBounds(Model):
-    """Bounds of the commands."""
+    """Bounds of the commands: v and omega for a unicycle, v and delta for a bicycle."""
 
-    v: f.SpeedBounds = (-2.0, 2.0)
-    omega: f.TurnRateBounds = (-2.0, 2.0)
+    v: f.SpeedBounds | None = None
+    omega: f.TurnRateBounds | None = None
+    delta: f.SteeringBounds | None = None
 
 
 class FleetSection(Model):
     """Who moves."""
 
     model: f.ModelName
-    parameters: Parameters = Parameters()
+    wheelbase: f.Wheelbase | None = None
+    parameters: Parameters = Parameters(traction=Law())
     start: Start
     input_bounds: InputBounds = InputBounds()
     radius: f.Margin = 0.0
+
+    @model_validator(mode="after")
+    def _of_its_model(self) -> Self:
+        """Only what the model has."""
+        system = SYSTEMS[self.model]
+        for name in self.input_bounds.model_fields_set - set(system.controls):
+            controls = " and ".join(system.controls)
+            raise Wrong(f"expected bounds of {controls}, got {name!r}", path=("input_bounds", name))
+        if self.wheelbase is not None and self.model != Bicycle.name:
+            raise Wrong(f"expected a wheelbase for the bicycle only, got one for the {self.model}", path=("wheelbase",))
+        return self
 
 
 class Horizon(Model):

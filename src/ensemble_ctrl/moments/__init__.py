@@ -21,6 +21,7 @@ from ensemble_ctrl.moments.operators import (
     shift_left,
     shift_right,
 )
+from ensemble_ctrl.moments.tensor import TensorBasis
 from ensemble_ctrl.moments.transform import (
     evaluate_moments,
     moments_of_function,
@@ -32,6 +33,7 @@ from ensemble_ctrl.moments.transform import (
 __all__ = [
     "Interval",
     "LegendreBasis",
+    "TensorBasis",
     "affine_multiplication_matrix",
     "bernstein_to_moments",
     "evaluate_moments",

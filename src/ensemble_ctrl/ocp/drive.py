@@ -9,8 +9,10 @@ from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
-SHARE = 0.95
-"""Share of the input bounds that a guess uses, so that it starts inside them."""
+SHARES = np.array([0.95, 0.665])
+"""Shares of the two commands' bounds that a guess uses, so that it starts inside them."""
+CREEP = 0.3
+"""Share of its speed at which a robot that can't turn in place drives while it turns."""
 
 
 def smoothed(path: Floats) -> Floats:
@@ -24,21 +26,22 @@ def smoothed(path: Floats) -> Floats:
 def follow(problem: Problem, path: Floats) -> Floats:
     """Commands with which the nominal robot follows `path`, within the input bounds."""
     fleet, step = problem.fleet, problem.duration / (len(path) - 1)
-    nominal = float(fleet.parameter.center)
-    low = np.clip(SHARE * fleet.input_lower, fleet.input_lower, fleet.input_upper)
-    high = np.clip(SHARE * fleet.input_upper, fleet.input_lower, fleet.input_upper)
-    sign = 1.0 if fleet.system.heading_from == "x" else -1.0
-    place, heading = fleet.position.copy(), fleet.heading
+    linear, angular, heading = fleet.drives(fleet.center[None])[0, :3].tolist()
+    low, high = (np.clip(SHARES * end, fleet.input_lower, fleet.input_upper) for end in (fleet.input_lower, fleet.input_upper))
+    sign, place, slowest = 1.0, fleet.start, 0.0 if fleet.system.turns_in_place else CREEP
+    if fleet.system.heading_from == "y":
+        sign, heading = -1.0, np.pi / 2 - heading
     controls = np.zeros((len(path) - 1, 2))
     for n in range(len(controls)):
         ahead = path[n + 1] - place
         distance = float(np.hypot(*ahead))
         wanted = np.arctan2(ahead[1], ahead[0]) if distance > 1e-3 else heading
         error = (wanted - heading + np.pi) % (2 * np.pi) - np.pi
-        turn = np.clip(sign * 2 * error / (step * nominal), low[1], high[1]) if distance > 1e-3 else 0.0
-        speed = np.clip(distance * max(np.cos(error), 0.0) / (step * nominal), low[0], high[0])
-        controls[n] = speed, np.clip(0.7 * turn, low[1], high[1])
-        half = sign * nominal * controls[n, 1] * step / 2
-        place = place + nominal * speed * step * np.array([np.cos(heading + half), np.sin(heading + half)])
+        turn = 1.4 * sign * error / (step * angular) if distance > 1e-3 else 0.0
+        speed = distance * max(np.cos(error), slowest) / (step * linear)
+        controls[n] = fleet.system.commands(speed, turn, low, high)
+        v, omega = fleet.system.rates(*controls[n])
+        half = sign * angular * omega * step / 2
+        place = place + linear * v * step * np.array([np.cos(heading + half), np.sin(heading + half)])
         heading += 2 * half
     return controls

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, robustness
 from ensemble_ctrl.duties import duties, grounded, other_parts
-from ensemble_ctrl.moments import LegendreBasis
+from ensemble_ctrl.moments import LegendreBasis, TensorBasis
 from ensemble_ctrl.ocp.lines import separate
 from ensemble_ctrl.ocp.truncation import Truncation, points, positions
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
-QUADRATURE = 16
-"""Order of the Gauss rule whose robots, with the two ends of the range, are evaluated."""
+QUADRATURE = {0: 0, 1: 16, 2: 6, 3: 3}
+"""Order of the Gauss rule for each of so many parameters, whose robots, with the corners, are evaluated; else 2."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,8 @@ class Value:
     cost : float
         ``-w robustness + terminal + effort``.
     robustness : float
-        Exact robustness in metres of the task without its ``G avoid`` parts, worst of 19 members at the grid times.
+        Exact robustness in metres of the task without its ``G avoid`` parts, worst of some members at the grid times:
+        those of a Gauss rule and the corners of the ranges.
     gap : float
         Smallest distance in metres, beyond the robot's radius, between an obstacle and the fleet's hull (of the mean
         robot, for the guarantee ``moment``).
@@ -49,22 +50,25 @@ class Value:
 def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Value:
     """Evaluate `controls` of shape (steps, 2)."""
     aim, step = problem.objective, problem.duration / len(controls)
-    basis = LegendreBasis(QUADRATURE)
-    s = np.concatenate([[-1.0], basis.nodes, [1.0]])
-    paths = positions(problem, controls, np.asarray(problem.fleet.parameter.to_parameter(s)))
+    fleet, bent = problem.fleet, len(problem.fleet.bent)
+    basis = TensorBasis((LegendreBasis(QUADRATURE.get(bent, 2)),) * bent)
+    inner = positions(problem, controls, fleet.bent_members(basis.nodes))
+    shifts = fleet.shift * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]] if fleet.shift.any() else [[0, 0]])
+    paths = np.concatenate([positions(problem, controls, fleet.corners), *(inner + shift for shift in shifts)])
     signals, ops = StateSignals(paths, ("x", "y"), step), ExactOps()
     in_moments = problem.solve.guarantee == "moment"
     if in_moments:
-        average = np.einsum("j,jtd->td", basis.weights / 2, paths[1:-1])
+        average = np.einsum("j,jtd->td", basis.weights / 2, inner)
         signals = StateSignals(average[None], ("x", "y"), step)
     parts = [grounded(problem, part) for part in other_parts(problem)]
     worst = min((float(robustness(part, signals, ops)) for part in parts), default=0.0)
     terminal = 0.0
     if aim.target is not None:
-        off = ((paths[1:-1, -1] - aim.target) ** 2).sum(axis=-1)
+        off = ((inner[:, -1] - aim.target) ** 2).sum(axis=-1)
         terminal = aim.terminal * float(basis.weights @ off)
     effort = aim.effort * step * float((controls**2).sum())
     curve = average[:, None] if in_moments else points(problem, controls, truncation)
-    lines = separate(curve, duties(problem), problem.duration)
+    shift = np.zeros(2) if in_moments else fleet.shift
+    lines = separate(curve, duties(problem), problem.duration, shift)
     cost = -aim.robustness * worst + terminal + effort
     return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)))

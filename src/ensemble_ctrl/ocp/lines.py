@@ -35,7 +35,7 @@ class Lines:
     normal : ndarray, shape (pieces, steps, 2)
         Unit normals, pointing to the fleet's side.
     support : ndarray, shape (pieces, steps)
-        Largest ``n . vertex`` of the piece, metres.
+        Largest ``n . vertex`` of the piece, and of half the box of start positions, metres.
     gap : ndarray, shape (pieces, steps)
         Distance in metres, beyond the radius, between the points of the step and the piece along the normal; negative
         where no line separates them, infinite where the pair is not active.  *Guarantee*: never above the true
@@ -49,7 +49,7 @@ class Lines:
     gap: Floats
 
 
-def separate(points: Floats, duties: Sequence[Duty], duration: float) -> Lines:
+def separate(points: Floats, duties: Sequence[Duty], duration: float, shift: Floats | None = None) -> Lines:
     """Best separating lines for every step, points at both its ends together.
 
     Parameters
@@ -60,7 +60,10 @@ def separate(points: Floats, duties: Sequence[Duty], duration: float) -> Lines:
         What to keep out of, and when.
     duration : float
         Seconds from the first point to the last.
+    shift : ndarray, shape (2,), optional
+        Half the sides of a box of start positions, metres: it lies around every point.
     """
+    shift = np.zeros(2) if shift is None else shift
     steps = len(points) - 1
     both = np.concatenate([points[:-1], points[1:]], axis=1)
     pieces = [(piece, duty) for duty in duties for piece in duty.pieces]
@@ -68,35 +71,35 @@ def separate(points: Floats, duties: Sequence[Duty], duration: float) -> Lines:
         none = np.zeros((0, steps))
         return Lines(np.zeros(0), none.astype(bool), np.zeros((0, steps, 2)), none, none)
     normal, support, gap = (
-        np.stack(part) for part in zip(*(_best(both, piece.vertices) for piece, _ in pieces), strict=True)
+        np.stack(part) for part in zip(*(_best(both, piece.vertices, shift) for piece, _ in pieces), strict=True)
     )
     radius = np.array([duty.radius for _, duty in pieces])
     active = np.stack([duty.steps(steps, duration) for _, duty in pieces])
     return Lines(radius, active, normal, support, np.where(active, gap - radius[:, None], np.inf))
 
 
-def _best(points: Floats, vertices: Floats) -> tuple[Floats, Floats, Floats]:
+def _best(points: Floats, vertices: Floats, shift: Floats) -> tuple[Floats, Floats, Floats]:
     """Best normal, support and gap for one convex piece at every step."""
     angles = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)
     edges = np.roll(vertices, -1, axis=0) - vertices
     angles = np.concatenate([angles, np.arctan2(-edges[:, 0], edges[:, 1])])
     normals = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    gaps = (points @ normals.T).min(axis=1) - (vertices @ normals.T).max(axis=0)
+    gaps = (points @ normals.T).min(axis=1) - (vertices @ normals.T).max(axis=0) - np.abs(normals) @ shift
     angle = angles[gaps.argmax(axis=1)]
     width = 2 * np.pi / DIRECTIONS
     for _ in range(2):
-        angle, gap = _refined(points, vertices, angle, width)
+        angle, gap = _refined(points, vertices, shift, angle, width)
         width /= 5
     normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return normal, (normal @ vertices.T).max(axis=1), gap
+    return normal, (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift, gap
 
 
-def _refined(points: Floats, vertices: Floats, angle: Floats, width: float) -> tuple[Floats, Floats]:
+def _refined(points: Floats, vertices: Floats, shift: Floats, angle: Floats, width: float) -> tuple[Floats, Floats]:
     """Best of eleven angles within `width` around each given one, and its gap."""
     tried = angle[:, None] + width * np.linspace(-1.0, 1.0, 11)
     normals = np.stack([np.cos(tried), np.sin(tried)], axis=-1)
     near = np.einsum("tpd,tad->tap", points, normals).min(axis=2)
-    gaps = near - (normals @ vertices.T).max(axis=2)
+    gaps = near - (normals @ vertices.T).max(axis=2) - np.abs(normals) @ shift
     best = gaps.argmax(axis=1)
     rows = np.arange(len(angle))
     return tried[rows, best], gaps[rows, best]

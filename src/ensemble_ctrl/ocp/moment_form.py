@@ -39,7 +39,7 @@ def moment_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> l
 
 def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
     """``eq:setPolyObsArr`` at order 0: the mean is on the free side of some facet, by a smooth OR."""
-    n, mean = layout.count, ca.DM(_mean(truncation)).T
+    n, mean = layout.count, ca.DM(truncation.mean).T
     by_facets: dict[int, list[tuple[int, Floats, Floats]]] = defaultdict(list)
     for duty in duties(problem):
         times = _times(duty.steps(layout.steps, problem.duration))
@@ -80,7 +80,7 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: La
                     sign = 1.0 if (gx, gy) > (0.0, 0.0) else -1.0
                     key = (k, round(sign * float(gx), 12), round(sign * float(gy), 12))
                     rows[key] = min(rows.get(key, np.inf), 2 * big - float(h))
-    if not rows or truncation.order == 0:
+    if not rows or truncation.basis.count == 1:
         return []
     at = np.array([k for k, _, _ in rows])
     data = np.array([[gx, gy] for _, gx, gy in rows])
@@ -121,11 +121,6 @@ def _moments_along(truncation: Truncation, layout: Layout, first: int) -> Build:
         return moments
 
     return build
-
-
-def _mean(truncation: Truncation) -> Floats:
-    """Weights of the points in the mean position."""
-    return np.asarray(truncation.to_moments[0] / np.sqrt(2.0))
 
 
 def _times(steps: NDArray[np.bool_]) -> Ints:

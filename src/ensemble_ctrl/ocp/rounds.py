@@ -69,7 +69,8 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
     """One choice of lines: solve, and solve again with the pairs that the solution violates."""
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
-    lines, error = separate(curve, duties(problem), problem.duration), tail(problem, guess, truncation)
+    lines = separate(curve, duties(problem), problem.duration, problem.fleet.shift)
+    error = tail(problem, guess, truncation)
     in_moments = problem.solve.guarantee == "moment"
     pairs = (lines.gap < REACH * _map_size(problem, curve)) & (not in_moments)
     total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)

@@ -87,7 +87,7 @@ class _Trips:
 
     def _trip(self, skeleton: Skeleton, order: tuple[int, ...]) -> tuple[_Trip, list[list[Route]]]:
         """One order of visits with its shortest legs, and every choice for each leg."""
-        place, legs = self.problem.fleet.position, []
+        place, legs = self.problem.fleet.start, []
         for k, index in enumerate(order):
             closed = frozenset(door.name for door in skeleton.doors if door.until not in order[:k])
             goal = _place_in(self.problem, skeleton.visits[index], place)
@@ -121,7 +121,8 @@ class _Trips:
         """Up to `most` routes of different kinds, shortest first."""
         corners = np.concatenate([[start, goal], *(piece.vertices for piece in pieces)])
         scale = float(np.ptp(corners, axis=0).max()) / 10
-        base = self.problem.fleet.radius + self.problem.solve.margin
+        fleet = self.problem.fleet
+        base = fleet.radius + self.problem.solve.margin + float(np.linalg.norm(fleet.shift))
         kinds: dict[tuple[int, ...], Route] = {}
         for share in CLEARANCES:
             for route in routes(start, goal, pieces, base + share * scale, self.most):
@@ -162,7 +163,7 @@ def _seed(problem: Problem, trip: _Trip, steps: int) -> Seed:
 
 def _timed(problem: Problem, trip: _Trip) -> Iterator[tuple[Floats, Floats]]:
     """The corners of a trip with the times to be at them."""
-    start = problem.fleet.position
+    start = problem.fleet.start
     yield np.zeros(1), start[None, :]
     now = 0.0
     for arrival, dwell, leg in zip(*_schedule(problem, trip), trip.legs, strict=True):

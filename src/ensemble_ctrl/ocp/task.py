@@ -98,6 +98,7 @@ class PointSignals:
 
     steps: int
     step: float
+    shift: tuple[float, float] = (0.0, 0.0)
     averaged: bool = False
     members: int = 1
 
@@ -110,11 +111,13 @@ class PointSignals:
             raise UnsupportedError(
                 f"task: the planner needs predicates over x and y, got {predicate} ({', '.join(by_name)})"
             )
+        if not self.averaged:
+            offset -= abs(x) * self.shift[0] + abs(y) * self.shift[1]
         return _matrix([(Row(k, x, y, offset, self.averaged),) for k in range(first, last + 1)])
 
     def mean(self) -> Signals:
         """The same for the mean member."""
-        return PointSignals(self.steps, self.step, averaged=True)
+        return PointSignals(self.steps, self.step, self.shift, averaged=True)
 
 
 class LevelOps(Ops):
@@ -183,7 +186,13 @@ class TaskRows:
 
 
 def task_rows(
-    parts: Sequence[Formula], level: int, layout: Layout, step: float, mean: Floats, curve: Floats
+    parts: Sequence[Formula],
+    level: int,
+    layout: Layout,
+    step: float,
+    mean: Floats,
+    curve: Floats,
+    shift: Floats,
 ) -> TaskRows:
     """Rows that keep `level` at or below the robustness of every part.
 
@@ -201,9 +210,11 @@ def task_rows(
         Weights of the points in the mean member's position.
     curve : ndarray, shape (steps + 1, points, 2)
         The points under the guess, metres.
+    shift : ndarray, shape (2,)
+        Half the sides of the box of start positions, metres: predicates hold for all of it.
     """
     guess = GuessValues(curve, mean)
-    ops, signals = LevelOps(layout, guess), PointSignals(layout.steps, step)
+    ops, signals = LevelOps(layout, guess), PointSignals(layout.steps, step, (float(shift[0]), float(shift[1])))
     whole: Minimum = sum((robustness(part, signals, ops) for part in parts), ())
     if whole:
         ops.below.append((level, whole))

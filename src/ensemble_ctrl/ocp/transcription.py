@@ -3,11 +3,11 @@ r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in noda
     minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt + price * slacks
 
     over        v_n, omega_n         the broadcast commands of step n
-                turned_n             the integral of omega before step n, shared by every member
+                turned_n             the integral of the turn rate before step n, shared by every member
                 P_n                  points that represent the fleet's position curve at grid time n
                 level, slacks        the task's robustness, and by how much constraints fall short
 
-    subject to  turned_{n+1} = turned_n + omega_n dt
+    subject to  turned_{n+1} = turned_n + rate(v_n, omega_n) dt
                 P_{n+1} = P_n + C d(v_n, omega_n, turned_n)
                                      d: exact arcs of the Gauss-node robots, C their points
                 n_on . P_i + slack_on >= support_on + margin + sagitta
@@ -34,7 +34,7 @@ from ensemble_ctrl.ocp.lines import Lines
 from ensemble_ctrl.ocp.moment_form import moment_blocks
 from ensemble_ctrl.ocp.program import Block, Program, assemble
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
-from ensemble_ctrl.ocp.truncation import Truncation, parameter_nodes, points
+from ensemble_ctrl.ocp.truncation import Truncation, node_drives, points
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -59,6 +59,10 @@ class CasadiArrays:
     @staticmethod
     def cos(x: Any) -> Any:
         return ca.cos(x)
+
+    @staticmethod
+    def tan(x: Any) -> Any:
+        return ca.tan(x)
 
     @staticmethod
     def where(condition: Any, yes: Any, no: Any) -> Any:
@@ -107,12 +111,11 @@ def transcribe(
     step = problem.duration / steps
     level, short = layout.level(), layout.slack(1)
     slack = layout.slack(int(pairs.sum()))
-    mean = truncation.to_moments[0] / np.sqrt(2.0)
     in_moments = problem.solve.guarantee == "moment"
     parts = [grounded(problem, Mean(part) if in_moments else part) for part in other_parts(problem)]
     curve = points(problem, controls, truncation)
-    task = task_rows(parts, level, layout, step, mean, curve)
-    blocks = [_turning(layout, step), _moving(problem, truncation, layout, step)]
+    task = task_rows(parts, level, layout, step, truncation.mean, curve, problem.fleet.shift)
+    blocks = [_turning(problem, layout, step), _moving(problem, truncation, layout, step)]
     if in_moments:
         blocks += moment_blocks(problem, truncation, layout)
     else:
@@ -121,31 +124,35 @@ def transcribe(
     blocks.append(_satisfying(level, short[0], problem.solve.margin if parts else 0.0))
     terms = _terms(problem, truncation, layout, level)
     lower, upper = _bounds(problem, layout, level)
-    guess = _guess(layout, controls, curve, step, task)
+    guess = _guess(problem, layout, controls, curve, step, task)
     return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
 
 
-def _turning(layout: Layout, step: float) -> Block:
-    """``turned`` is the running integral of omega."""
-    columns = np.column_stack([layout.controls[:, 1], layout.turned[:-1], layout.turned[1:]])
+def _turning(problem: Problem, layout: Layout, step: float) -> Block:
+    """``turned`` is the running integral of the turn rate."""
+    system = problem.fleet.system
+    columns = np.column_stack([layout.controls, layout.turned[:-1], layout.turned[1:]])
     zero = np.zeros((layout.steps, 1))
-    return Block("turning", lambda z, d: z[2] - z[1] - step * z[0], columns, np.zeros((layout.steps, 0)), zero, zero)
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        _, omega = system.rates(z[0], z[1], CasadiArrays)
+        turned: ca.SX = z[3] - z[2] - step * omega
+        return turned
+
+    return Block("turning", build, columns, np.zeros((layout.steps, 0)), zero, zero)
 
 
 def _moving(problem: Problem, truncation: Truncation, layout: Layout, step: float) -> Block:
     """The points move by the image of the Gauss-node robots' exact displacements."""
-    system, heading = problem.fleet.system, problem.fleet.own_heading
-    traction, image, n = (
-        ca.DM(parameter_nodes(problem, truncation)),
-        ca.DM(truncation.to_points),
-        layout.count,
-    )
+    system, image, n = problem.fleet.system, ca.DM(truncation.to_points), layout.count
+    linear, angular, heading = (ca.DM(column) for column in node_drives(problem, truncation)[:, :3].T)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
         before, after = z[3 : 3 + 2 * n], z[3 + 2 * n :]
         dx: ca.SX
         dy: ca.SX
-        dx, dy = system.displacement(z[0], z[1], z[2], heading, traction, step, CasadiArrays)
+        v, omega = system.rates(z[0], z[1], CasadiArrays)
+        dx, dy = system.displacement(v, omega, z[2], linear, angular, heading, step, CasadiArrays)
         return after - before - ca.vertcat(ca.mtimes(image, dx), ca.mtimes(image, dy))
 
     columns = np.column_stack([layout.controls, layout.turned[:-1], layout.points[:-1], layout.points[1:]])
@@ -160,13 +167,13 @@ def _avoiding(
     piece, at = np.nonzero(pairs)
     if not len(piece):
         return []
-    n, fastest = layout.count, max(abs(problem.fleet.parameter.lower), abs(problem.fleet.parameter.upper))
-    step = problem.duration / layout.steps
-    curvature = problem.fleet.system.sagitta(1.0, 1.0, fastest, step) if hull else 0.0
+    n, system, step = layout.count, problem.fleet.system, problem.duration / layout.steps
+    curvature = system.sagitta(1.0, 1.0, *problem.fleet.fastest, step) if hull else 0.0
     keep = lines.radius[piece] + problem.solve.margin + (tail if hull else 0.0)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
-        bulge = curvature * ca.sqrt((z[0] * z[1]) ** 2 + SMOOTH**2)
+        v, omega = system.rates(z[0], z[1], CasadiArrays)
+        bulge = curvature * ca.sqrt((v * omega) ** 2 + SMOOTH**2)
         ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n :])]
         return ca.vertcat(*ends) - d[2] - bulge + z[2]
 
@@ -230,18 +237,21 @@ def _bounds(problem: Problem, layout: Layout, level: int) -> tuple[Floats, Float
     lower[layout.controls], upper[layout.controls] = fleet.input_lower, fleet.input_upper
     for bound in (lower, upper):
         bound[layout.turned[0]] = 0.0
-        bound[layout.points[0]] = np.repeat(fleet.position, layout.count)
+        bound[layout.points[0]] = np.repeat(fleet.start, layout.count)
     lower[layout.slacks] = 0.0
     if not other_parts(problem):
         lower[level] = upper[level] = 0.0
     return lower, upper
 
 
-def _guess(layout: Layout, controls: Floats, curve: Floats, step: float, task: TaskRows) -> Floats:
+def _guess(
+    problem: Problem, layout: Layout, controls: Floats, curve: Floats, step: float, task: TaskRows
+) -> Floats:
     """The decision vector under the guessed controls."""
+    _, omega = problem.fleet.system.rates(*controls.T)
     x = np.zeros(layout.size)
     x[layout.controls] = controls
-    x[layout.turned] = np.concatenate([[0.0], np.cumsum(controls[:, 1]) * step])
+    x[layout.turned] = np.concatenate([[0.0], np.cumsum(omega) * step])
     x[layout.points] = np.concatenate([curve[..., 0], curve[..., 1]], axis=1)
     for index, value in task.levels.items():
         x[index] = value

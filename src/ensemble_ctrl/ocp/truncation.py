@@ -1,26 +1,32 @@
 """The truncated moment system in nodal coordinates, and the points that stand for the fleet's position curve.
 
-At any time the positions of the fleet are a curve ``s -> p(s)`` over the scaled parameter.  Truncation at order N keeps
-the polynomial through the robots at the N + 1 Gauss nodes.  The displacement of those robots over a step depends on
-the commands alone, so the decision variables need not carry their positions: they carry the `points` that the
-constraints speak of, any linear image of them.
+At any time the positions of the fleet are a curve (or, with several parameters, a patch) ``s -> p(s)`` over the scaled
+parameters.  Truncation at orders N keeps the polynomial through the robots at the tensor grid of Gauss nodes.  The
+displacement of those robots over a step depends on the commands alone, so the decision variables need not carry their
+positions: they carry the `points` that the constraints speak of, any linear image of them.
+
+Parameters that only shift the start add a constant box to every position (``Fleet.shift``): they need no nodes at all,
+and rows pay for them with a constant.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.moments import LegendreBasis, bernstein_to_moments, nodes_to_bernstein, nodes_to_moments
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.moments import LegendreBasis, TensorBasis
 from ensemble_ctrl.problem import MAX_ORDER, Problem
 
 Floats = NDArray[np.float64]
 
-DENSE = 41
-"""Members (Chebyshev points) at which the truncation error is measured."""
+DENSE = {0: 1, 1: 41, 2: 15, 3: 9}
+"""Chebyshev points for each of so many parameters, at whose members the truncation error is measured; else 5."""
 TAIL_TOLERANCE = 1e-4
 """Metres of truncation error allowed when the order, or the carried degree, is chosen automatically."""
 
@@ -31,34 +37,32 @@ class Truncation:
 
     Parameters
     ----------
-    order : int
-        Truncation order N of the moment system.
-    degree : int
+    orders : tuple of int
+        Truncation order N of the moment system in each bent parameter.
+    degrees : tuple of int
         The points carry the moments 0..degree of the position; the rest is a tail that becomes margin.
     hull : bool
         True for Bernstein coefficients, whose convex hull contains the curve; False for the Gauss-node robots.
     """
 
-    order: int
-    degree: int
+    orders: tuple[int, ...]
+    degrees: tuple[int, ...]
     hull: bool
 
     @cached_property
-    def basis(self) -> LegendreBasis:
+    def basis(self) -> TensorBasis:
         """Basis of the moments 0..N."""
-        return LegendreBasis(self.order)
+        return _basis(self.orders)
 
     @property
     def nodes(self) -> Floats:
-        """Gauss nodes, shape (order + 1,), scaled parameter."""
+        """Gauss nodes, shape (nodes, bent parameters), scaled."""
         return self.basis.nodes
 
     @cached_property
     def to_points(self) -> Floats:
-        """Matrix from nodal positions to points, shape (points, order + 1)."""
-        if self.hull:
-            return nodes_to_bernstein(self.basis, degree=self.degree)
-        return np.eye(self.order + 1)
+        """Matrix from nodal positions to points, shape (points, nodes)."""
+        return self.basis.nodes_to_bernstein(self.degrees) if self.hull else np.eye(self.basis.count)
 
     @property
     def count(self) -> int:
@@ -67,32 +71,33 @@ class Truncation:
 
     @cached_property
     def to_moments(self) -> Floats:
-        """Matrix from points to the moments they carry, shape (degree + 1, points)."""
-        if self.hull:
-            return bernstein_to_moments(LegendreBasis(self.degree))
-        return nodes_to_moments(self.basis)
+        """Matrix from points to the moments they carry, shape (moments, points)."""
+        return _basis(self.degrees).bernstein_to_moments() if self.hull else self.basis.nodes_to_moments()
+
+    @cached_property
+    def mean(self) -> Floats:
+        """Weights of the points in the mean position, shape (points,)."""
+        return np.asarray(self.to_moments[0] / np.sqrt(2.0))
 
     def evaluation(self, s: Floats) -> Floats:
         """Matrix from points to positions at scaled parameters `s`, shape (len(s), points)."""
-        return np.asarray(LegendreBasis(self.degree).evaluate(s) @ self.to_moments)
+        return np.asarray(_basis(self.degrees).evaluate(s) @ self.to_moments)
 
 
-def parameter_nodes(problem: Problem, truncation: Truncation) -> Floats:
-    """Parameters of the Gauss-node robots, shape (order + 1,)."""
-    return np.asarray(problem.fleet.parameter.to_parameter(truncation.nodes))
+def node_drives(problem: Problem, truncation: Truncation) -> Floats:
+    """Drives of the Gauss-node robots, shape (nodes, 5)."""
+    return problem.fleet.drives(problem.fleet.bent_members(truncation.nodes))
 
 
-def positions(problem: Problem, controls: Floats, parameters: Floats) -> Floats:
-    """Exact positions of the members with these `parameters`, shape (members, steps + 1, 2), metres."""
+def positions(problem: Problem, controls: Floats, members: Floats) -> Floats:
+    """Exact positions of `members` of shape (members, parameters), shape (members, steps + 1, 2), metres."""
     fleet = problem.fleet
-    return fleet.system.positions(
-        controls, fleet.position, fleet.own_heading, parameters, problem.duration / len(controls)
-    )
+    return fleet.system.positions(controls, fleet.drives(members), problem.duration / len(controls))
 
 
 def points(problem: Problem, controls: Floats, truncation: Truncation) -> Floats:
     """The representing points under `controls`, shape (steps + 1, points, 2), metres."""
-    nodal = positions(problem, controls, parameter_nodes(problem, truncation))
+    nodal = positions(problem, controls, problem.fleet.bent_members(truncation.nodes))
     return np.asarray(np.einsum("ij,jtd->tid", truncation.to_points, nodal))
 
 
@@ -101,37 +106,72 @@ def tail(problem: Problem, controls: Floats, truncation: Truncation) -> float:
 
     Notes
     -----
-    An estimate from 41 members, used to set margins; the claim about a plan comes from replay and certificate.
+    An estimate from a few members, used to set margins; the claim about a plan comes from replay and certificate.
     """
-    s = np.cos(np.linspace(0.0, np.pi, DENSE))
-    exact = positions(problem, controls, np.asarray(problem.fleet.parameter.to_parameter(s)))
+    s = _dense(len(truncation.orders))
+    exact = positions(problem, controls, problem.fleet.bent_members(s))
     curve = np.einsum("ij,tjd->itd", truncation.evaluation(s), points(problem, controls, truncation))
     return float(np.linalg.norm(exact - curve, axis=-1).max())
 
 
 def choose(problem: Problem, controls: Floats) -> Truncation:
-    """The truncation the problem asks for, with the lowest order and degree that `controls` need.
+    """The truncation the problem asks for, with the lowest orders and degrees that `controls` need.
 
     Notes
     -----
-    With ``order: auto`` the order is the first one whose tail is below `TAIL_TOLERANCE`; in hull form the points
-    carry no more moments than that either, since the tail of a smooth curve falls geometrically.
+    With ``order: auto`` degrees grow, each time in the parameter where that helps most, until the tail is below
+    `TAIL_TOLERANCE`; in hull form the points carry no more moments than that either, since the tail of a smooth curve
+    falls geometrically.
     """
-    hull = problem.solve.guarantee == "hull"
+    hull, bent = problem.solve.guarantee == "hull", len(problem.fleet.bent)
     if not hull and problem.order is not None:
-        return Truncation(problem.order, problem.order, hull)
-    ceiling = problem.order or MAX_ORDER
-    degree = next((n for n in range(1, ceiling) if tail(problem, controls, _plain(n, hull)) < TAIL_TOLERANCE), ceiling)
-    return Truncation(problem.order or degree, degree, hull)
+        return plain((problem.order,) * bent, hull)
+    degrees = _degrees(problem, controls, hull, problem.order or MAX_ORDER)
+    orders = degrees if problem.order is None else (problem.order,) * bent
+    return Truncation(orders, degrees, hull)
 
 
-def raised(problem: Problem, truncation: Truncation) -> Truncation:
-    """The same truncation with one more moment carried."""
-    degree = min(truncation.degree + 1, MAX_ORDER)
-    order = max(truncation.order, degree)
-    return Truncation(order, degree if truncation.hull else order, truncation.hull)
-
-
-def _plain(order: int, hull: bool) -> Truncation:
+def plain(orders: tuple[int, ...], hull: bool) -> Truncation:
     """A truncation that carries all its moments."""
-    return Truncation(order, order, hull)
+    return Truncation(orders, orders, hull)
+
+
+def coarse(fleet: Fleet, hull: bool) -> Truncation:
+    """A low truncation for first solves: parabolas, or straight lines where there are many parameters."""
+    bent = len(fleet.bent)
+    return plain((2 if bent < 3 else 1,) * bent, hull)
+
+
+def raised(truncation: Truncation) -> Truncation:
+    """The same truncation with one more moment carried in each parameter."""
+    degrees = tuple(min(degree + 1, MAX_ORDER) for degree in truncation.degrees)
+    orders = tuple(max(pair) for pair in zip(truncation.orders, degrees, strict=True))
+    return Truncation(orders, degrees if truncation.hull else orders, truncation.hull)
+
+
+def _degrees(problem: Problem, controls: Floats, hull: bool, ceiling: int) -> tuple[int, ...]:
+    """The lowest degrees whose tail is small enough."""
+    degrees = (min(1, ceiling),) * len(problem.fleet.bent)
+    error = tail(problem, controls, plain(degrees, hull))
+    while error >= TAIL_TOLERANCE and min(degrees, default=ceiling) < ceiling:
+        tried = [(tail(problem, controls, plain(d, hull)), d) for d in _one_more(degrees, ceiling)]
+        error, degrees = min(tried)
+    return degrees
+
+
+def _one_more(degrees: tuple[int, ...], ceiling: int) -> Iterator[tuple[int, ...]]:
+    """Each of the degrees raised by one."""
+    for k, degree in enumerate(degrees):
+        if degree < ceiling:
+            yield (*degrees[:k], degree + 1, *degrees[k + 1 :])
+
+
+def _basis(orders: tuple[int, ...]) -> TensorBasis:
+    """Products of Legendre polynomials."""
+    return TensorBasis(tuple(LegendreBasis(order) for order in orders))
+
+
+def _dense(bent: int) -> Floats:
+    """A tensor grid of Chebyshev points."""
+    axis = np.cos(np.linspace(0.0, np.pi, DENSE.get(bent, 5)))
+    return np.array(list(product(*[axis] * bent)), dtype=float).reshape(-1, bent)

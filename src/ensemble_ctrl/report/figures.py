@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.drawing import outlines
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.report.text import ranges_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,21 +92,23 @@ def draw_trajectories(
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    law = problem.fleet.parameter
-    parameters = np.linspace(law.lower, law.upper, MEMBERS)
-    paths = trajectories(problem, controls, parameters, 4)
+    fleet = problem.fleet
+    members = fleet.grid(MEMBERS)
+    paths = trajectories(problem, controls, members, 4)
     ax = _shown_axes(_size(problem, controls, twin_controls)) if ax is None else ax
     draw_map(problem, ax, list(paths))
     if twin_controls is not None:
-        _draw_twin(trajectories(problem, twin_controls, parameters[::2], 4), ax)
-    colours = ScalarMappable(Normalize(law.lower, law.upper), "viridis")
-    for parameter, path in zip(parameters, paths, strict=True):
-        colour = colours.to_rgba(np.array(parameter))
+        _draw_twin(trajectories(problem, twin_controls, members[::2], 4), ax)
+    shade = members[:, 0] if fleet.names else np.zeros(len(members))
+    colours = ScalarMappable(Normalize(shade.min(), shade.max()), "viridis")
+    for value, path in zip(shade, paths, strict=True):
+        colour = colours.to_rgba(np.array(value))
         ax.plot(path[:, 0], path[:, 1], color=colour, linewidth=0.9, alpha=0.9)
         ax.plot(*path[-1], "o", color=colour, markersize=3, zorder=4)
-    bar = ax.get_figure().colorbar(colours, ax=ax, fraction=0.05, pad=0.02)  # type: ignore[union-attr]
-    bar.set_label(problem.fleet.parameter_name)
-    ax.set_title(f"{problem.name}: one control, {problem.fleet.parameter_name} {law.lower:g} to {law.upper:g}")
+    if fleet.names:
+        bar = ax.get_figure().colorbar(colours, ax=ax, fraction=0.05, pad=0.02)  # type: ignore[union-attr]
+        bar.set_label(fleet.names[0])
+    ax.set_title(f"{problem.name}: one control, {ranges_text(fleet)}", wrap=True)
     return ax
 
 
@@ -158,9 +161,8 @@ def write_figures(problem: Problem, controls: Floats, folder: Path, twin_control
 
 def _size(problem: Problem, controls: Floats, twin_controls: Floats | None = None) -> tuple[float, float]:
     """Inches for a map of its own proportions, with room for labels and the colour bar."""
-    law = problem.fleet.parameter
     drawn = [controls] if twin_controls is None else [controls, twin_controls]
-    ends = np.concatenate([trajectories(problem, c, np.array([law.lower, law.upper])) for c in drawn])
+    ends = np.concatenate([trajectories(problem, c, problem.fleet.corners) for c in drawn])
     shapes = [*outlines(problem, list(ends)).values(), *(piece.vertices for _, piece in problem.pieces)]
     width, height = np.ptp(np.concatenate([*ends, *shapes]), axis=0)
     ratio = float(np.clip(height / max(width, 1e-9), 0.4, 1.1))

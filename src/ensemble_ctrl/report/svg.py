@@ -25,6 +25,5 @@ def plan_svg(problem: Problem, controls: Floats) -> str:
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
     """
-    law = problem.fleet.parameter
-    paths = trajectories(problem, controls, np.linspace(law.lower, law.upper, MEMBERS))
+    paths = trajectories(problem, controls, problem.fleet.grid(MEMBERS))
     return map_svg(problem, list(paths))

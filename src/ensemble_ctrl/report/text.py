@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ensemble_ctrl.fleet import START, Fleet
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import Replay
 
@@ -71,13 +73,13 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
         ("fleet", _fleet(problem)),
         ("horizon", f"{problem.duration:g} s in {problem.steps} steps"),
         ("task", str(problem.task)),
-        *measured(plan.replayed, problem.fleet.parameter_name),
+        *measured(plan.replayed),
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
-        rows += [("violated", conflict_text(problem, c)) for c in plan.conflicts()[:5]]
+        rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
     if plan.status == "infeasible":
         rows.append(("try", "a longer horizon, higher input bounds, a narrower parameter range, or wider passages"))
-    rows += proven(plan.certificate, problem.fleet.parameter_name)
+    rows += proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
     if d.keys() >= {"seconds", "routes", "iterations", "build_seconds"}:
@@ -89,26 +91,43 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
 
 def _fleet(problem: Problem) -> str:
     """Who moves, from where."""
-    fleet, law = problem.fleet, problem.fleet.parameter
+    fleet = problem.fleet
     x, y = fleet.position
     return (
-        f"{fleet.system.name}, {fleet.parameter_name} {law.lower:g} to {law.upper:g}, radius {fleet.radius:g} m, "
+        f"{fleet.system.name}, {ranges_text(fleet)}, radius {fleet.radius:g} m, "
         f"from ({x:g}, {y:g}) heading {np.degrees(fleet.heading):.4g} deg"
     )
 
 
-def measured(run: Replay | None, name: str) -> list[tuple[str, str]]:
+def ranges_text(fleet: Fleet) -> str:
+    """The parameters with their ranges; lengths and angles with their units."""
+    if not fleet.names:
+        return "all members equal"
+    return ", ".join(f"{name} {law.lower:g} to {law.upper:g}{_unit(name)}" for name, law in fleet.parameters.items())
+
+
+def member_text(parameters: Mapping[str, float]) -> str:
+    """One member by its parameters."""
+    return ", ".join(f"{name} {value:.6g}{_unit(name)}" for name, value in parameters.items()) or "any member"
+
+
+def _unit(name: str) -> str:
+    """A parameter's unit, with a space before it."""
+    return " rad" if name == "start_heading" else " m" if name in START else ""
+
+
+def measured(run: Replay | None) -> list[tuple[str, str]]:
     """What the replay found."""
     if run is None:
         return []
-    value, parameter = run.worst
-    rows = [("robustness", f"{value:.4f} m for the worst member ({name} {parameter:.4f})")]
+    value, worst = run.worst
+    rows = [("robustness", f"{value:.4f} m for the worst member ({member_text(worst)})")]
     if run.clearances:
         c = min(run.clearances, key=lambda c: c.distance)
         rows.append(
             (
                 "clearance",
-                f"{c.distance:.4f} m to {c.obstacle} at t = {c.time:.2f} s ({name} {c.parameter:.4f})",
+                f"{c.distance:.4f} m to {c.obstacle} at t = {c.time:.2f} s ({member_text(c.parameters)})",
             )
         )
     bad = int(run.violating.sum())
@@ -122,17 +141,18 @@ def measured(run: Replay | None, name: str) -> list[tuple[str, str]]:
     return rows
 
 
-def conflict_text(problem: Problem, c: Conflict) -> str:
+def conflict_text(c: Conflict) -> str:
     """One violated constraint, with amount, parameter and time."""
-    return f"{c.what} by {c.amount:.3g} m ({problem.fleet.parameter_name} {c.parameter:.4g}, t = {c.time:.2f} s)"
+    return f"{c.what} by {c.amount:.3g} m ({member_text(c.parameters)}, t = {c.time:.2f} s)"
 
 
-def proven(certificate: Certificate | None, name: str) -> list[tuple[str, str]]:
+def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     """What holds for every parameter and every instant."""
     if certificate is None:
         return [("proven", "nothing for all parameters (no certificate was asked for)")]
     c = certificate
-    scope = f"{name} {c.lower:g}..{c.upper:g}, every instant"
+    ranges = [f"{name} {low:g}..{high:g}" for name, (low, high) in c.ranges.items()]
+    scope = ", ".join([*ranges, "every instant"])
     bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
     bounds += [f"rest of the task >= {c.robustness:.4f} m"] if c.parts else []
     work = f"({c.seconds:.2f} s)"
@@ -142,7 +162,7 @@ def proven(certificate: Certificate | None, name: str) -> list[tuple[str, str]]:
         return [("proven", f"UNDECIDED for {scope}: only {', '.join(bounds)} {work}")]
     found = c.counter_example
     when = "" if found.time is None else f" at t = {found.time:.2f} s"
-    return [("proven", f"NO: {name} {found.parameter:.6g} violates {found.what} by {found.amount:.3g} m{when}")]
+    return [("proven", f"NO: {member_text(found.parameters)} violates {found.what} by {found.amount:.3g} m{when}")]
 
 
 def _percent(share: float) -> str:

@@ -16,6 +16,9 @@ class Arrays(Protocol):
     def cos(self, x: Any, /) -> Any:
         """Cosine of an angle in radians."""
 
+    def tan(self, x: Any, /) -> Any:
+        """Tangent of an angle in radians."""
+
     def where(self, condition: Any, yes: Any, no: Any, /) -> Any:
         """`yes` where `condition` holds, else `no`."""
 

@@ -1,0 +1,240 @@
+"""The ensemble: shared dynamics, the parameters that differ between its members, and where and how they start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.systems import ArcSystem
+
+Floats = NDArray[np.float64]
+Member = dict[str, float]
+"""The parameters of one robot by their names."""
+
+START = {"start_heading": 2, "start_x": 3, "start_y": 4}
+"""Parameters of the start, offsets from the fleet's own, and their places in a drive."""
+
+
+def frozen(values: Any, shape: tuple[int, ...], what: str) -> Floats:
+    """A read-only float copy of `values`, checked for shape and finiteness."""
+    array = np.array(values, dtype=float)
+    if array.shape != shape:
+        raise ProblemError(f"{what}: expected {shape} numbers, got shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise ProblemError(f"{what}: expected finite numbers, got {array.tolist()}")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Fleet:
+    """Who moves.
+
+    Parameters
+    ----------
+    system : ArcSystem
+        The dynamics all members share.
+    parameters : Interval, or mapping of str to Interval
+        The law of each parameter that differs between members, independent of each other. Names are those of
+        ``system.parameters`` (dimensionless factors), and ``start_x``, ``start_y`` (metres) and ``start_heading``
+        (radians), which are offsets from `position` and `heading`. An interval alone is that of ``traction``. Factors
+        that are not named are 1.
+    position : array_like, shape (2,)
+        Start position in metres.
+    heading : float
+        Start heading in radians, counted from +x counter-clockwise whatever the system's own convention.
+    input_lower, input_upper : array_like, shape (2,)
+        Bounds of the commands (m/s and rad/s for a unicycle, m/s and rad for a bicycle).
+    radius : float
+        Radius of a robot in metres; obstacles grow by it.
+
+    Raises
+    ------
+    ProblemError
+        For names that the system does not know or that say the same thing twice, and for numbers that are not finite.
+    """
+
+    system: ArcSystem
+    parameters: Mapping[str, Interval]
+    position: Floats
+    heading: float
+    input_lower: Floats
+    input_upper: Floats
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        given = {"traction": self.parameters} if isinstance(self.parameters, Interval) else dict(self.parameters)
+        object.__setattr__(self, "parameters", MappingProxyType(given))
+        for name in ("position", "input_lower", "input_upper"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"fleet.{name}"))
+        if not np.isfinite([self.heading, self.radius]).all() or self.radius < 0:
+            raise ProblemError(f"fleet: expected a finite heading and a radius >= 0, got {self.heading}, {self.radius}")
+        if (self.input_lower > self.input_upper).any():
+            raise ProblemError(f"fleet.input_bounds: low above high: {self.input_lower}, {self.input_upper}")
+        self._check_names()
+
+    def _check_names(self) -> None:
+        """Known names, each factor told once."""
+        known = [*self.system.parameters, *START]
+        for name in self.parameters:
+            if name not in known:
+                raise ProblemError(f"fleet.parameters: expected names among {', '.join(known)}, got {name!r}")
+        for place in (0, 1):
+            twice = [n for n in self.parameters if n in self.system.parameters and self.system.parameters[n][place]]
+            if len(twice) > 1:
+                raise ProblemError(f"fleet.parameters: expected one of {' and '.join(twice)}, got both")
+
+    @property
+    def own_heading(self) -> float:
+        """Start heading in radians in the system's own convention."""
+        return self.heading if self.system.heading_from == "x" else np.pi / 2 - self.heading
+
+    @property
+    def start(self) -> Floats:
+        """Middle of the start positions, shape (2,), metres."""
+        return np.asarray(self.drives(self.center[None])[0, 3:])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of the columns of every array of members."""
+        return tuple(self.parameters)
+
+    @cached_property
+    def lower(self) -> Floats:
+        """Lower ends of the parameters' ranges, shape (parameters,)."""
+        return np.array([law.lower for law in self.parameters.values()])
+
+    @cached_property
+    def upper(self) -> Floats:
+        """Upper ends of the parameters' ranges, shape (parameters,)."""
+        return np.array([law.upper for law in self.parameters.values()])
+
+    @cached_property
+    def center(self) -> Floats:
+        """Middles of the parameters' ranges, shape (parameters,)."""
+        return np.array([law.center for law in self.parameters.values()])
+
+    @cached_property
+    def directions(self) -> Floats:
+        """How much each parameter adds to a drive, shape (parameters, 5)."""
+        rows = np.zeros((len(self.parameters), 5))
+        for row, name in zip(rows, self.names, strict=True):
+            if name in START:
+                row[START[name]] = -1.0 if name == "start_heading" and self.system.heading_from == "y" else 1.0
+            else:
+                row[:2] = self.system.parameters[name]
+        return rows
+
+    @cached_property
+    def origin(self) -> Floats:
+        """The drive from which `directions` count, shape (5,)."""
+        told = self.directions[:, :2].any(axis=0)
+        return np.array([*np.where(told, 0.0, 1.0), self.own_heading, *self.position])
+
+    @cached_property
+    def bent(self) -> tuple[int, ...]:
+        """Columns of the parameters that bend the position curve; the others only shift the start."""
+        return tuple(np.flatnonzero(self.directions[:, :3].any(axis=1)).tolist())
+
+    @cached_property
+    def shift(self) -> Floats:
+        """Half the side lengths of the box of start positions around its middle, shape (2,), metres."""
+        half = (self.upper - self.lower) / 2
+        return np.asarray(half @ np.abs(self.directions[:, 3:]))
+
+    @cached_property
+    def fastest(self) -> tuple[float, float]:
+        """Largest linear and angular factor of any member."""
+        corners = self.drives(self.corners)
+        return float(np.abs(corners[:, 0]).max()), float(np.abs(corners[:, 1]).max())
+
+    @cached_property
+    def slowest(self) -> float:
+        """Smallest linear factor of any member."""
+        return float(self.drives(self.corners)[:, 0].min())
+
+    @property
+    def corners(self) -> Floats:
+        """The members at the corners of the box of parameters, shape (2^parameters, parameters)."""
+        ends = [(law.lower, law.upper) for law in self.parameters.values()]
+        return np.array(list(product(*ends)), dtype=float).reshape(2 ** len(ends), len(ends))
+
+    def drives(self, members: Floats) -> Floats:
+        """The drives of members of shape (members, parameters), shape (members, 5)."""
+        return np.asarray(self.origin + members @ self.directions)
+
+    def bent_members(self, scaled: Floats) -> Floats:
+        """Members at scaled points in [-1, 1] of the bent parameters, the start in the middle of its box.
+
+        Parameters
+        ----------
+        scaled : ndarray, shape (members, bent parameters)
+
+        Returns
+        -------
+        ndarray, shape (members, parameters)
+        """
+        members = np.tile(self.center, (len(scaled), 1))
+        laws = list(self.parameters.values())
+        for column, k in enumerate(self.bent):
+            members[:, k] = laws[k].to_parameter(scaled[:, column])
+        return members
+
+    def grid(self, count: int) -> Floats:
+        """About `count` members spread evenly over the ranges, both ends of each included, shape (.., parameters)."""
+        wide = [law.upper > law.lower for law in self.parameters.values()]
+        each = max(2, round(count ** (1 / max(sum(wide), 1))))
+        axes = [np.linspace(law.lower, law.upper, each if w else 1) for law, w in zip(self.parameters.values(), wide, strict=True)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
+
+    def sample(self, count: int, seed: int) -> Floats:
+        """Members drawn from the parameters' laws, shape (count, parameters)."""
+        drawn = np.empty((count, len(self.parameters)))
+        for k, law in enumerate(self.parameters.values()):
+            drawn[:, k] = law.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
+        return drawn
+
+    def members(self, parameters: ArrayLike | Sequence[Mapping[str, float]]) -> Floats:
+        """Members from numbers or names.
+
+        Parameters
+        ----------
+        parameters : array_like or sequence of mappings
+            Shape (members,) for a fleet with one parameter, (members, parameters) for any, or a mapping with every
+            parameter's name for each member.
+
+        Returns
+        -------
+        ndarray, shape (members, parameters)
+
+        Raises
+        ------
+        ProblemError
+            If they are none of these, are empty, or are not finite; a NaN would fail no comparison.
+        """
+        wanted = f"finite numbers of shape (members, {len(self.names)}) or names {', '.join(self.names)}"
+        try:
+            given: list[Any] = list(parameters)  # type: ignore[arg-type]
+            if given and isinstance(given[0], Mapping):
+                given = [[one[name] for name in self.names] for one in given]
+            array = np.array(given, dtype=float)
+        except (TypeError, ValueError, KeyError):
+            raise ProblemError(f"parameters: expected {wanted}, got {parameters!r}") from None
+        if array.ndim == 1 and len(self.names) == 1:
+            array = array[:, None]
+        if array.ndim != 2 or not len(array) or array.shape[1] != len(self.names) or not np.isfinite(array).all():
+            raise ProblemError(f"parameters: expected {wanted}, got shape {array.shape}")
+        return array
+
+    def named(self, member: Floats) -> Member:
+        """The parameters of one member by name."""
+        return dict(zip(self.names, np.asarray(member, dtype=float).tolist(), strict=True))

@@ -1,0 +1,126 @@
+"""Products of bases: orthonormal functions of several independent parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.moments._check import finite_array
+from ensemble_ctrl.moments.basis import LegendreBasis
+from ensemble_ctrl.moments.bernstein import bernstein_to_moments, nodes_to_bernstein
+from ensemble_ctrl.moments.transform import nodes_to_moments
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TensorBasis:
+    r"""Products ``phi_k1(s_1) phi_k2(s_2) ...`` of one-dimensional orthonormal polynomials.
+
+    Their measure has total mass 2 however many parameters there are, so that the mean is ``m_0 / sqrt(2)`` as it is for
+    one parameter; with one factor this is that factor, and with none it is the constant function.
+
+    Parameters
+    ----------
+    factors : tuple of LegendreBasis
+        One basis for each parameter. Functions, nodes and moments are numbered with the last parameter fastest.
+
+    Examples
+    --------
+    >>> basis = TensorBasis((LegendreBasis(1), LegendreBasis(2)))
+    >>> basis.count, basis.indices[:4]
+    (6, ((0, 0), (0, 1), (0, 2), (1, 0)))
+    """
+
+    factors: tuple[LegendreBasis, ...]
+
+    @property
+    def count(self) -> int:
+        """How many functions, and how many Gauss nodes."""
+        return int(np.prod([f.order + 1 for f in self.factors], dtype=int))
+
+    @property
+    def indices(self) -> tuple[tuple[int, ...], ...]:
+        """The degrees ``(k1, k2, ...)`` of every function."""
+        return tuple(product(*(range(f.order + 1) for f in self.factors)))
+
+    @property
+    def nodes(self) -> FloatArray:
+        """Gauss nodes, shape (count, parameters), scaled."""
+        return np.array(list(product(*(f.nodes for f in self.factors))), dtype=float).reshape(self.count, -1)
+
+    @property
+    def weights(self) -> FloatArray:
+        """Gauss weights, shape (count,); their sum is 2."""
+        return 2 * self._join([f.weights[None, :] / 2 for f in self.factors])[0]
+
+    def evaluate(self, s: ArrayLike) -> FloatArray:
+        """Values of the functions.
+
+        Parameters
+        ----------
+        s : array_like, shape (points, parameters)
+            Scaled parameters.
+
+        Returns
+        -------
+        ndarray, shape (points, count)
+
+        Raises
+        ------
+        ProblemError
+            For numbers that are not finite, or another number of columns.
+        """
+        s = finite_array("s", s)
+        if s.ndim != 2 or s.shape[1] != len(self.factors):
+            raise ProblemError(f"s: expected shape (points, {len(self.factors)}), got {s.shape}")
+        values = np.full((len(s), 1), np.sqrt(0.5))
+        for column, factor in zip(s.T, self.factors, strict=True):
+            one = np.sqrt(2.0) * factor.evaluate(column)
+            values = (values[:, :, None] * one[:, None, :]).reshape(len(s), -1)
+        return values
+
+    def signed_moments(self) -> tuple[FloatArray, FloatArray]:
+        """Integrals of the functions' positive and negative parts, two arrays of shape (count,)."""
+        pairs = [tuple(m / np.sqrt(2.0) for m in f.signed_moments()) for f in self.factors]
+        positive, negative = np.ones(1), np.zeros(1)
+        for plus, minus in pairs:
+            positive, negative = (
+                np.kron(positive, plus) + np.kron(negative, minus),
+                np.kron(positive, minus) + np.kron(negative, plus),
+            )
+        return np.sqrt(2.0) * positive, np.sqrt(2.0) * negative
+
+    def nodes_to_moments(self) -> FloatArray:
+        """Matrix from values at the nodes to moments, shape (count, count)."""
+        return self._scaled(nodes_to_moments)
+
+    def nodes_to_bernstein(self, degrees: Sequence[int]) -> FloatArray:
+        """Matrix from values at the nodes to Bernstein coefficients, shape (prod(degrees + 1), count).
+
+        Notes
+        -----
+        *Guarantee*: the values on the whole box are in the convex hull of the coefficients, if the degrees are the
+        orders; with lower degrees so is the projection onto the moments up to them.
+        """
+        pairs = zip(self.factors, degrees, strict=True)
+        return self._join([nodes_to_bernstein(f, degree=degree) for f, degree in pairs])
+
+    def bernstein_to_moments(self) -> FloatArray:
+        """Matrix from Bernstein coefficients of the factors' orders to moments, shape (count, count)."""
+        return self._scaled(bernstein_to_moments)
+
+    def _scaled(self, matrix: Callable[[LegendreBasis], FloatArray]) -> FloatArray:
+        """The product of a matrix of every factor, for a measure of mass 2."""
+        return np.sqrt(2.0) * self._join([matrix(f) / np.sqrt(2.0) for f in self.factors])
+
+    @staticmethod
+    def _join(matrices: Sequence[FloatArray]) -> FloatArray:
+        """Kronecker product."""
+        return reduce(lambda a, b: np.asarray(np.kron(a, b)), matrices, np.ones((1, 1)))

@@ -1,0 +1,159 @@
+r"""Robots that move on arcs: what the unicycle and the bicycle have in common.
+
+Every member is told by its *drive*, five numbers ``(linear, angular, heading, x, y)``: the factors on its speed and on its
+turn rate, and its pose at the start.  Under commands that are constant over a step it moves on an exact arc.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.systems.arrays import Arrays, sinc
+
+Floats = NDArray[np.float64]
+
+DRIVE = ("linear", "angular", "heading", "x", "y")
+"""The five numbers that tell one member's motion from another's, in order."""
+
+
+@dataclass(frozen=True)
+class ArcSystem:
+    r"""A robot with a speed `v` and a turn rate `omega` made from its two commands.
+
+    .. math:: \dot p_x = \psi_1 v \cos\theta, \quad \dot p_y = \psi_1 v \sin\theta, \quad \dot\theta = \psi_2 \omega
+
+    with the heading counted from +x; with ``heading_from="y"`` cosine and sine change places, which is the paper's
+    convention for the unicycle (``eq:unicycle``), and a positive `omega` then turns clockwise.
+
+    Parameters
+    ----------
+    heading_from : {"x", "y"}
+        The axis along which a heading of zero points.
+    """
+
+    heading_from: Literal["x", "y"] = "x"
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    controls: ClassVar[tuple[str, ...]]
+    control_units: ClassVar[tuple[str, ...]]
+    input_bounds: ClassVar[tuple[tuple[float, float], ...]]
+    turns_in_place: ClassVar[bool]
+    parameters: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "traction": (1.0, 1.0),
+        "linear_traction": (1.0, 0.0),
+        "angular_traction": (0.0, 1.0),
+    }
+    """Names that a fleet may vary, with the rates at which each raises the linear and the angular factor."""
+
+    def __post_init__(self) -> None:
+        if self.heading_from not in ("x", "y"):
+            raise ProblemError(f"heading_from: expected 'x' or 'y', got {self.heading_from!r}")
+
+    def rates(self, first: Any, second: Any, arrays: Arrays = np) -> tuple[Any, Any]:
+        """Speed `v` in m/s and turn rate `omega` in rad/s that the two commands ask for."""
+        raise NotImplementedError
+
+    def commands(self, v: Any, omega: Any, lower: Floats, upper: Floats) -> tuple[Any, Any]:
+        """The commands within bounds that come close to a speed and a turn rate."""
+        raise NotImplementedError
+
+    def turned(self, omega: Floats, step: float) -> Floats:
+        """Integral of `omega` before each step, radians, shape of `omega`: the same for every member."""
+        return step * (np.cumsum(omega) - omega)
+
+    def displacement(
+        self,
+        v: Any,
+        omega: Any,
+        turned: Any,
+        linear: Any,
+        angular: Any,
+        heading: Any,
+        step: float,
+        arrays: Arrays = np,
+    ) -> tuple[Any, Any]:
+        r"""Exact displacement over one step of constant rates.
+
+        Parameters
+        ----------
+        v, omega : array
+            Speed in m/s and turn rate in rad/s.
+        turned : array
+            Integral of `omega` since the start, in radians: the same for every member.
+        linear, angular : array
+            The member's factors on `v` and `omega`, dimensionless.
+        heading : array
+            The member's heading at the start, in radians, counted from the axis of `heading_from`.
+        step : float
+            Length of the step in seconds.
+        arrays : Arrays
+            The array library of the arguments, which broadcast.
+
+        Returns
+        -------
+        dx, dy : array
+            Displacement in metres.
+
+        Notes
+        -----
+        The robot moves on an arc whose chord is ``linear v dt sinc(angular omega dt / 2)`` long and points along the
+        heading at mid-step; at ``omega = 0`` this is the straight line.
+
+        Examples
+        --------
+        A quarter turn of radius 1 m:
+
+        >>> from ensemble_ctrl.systems import Unicycle
+        >>> dx, dy = Unicycle().displacement(1.0, 1.0, 0.0, 1.0, 1.0, 0.0, np.pi / 2)
+        >>> round(float(dx), 12), round(float(dy), 12)
+        (1.0, 1.0)
+        """
+        half = angular * omega * (step / 2)
+        chord = linear * v * step * sinc(half, arrays)
+        angle = heading + angular * turned + half
+        along, across = chord * arrays.cos(angle), chord * arrays.sin(angle)
+        return (along, across) if self.heading_from == "x" else (across, along)
+
+    def positions(self, controls: Floats, drives: Floats, step: float) -> Floats:
+        """Positions of members at the ends of all steps, by exact arcs.
+
+        Parameters
+        ----------
+        controls : ndarray, shape (steps, 2)
+            Commands of every step.
+        drives : ndarray, shape (members, 5)
+            The drive of every member.
+        step : float
+            Length of a step in seconds.
+
+        Returns
+        -------
+        ndarray, shape (members, steps + 1, 2)
+            Metres.
+        """
+        v, omega = self.rates(*np.asarray(controls, dtype=float).T)
+        linear, angular, heading = (column[:, None] for column in drives[:, :3].T)
+        moves = self.displacement(v, omega, self.turned(omega, step), linear, angular, heading, step)
+        path = np.empty((len(drives), len(controls) + 1, 2))
+        path[:, 0] = drives[:, 3:]
+        for axis, move in enumerate(moves):
+            np.cumsum(move, axis=1, out=path[:, 1:, axis])
+            path[:, 1:, axis] += drives[:, 3 + axis, None]
+        return path
+
+    def sagitta(self, v: Any, omega: Any, linear: Any, angular: Any, step: float) -> Any:
+        r"""Bound in metres on how far the arc of one step leaves its chord, ``step^2 / 8 psi_1 psi_2 |v omega|``.
+
+        Notes
+        -----
+        *Guarantee*: never below the true distance: the deviation of a twice differentiable curve from its chord is at
+        most ``step^2 / 8`` times its largest acceleration.
+        """
+        return step**2 / 8 * abs(linear * angular) * abs(v * omega)
