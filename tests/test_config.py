@@ -98,7 +98,7 @@ def test_the_example() -> None:
     assert (problem.name, problem.duration, problem.steps, problem.order) == ("five_obstacles", 16.0, 160, 8)
     assert problem.fleet.heading == math.pi / 4
     assert problem.fleet.position.tolist() == [1.0, 1.0]
-    assert (problem.fleet.parameter.lower, problem.fleet.parameter.upper) == (0.9, 1.1)
+    assert (problem.fleet.lower[0], problem.fleet.upper[0]) == (0.9, 1.1)
     assert problem.fleet.input_lower.tolist() == [-2.0, -2.0]
     assert list(problem.obstacles) == ["o1", "o2", "o3", "o4", "o5"]
     assert problem.obstacles["o2"][0].vertices.min(axis=0).tolist() == [3.6, 0.2]
@@ -116,7 +116,7 @@ def test_only_four_things_are_required() -> None:
     assert problem.solve == SolveOptions()
     assert problem.verify == VerifyOptions()
     assert problem.report == ReportOptions()
-    assert (problem.fleet.parameter.lower, problem.fleet.parameter.upper) == (0.9, 1.1)
+    assert (problem.fleet.lower[0], problem.fleet.upper[0]) == (0.9, 1.1)
     assert problem.fleet.input_upper.tolist() == [2.0, 2.0]
     assert problem.objective.target is None
 

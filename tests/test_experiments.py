@@ -52,7 +52,7 @@ def test_it_loads_without_a_warning(name: str) -> None:
     loaded = read(CONFIGS / f"{name}.yaml")
     assert loaded.warnings == ()
     assert (loaded.problem.name, loaded.problem.solve.guarantee, loaded.problem.report.twin) == (name, "hull", True)
-    assert (loaded.problem.fleet.parameter.lower, loaded.problem.fleet.parameter.upper) == (0.9, 1.1)
+    assert (loaded.problem.fleet.lower[0], loaded.problem.fleet.upper[0]) == (0.9, 1.1)
 
 
 @experiments

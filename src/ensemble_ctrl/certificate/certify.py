@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import Bound, Prover
 from ensemble_ctrl.certificate.enclosure import Flow
-from ensemble_ctrl.certificate.task import TaskBound, bound_task
-from ensemble_ctrl.constraints.stl import Formula
+from ensemble_ctrl.certificate.task import TaskBound, alignment, bound_task
+from ensemble_ctrl.constraints.stl import Formula, resolve
 from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
@@ -194,7 +194,8 @@ def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
 def _part(problem: Problem, controls: Floats, laws: Mapping[str, Interval], part: Formula) -> TaskBound:
     """The bound of one part of the task; on finer time where the bulges between grid times stand in the way."""
     formula = grounded(problem, part)
-    for split in SPLITS:
+    first = alignment(resolve(formula, problem.duration), problem.duration / len(controls))
+    for split in (first * more for more in SPLITS):
         flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)
         bound = bound_task(flow, formula, problem.fleet.names)
         if bound.proven >= 0 or bound.sampled < 0:

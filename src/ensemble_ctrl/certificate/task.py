@@ -4,21 +4,34 @@ Time is cut into *elements*: grid time 0, the open interval after it, grid time 
 bound that holds throughout an element for all members of a parameter cell.  Because robustness in negation normal form
 never falls when a predicate rises, evaluating the formula on lower bounds gives a lower bound.  Windows count elements:
 for windows on the grid, the elements from ``e + 2a`` to ``e + 2b`` are exactly those that the window meets for every
-instant of element ``e``, for both of ``F`` and ``G``.
+instant of element ``e``, for both of ``F`` and ``G``.  A window off the grid is moved to it by `gridded`, to the side that
+lowers the value.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells
-from ensemble_ctrl.constraints.stl import ExactOps, Formula, Predicate, Signals, member_robustness, reads_fleet
-from ensemble_ctrl.constraints.stl.robustness import Temporal
+from ensemble_ctrl.constraints.stl import (
+    Eventually,
+    ExactOps,
+    Formula,
+    Predicate,
+    Signals,
+    Until,
+    member_robustness,
+    negation_normal_form,
+    reads_fleet,
+    resolve,
+)
+from ensemble_ctrl.constraints.stl.rewrite import rebuilt
+from ensemble_ctrl.constraints.stl.robustness import Temporal, reach
 from ensemble_ctrl.fleet import Member
 
 Floats = NDArray[np.float64]
@@ -27,11 +40,15 @@ TIGHT = 5e-4
 """Metres within which the bound of a cell meets that of the worst centre before refinement ends."""
 MAX_CELLS = {0: 1, 1: 4096}
 """Cells looked at for so many parameters before the search for a better bound ends; else `MANY_CELLS`."""
-MANY_CELLS = 20_000
+MANY_CELLS = 6_000
 CELLS = {0: 1, 1: 16, 2: 5, 3: 3}
 """Cells of each of so many parameters to begin with; else 2."""
 BLOCK = 1_000_000
 """Numbers held at a time: cells times instants."""
+NEAR = 1e-6
+"""Share of a step within which a time counts as on the grid: decimal numbers are not exact in binary."""
+FINEST = 32
+"""Most parts into which a step is cut to put windows on the grid."""
 UP = 1 + 1e-12
 """Factor by which half widths are rounded up."""
 
@@ -131,18 +148,26 @@ def bound_task(flow: Flow, formula: Formula, names: Sequence[str]) -> TaskBound:
     -----
     *Guarantee*: `proven` is never above the robustness of any member in dense time, nor in discrete time on the grid.
     """
-    if not on_grid(formula, flow.step):
+    plain = negation_normal_form(resolve(formula, flow.steps * flow.step))
+    pair = gridded(plain, flow.step, upper=False), gridded(plain, flow.step, upper=True)
+    if pair[0] is None or reach(pair[0], flow.step) > flow.steps:
         return TaskBound(str(formula), -np.inf, np.inf, {}, covered=False)
     shifts = ~flow.directions[:, :3].any(axis=1)
-    found = _refined(flow, formula, names, shifts)
+    found = _refined(flow, pair, names, shifts)
     if shifts.any() and found.proven < 0 <= found.sampled:
-        again = _refined(flow, formula, names, np.zeros_like(shifts))
+        again = _refined(flow, pair, names, np.zeros_like(shifts))
         found = again if again.proven > found.proven else found
-    return found
+    return replace(found, part=str(formula))
 
 
-def _refined(flow: Flow, formula: Formula, names: Sequence[str], whole_sides: NDArray[np.bool_]) -> TaskBound:
-    """The bound by cells that are halved until each meets its centre's value; never along `whole_sides`."""
+def _refined(
+    flow: Flow, pair: tuple[Formula, Formula | None], names: Sequence[str], whole_sides: NDArray[np.bool_]
+) -> TaskBound:
+    """The bound by cells that are halved until each meets its centre's value; never along `whole_sides`.
+
+    The pair is the formula with its windows moved so that it falls, and so that it rises if there is such a move.
+    """
+    formula, above = pair
     count = int((~whole_sides).sum())
     centres, half = first_cells(flow.lower, flow.upper, np.where(whole_sides, 1, CELLS.get(count, 2)))
     fleet_wide = reads_fleet(formula)
@@ -151,9 +176,9 @@ def _refined(flow: Flow, formula: Formula, names: Sequence[str], whole_sides: ND
     while len(centres):
         total += len(centres)
         low, centre = (_evaluate(flow, formula, centres, h, False) for h in (half, half * whole_sides))
-        if not fleet_wide:
+        if above is not None and not fleet_wide:
             seen = _with_ends(flow, centres, centre, whole_sides)
-            best = _evaluate(flow, formula, seen, np.zeros_like(seen), True)
+            best = _evaluate(flow, above, seen, np.zeros_like(seen), True)
             if best.min() < sampled:
                 sampled, member = float(best.min()), dict(zip(names, seen[best.argmin()].tolist(), strict=True))
         target = min(target, float(centre.min()))
@@ -205,13 +230,48 @@ def _bending(flow: Flow, half: Floats) -> Floats:
     return whole - np.stack([flow.remainder(without[:, k])[:, -1] for k in range(half.shape[1])], axis=1)
 
 
-def on_grid(formula: Formula, step: float) -> bool:
-    """Whether every window begins and ends at a grid time."""
-    times: list[float] = []
+def gridded(formula: Formula, step: float, upper: bool) -> Formula | None:
+    """A formula in negation normal form with every window moved to grid times, so that its value never rises.
+
+    Parameters
+    ----------
+    formula : Formula
+        With windows in seconds.
+    step : float
+        Seconds between grid times.
+    upper : bool
+        True moves windows so that the value never falls instead.
+
+    Returns
+    -------
+    Formula or None
+        None if a window that has to shrink holds no grid time.
+    """
+    parts = [gridded(part, step, upper) for part in formula.parts]
+    if any(part is None for part in parts):
+        return None
+    same = rebuilt(formula, (part for part in parts if part is not None))
+    if not isinstance(same, Temporal) or same.a is None or same.b is None:
+        return same
+    shrinks = isinstance(same, Eventually | Until) != upper
+    up, down = (lambda t: np.ceil(t / step - NEAR)), (lambda t: np.floor(t / step + NEAR))
+    low, high = (up(same.a), down(same.b)) if shrinks else (down(same.a), up(same.b))
+    return replace(same, a=float(low * step), b=float(high * step)) if low <= high else None
+
+
+def alignment(formula: Formula, step: float) -> int:
+    """The smallest number of parts of a step with which every window is on the grid, 1 if none up to `FINEST` does."""
+    times = list(_times(formula))
+    aligned = (n for n in range(1, FINEST + 1) if all(abs(t * n / step - round(t * n / step)) < NEAR for t in times))
+    return next(aligned, 1)
+
+
+def _times(formula: Formula) -> Iterator[float]:
+    """Ends of every window, seconds."""
     if isinstance(formula, Temporal) and formula.a is not None and formula.b is not None:
-        times = [formula.a / step, formula.b / step]
-    aligned = all(abs(t - round(t)) < 1e-6 for t in times)
-    return aligned and all(on_grid(part, step) for part in formula.parts)
+        yield from (formula.a, formula.b)
+    for part in formula.parts:
+        yield from _times(part)
 
 
 def _evaluate(flow: Flow, formula: Formula, centres: Floats, half: Floats, upper: bool) -> Floats:
