@@ -15,13 +15,14 @@ from ensemble_ctrl.checks import Finding, findings, path_text, require_sound
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.problem import Fleet, Problem, SolveOptions, VerifyOptions
+from ensemble_ctrl.problem import Problem, SolveOptions, VerifyOptions
 from ensemble_ctrl.systems import Unicycle
 
 FLEET = Fleet(
     system=Unicycle(),
-    parameters=Interval(0.5, 2.0),
+    parameters={"traction": Interval(0.5, 2.0)},
     position=np.array([0.0, 0.0]),
     heading=0.0,
     input_lower=np.array([-3.0, -1.0]),
@@ -79,7 +80,7 @@ NUMBERS: list[tuple[dict[str, Any], str, str]] = [
     ({"order": 0}, "moments.order", "whole number from 1 to 50 (or auto), got 0"),
     ({"order": 60}, "moments.order", "got 60"),
     (
-        {"fleet": replace(FLEET, parameters=Interval(0.0, 1.0))},
+        {"fleet": replace(FLEET, parameters={"traction": Interval(0.0, 1.0)})},
         "fleet.parameters.traction.range",
         "got [0, 1]",
     ),

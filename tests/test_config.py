@@ -256,7 +256,7 @@ CASES = {
     "unknown model": (
         ("unicycle", "unicicle"),
         (3, 10, "fleet.model"),
-        "'unicicle' is not one of unicycle",
+        "'unicicle' is not one of unicycle, bicycle",
         "did you mean 'unicycle'?",
     ),
     "unknown field": (
@@ -717,7 +717,7 @@ def test_the_layout() -> None:
     with pytest.raises(ConfigError) as refusal:
         config.load_text(edited(("unicycle", "unicicle")), "bad.yaml")
     assert str(refusal.value) == (
-        "bad.yaml:3:10: error: fleet.model: 'unicicle' is not one of unicycle\n"
+        "bad.yaml:3:10: error: fleet.model: 'unicicle' is not one of unicycle, bicycle\n"
         "       3 |   model: unicicle\n"
         "         |          ^\n"
         "    hint: did you mean 'unicycle'?\n"
@@ -833,7 +833,7 @@ def assert_same(one: Problem, two: Problem) -> None:
     """Every number of two problems is the same."""
     for name in ("name", "duration", "steps", "order", "task", "solve", "verify", "report"):
         assert getattr(one, name) == getattr(two, name), name
-    for name in ("system", "parameter", "heading", "radius", "parameter_name"):
+    for name in ("system", "parameters", "heading", "radius"):
         assert getattr(one.fleet, name) == getattr(two.fleet, name), name
     for name in ("position", "input_lower", "input_upper"):
         np.testing.assert_array_equal(getattr(one.fleet, name), getattr(two.fleet, name))

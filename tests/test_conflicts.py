@@ -31,9 +31,9 @@ def test_every_obstacle_that_is_entered_and_every_part_that_fails_worst_first() 
     assert amounts == sorted(amounts, reverse=True)
     first = found["avoid(o1)"]
     assert first.amount == pytest.approx(0.5, abs=0.01)  # deepest at (2.5, 2.5)
-    assert 1 + first.parameter * first.time / 4 == pytest.approx(2.5, abs=0.02)
+    assert 1 + first.parameters["traction"] * first.time / 4 == pytest.approx(2.5, abs=0.02)
     goal = found["F[14,16] in(goal)"]
-    assert goal.parameter == 0.9
+    assert goal.parameters["traction"] == 0.9
     assert goal.time == 16.0
     assert goal.amount == pytest.approx(6 - (1 + 0.9 * 4), abs=1e-9)
 
@@ -47,10 +47,10 @@ def test_times_of_a_visit_and_of_a_duty() -> None:
     way = {"way": Polyhedron.box([[2.0, 2.5], [2.2, 2.6]])}
     problem = five().with_(obstacles={}, regions=way, task=parse("F[8,10] in(way)"))
     (visit,) = conflicts(problem, FORWARD)
-    assert (visit.parameter, visit.time) == (1.1, 8.0)  # already past: the start of the window is closest
+    assert (visit.parameters["traction"], visit.time) == (1.1, 8.0)  # already past: the start of the window is closest
     assert visit.amount == pytest.approx(1 + 1.1 * 2 - 2.5, abs=1e-9)
     (duty,) = conflicts(problem.with_(task=parse("G[4,6] in(way)")), FORWARD)
-    assert (duty.parameter, duty.time) == (0.9, 4.0)
+    assert (duty.parameters["traction"], duty.time) == (0.9, 4.0)
     assert duty.amount == pytest.approx(2.2 - (1 + 0.9), abs=1e-9)
 
 

@@ -89,7 +89,7 @@ def test_five_obstacles() -> None:
     assert len(solution.routes) == 2
     assert all(kept for _, _, kept in solution.routes)
     assert solution.routes[0][0] < solution.routes[1][0]
-    assert (solution.attempt.truncation.order, solution.attempt.truncation.hull) == (8, True)
+    assert (solution.attempt.truncation.orders, solution.attempt.truncation.hull) == ((8,), True)
     assert solution.iterations > 0
     assert solution.solve_seconds > 0
 
@@ -97,8 +97,8 @@ def test_five_obstacles() -> None:
 def cost_by_hand(solution: Solution) -> float:
     """``-robustness of the visit + 10 |m(T) - m_F|^2 + 0.1 integral v^2 + omega^2``, members spread evenly."""
     problem, controls = solution.problem, solution.controls
-    traction = np.linspace(0.9, 1.1, 401)
-    paths = problem.fleet.system.positions(controls, np.ones(2), np.pi / 4, traction, 0.1)
+    drives = np.array([[p, p, np.pi / 4, 1.0, 1.0] for p in np.linspace(0.9, 1.1, 401)])
+    paths = problem.fleet.system.positions(controls, drives, 0.1)
     margin = problem.regions["goal"].margin(paths[:, 140:]).max(axis=1).min()
     off = ((paths[:, -1] - [6.5, 5.5]) ** 2).sum(axis=1)
     return float(-margin + 10 * 2 * off.mean() + 0.1 * 0.1 * (controls**2).sum())
@@ -111,12 +111,12 @@ def test_five_obstacles_with_other_orders_and_guarantees(order: int | None, guar
     assert solution.status == "planned"
     assert solution.attempt.value.cost <= 0.75
     assert truncation.hull is (guarantee == "hull")
-    assert truncation.order == (order or truncation.degree)
+    assert truncation.orders == (truncation.degrees if order is None else (order,))
     if guarantee == "hull":
         check_good(solution)
-        assert 2 <= truncation.order <= 5
+        assert 2 <= truncation.orders[0] <= 5
     else:
-        at_nodes = five().fleet.parameter.to_parameter(truncation.nodes)
+        at_nodes = five().fleet.bent_members(truncation.nodes)
         run = replay(five(), solution.controls, parameters=at_nodes)
         assert not run.violating.any(), run
 
@@ -152,9 +152,7 @@ def test_a_region_can_be_kept_out_of(task: str) -> None:
 def path_distance(solution: Solution, piece: Obstacle) -> float:
     """Smallest distance of some members from a piece."""
     fleet, problem = solution.problem.fleet, solution.problem
-    paths = fleet.system.positions(
-        solution.controls, fleet.position, fleet.own_heading, np.linspace(0.9, 1.1, 21), problem.step
-    )
+    paths = fleet.system.positions(solution.controls, fleet.drives(fleet.grid(21)), problem.step)
     return float(piece.distance(paths).min())
 
 
@@ -174,7 +172,7 @@ def test_a_walled_in_goal_is_infeasible_and_the_wall_is_named() -> None:
     assert "wall" in {c.what.removeprefix("avoid(").removesuffix(")") for c in found}
     for conflict in found:
         assert 0.05 < conflict.amount < 5
-        assert 0.9 <= conflict.parameter <= 1.1
+        assert 0.9 <= conflict.parameters["traction"] <= 1.1
         assert 0 <= conflict.time <= 8
 
 

@@ -104,7 +104,7 @@ def test_a_clearance_says_when_and_for_whom() -> None:
     run = replay(problem, controls, parameters=parameters, substeps=5)
     paths = trajectories(problem, controls, parameters, 5)
     for c in run.clearances:
-        member = int(np.flatnonzero(parameters == c.parameter)[0])
+        member = int(np.flatnonzero(parameters == c.parameters["traction"])[0])
         at = round(c.time / (problem.step / 5))
         assert at * problem.step / 5 == pytest.approx(c.time)
         (piece,) = problem.obstacles[c.obstacle]

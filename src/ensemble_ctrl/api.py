@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl import planfile
-from ensemble_ctrl.certificate import Certificate, Ranges, certify
+from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
+from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import Replay, replay
 
@@ -86,12 +87,16 @@ class Plan:
         return self.status != "infeasible" and replayed and proven
 
     def replay(
-        self, members: int | None = None, *, substeps: int | None = None, parameters: ArrayLike | Sequence[Mapping[str, float]] | None = None
+        self,
+        members: int | None = None,
+        *,
+        substeps: int | None = None,
+        parameters: ArrayLike | Sequence[Mapping[str, float]] | None = None,
     ) -> Replay:
         """Run the controls on sampled members; see `ensemble_ctrl.replay.replay`."""
         return replay(self.problem, self.controls, members=members, substeps=substeps, parameters=parameters)
 
-    def certify(self, ranges: Ranges | None = None) -> Certificate:
+    def certify(self, ranges: Mapping[str, Interval] | None = None) -> Certificate:
         """Prove the plan for every member, or for one of other ranges; see `ensemble_ctrl.certificate`."""
         return certify(self.problem, self.controls, ranges)
 

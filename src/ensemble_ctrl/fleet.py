@@ -43,11 +43,10 @@ class Fleet:
     ----------
     system : ArcSystem
         The dynamics all members share.
-    parameters : Interval, or mapping of str to Interval
+    parameters : mapping of str to Interval
         The law of each parameter that differs between members, independent of each other. Names are those of
         ``system.parameters`` (dimensionless factors), and ``start_x``, ``start_y`` (metres) and ``start_heading``
-        (radians), which are offsets from `position` and `heading`. An interval alone is that of ``traction``. Factors
-        that are not named are 1.
+        (radians), which are offsets from `position` and `heading`. Factors that are not named are 1.
     position : array_like, shape (2,)
         Start position in metres.
     heading : float
@@ -72,8 +71,9 @@ class Fleet:
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        given = {"traction": self.parameters} if isinstance(self.parameters, Interval) else dict(self.parameters)
-        object.__setattr__(self, "parameters", MappingProxyType(given))
+        if not isinstance(self.parameters, Mapping):
+            raise ProblemError(f"fleet.parameters: expected a mapping of names to Interval, got {self.parameters!r}")
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         for name in ("position", "input_lower", "input_upper"):
             object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"fleet.{name}"))
         if not np.isfinite([self.heading, self.radius]).all() or self.radius < 0:
@@ -193,7 +193,10 @@ class Fleet:
         """About `count` members spread evenly over the ranges, both ends of each included, shape (.., parameters)."""
         wide = [law.upper > law.lower for law in self.parameters.values()]
         each = max(2, round(count ** (1 / max(sum(wide), 1))))
-        axes = [np.linspace(law.lower, law.upper, each if w else 1) for law, w in zip(self.parameters.values(), wide, strict=True)]
+        axes = [
+            np.linspace(law.lower, law.upper, each if w else 1)
+            for law, w in zip(self.parameters.values(), wide, strict=True)
+        ]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
 
     def sample(self, count: int, seed: int) -> Floats:
@@ -223,10 +226,10 @@ class Fleet:
         """
         wanted = f"finite numbers of shape (members, {len(self.names)}) or names {', '.join(self.names)}"
         try:
-            given: list[Any] = list(parameters)  # type: ignore[arg-type]
-            if given and isinstance(given[0], Mapping):
-                given = [[one[name] for name in self.names] for one in given]
-            array = np.array(given, dtype=float)
+            if not isinstance(parameters, np.ndarray):
+                rows: list[Any] = list(parameters)  # type: ignore[arg-type]
+                parameters = [[one[n] for n in self.names] if isinstance(one, Mapping) else one for one in rows]
+            array = np.array(parameters, dtype=float)
         except (TypeError, ValueError, KeyError):
             raise ProblemError(f"parameters: expected {wanted}, got {parameters!r}") from None
         if array.ndim == 1 and len(self.names) == 1:

@@ -164,15 +164,19 @@ def replay(
         _closest(duty.name, [found[o] for _, _, found in results], int(inside[o].sum()))
         for o, duty in enumerate(duties(problem))
     )
-    return Replay(drawn, problem.fleet.names, robustness, clearances, robustness < 0, substeps, time.perf_counter() - began)
+    return Replay(
+        drawn, problem.fleet.names, robustness, clearances, robustness < 0, substeps, time.perf_counter() - began
+    )
 
 
-def trajectories(problem: Problem, controls: Floats, parameters: Floats, substeps: int = 1) -> Floats:
-    """Positions of members of shape (members, parameters), shape (members, steps * substeps + 1, 2), metres."""
+def trajectories(
+    problem: Problem, controls: Floats, parameters: ArrayLike | Sequence[Mapping[str, float]], substeps: int = 1
+) -> Floats:
+    """Positions of members, given as `Fleet.members` takes them, shape (members, steps * substeps + 1, 2), metres."""
     fleet = problem.fleet
     fine = np.repeat(np.asarray(controls, float), substeps, axis=0)
     step = problem.duration / len(fine)
-    return fleet.system.positions(fine, fleet.drives(parameters), step)
+    return fleet.system.positions(fine, fleet.drives(fleet.members(parameters)), step)
 
 
 _Closest = tuple[float, float, Member]

@@ -47,9 +47,7 @@ class Widest:
     tried: int
 
 
-def widest(
-    problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, parameter: str | None = None
-) -> Widest:
+def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, parameter: str | None = None) -> Widest:
     """Search by doubling and bisection for the widest certified range around a nominal parameter.
 
     Parameters

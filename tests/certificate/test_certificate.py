@@ -284,8 +284,8 @@ def test_degenerate_commands(controls: list[list[float]]) -> None:
 
 def test_another_range_is_another_question(five: tuple[Problem, Floats]) -> None:
     problem, controls = five
-    assert certify(problem, controls, Interval(0.95, 1.05)).proven == "yes"
-    assert certify(problem, controls, Interval(0.7, 1.3)).proven == "no"
+    assert certify(problem, controls, {"traction": Interval(0.95, 1.05)}).proven == "yes"
+    assert certify(problem, controls, {"traction": Interval(0.7, 1.3)}).proven == "no"
 
 
 def test_windows_off_the_grid_are_covered_on_a_finer_one() -> None:

@@ -20,9 +20,9 @@ def test_a_walled_in_goal_names_what_conflicts(command: Command, place: Path) ->
     assert (done.code, done.data["exit_code"]) == (3, 3)
     assert (done.data["status"], done.data["verified"]) == ("infeasible", False)
     worst = done.data["conflicts"][0]
-    assert set(worst) == {"what", "amount", "parameter", "time"}
+    assert set(worst) == {"what", "amount", "parameters", "time"}
     assert worst["amount"] > 0
-    assert 0.9 <= worst["parameter"] <= 1.1
+    assert 0.9 <= worst["parameters"]["traction"] <= 1.1
     assert 0 <= worst["time"] <= 4
     conflict = r"(avoid\((west|east|north|south)\)|.*in\(goal\)).* by [\d.e-]+ m \(traction [\d.]+, t = [\d.]+ s\)"
     lead = "error: walled: no plan was found; violated near the best guess: "

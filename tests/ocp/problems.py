@@ -9,9 +9,10 @@ import numpy as np
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planner import Solution, solve
-from ensemble_ctrl.problem import Fleet, Objective, Problem, SolveOptions
+from ensemble_ctrl.problem import Objective, Problem, SolveOptions
 from ensemble_ctrl.systems import Unicycle
 
 BOXES = {
@@ -21,7 +22,7 @@ BOXES = {
     "o4": [[1.2, 2.2], [3.8, 5.0]],
     "o5": [[5.6, 6.6], [2.2, 3.4]],
 }
-FLEET = Fleet(Unicycle(), Interval(0.9, 1.1), np.ones(2), np.pi / 4, np.full(2, -2.0), np.full(2, 2.0))
+FLEET = Fleet(Unicycle(), {"traction": Interval(0.9, 1.1)}, np.ones(2), np.pi / 4, np.full(2, -2.0), np.full(2, 2.0))
 
 
 def five(order: int | None = 8, fleet: Fleet = FLEET, **options: Any) -> Problem:

@@ -19,7 +19,7 @@ from ensemble_ctrl.systems import Unicycle
 
 from .problems import FLEET, five
 
-NOMINAL = np.array([1.0])
+NOMINAL = np.array([[1.0]])
 
 
 @pytest.mark.parametrize("heading_from", ["x", "y"])

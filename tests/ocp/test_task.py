@@ -81,7 +81,7 @@ def rows_of(parts: list[Formula], guess: Floats, mean: Floats | None = None) -> 
     level = layout.level()
     weights = np.full(layout.count, 1 / layout.count) if mean is None else mean
     grounded = [ground(part, REGIONS, OBSTACLES) for part in parts]
-    return task_rows(grounded, level, layout, STEP, weights, guess), layout, level
+    return task_rows(grounded, level, layout, STEP, weights, guess, np.zeros(2)), layout, level
 
 
 def largest(rows: TaskRows, layout: Layout, curve: Floats) -> dict[int, float]:
@@ -179,15 +179,14 @@ def test_the_levels_to_start_from_are_the_largest_that_the_rows_allow(formula: F
     ],
 )
 def test_the_level_holds_for_the_truncated_fleet_under_random_controls(text: str, seed: int) -> None:
-    problem, truncation = five(), Truncation(4, 2, True)
+    problem, truncation = five(), Truncation((4,), (2,), True)
     rng = np.random.default_rng(seed)
     curve = points(problem, rng.uniform(-1, 1, (32, 2)) * [2, 0.5], truncation)
-    members = np.einsum("ij,tjd->itd", truncation.evaluation(np.linspace(-1, 1, 15)), curve)
+    members = np.einsum("ij,tjd->itd", truncation.evaluation(np.linspace(-1, 1, 15)[:, None]), curve)
     formula = ground(parse(text), problem.regions, problem.obstacles)
     layout = Layout(32, truncation.count)
     level = layout.level()
-    mean = truncation.to_moments[0] / np.sqrt(2)
-    found = task_rows([formula], level, layout, 0.5, mean, curve).levels[level]
+    found = task_rows([formula], level, layout, 0.5, truncation.mean, curve, np.zeros(2)).levels[level]
     signals = StateSignals(members, ("x", "y"), 0.5)
     wanted = float(np.min(member_robustness(formula, signals, ExactOps())))
     assert found <= wanted + 1e-12

@@ -36,6 +36,11 @@ def integrated(heading_from: Heading, pose: Floats, v: float, omega: float, trac
     return np.asarray(run.y)
 
 
+def drives(tractions: Floats, heading: float, start: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """Drives of members of one heading and place."""
+    return np.array([[t, t, heading, *start] for t in tractions])
+
+
 @both_conventions
 @settings(max_examples=40, deadline=None)
 @given(speeds, turn_rates, tractions, st.floats(-4, 4), st.floats(-2, 2))
@@ -44,7 +49,7 @@ def test_a_step_is_the_integral_of_the_dynamics(
 ) -> None:
     pose = np.array([0.0, 0.0, heading + traction * turned])
     wanted = integrated(heading_from, pose, v, omega, traction, np.array([0.0, 0.7]))[:2, -1]
-    got = Unicycle(heading_from).displacement(v, omega, turned, heading, traction, 0.7)
+    got = Unicycle(heading_from).displacement(v, omega, turned, traction, traction, heading, 0.7)
     np.testing.assert_allclose(got, wanted, atol=1e-10)
 
 
@@ -54,7 +59,7 @@ def test_positions_accumulate_over_steps(heading_from: Heading) -> None:
     controls = rng.uniform(-2, 2, (6, 2))
     controls[2, 1] = 0.0
     tractions = np.array([0.5, 1.0, 1.4])
-    paths = Unicycle(heading_from).positions(controls, np.array([3.0, -1.0]), 0.4, tractions, 0.25)
+    paths = Unicycle(heading_from).positions(controls, drives(tractions, 0.4, (3.0, -1.0)), 0.25)
     assert paths.shape == (3, 7, 2)
     for traction, path in zip(tractions, paths, strict=True):
         pose = np.array([3.0, -1.0, 0.4])
@@ -67,9 +72,9 @@ def test_positions_accumulate_over_steps(heading_from: Heading) -> None:
 def test_the_conventions_are_mirror_images_at_the_diagonal() -> None:
     """From +y counts clockwise: the same robot has heading pi/2 - theta and the opposite turn rate."""
     controls = np.random.default_rng(0).uniform(-2, 2, (20, 2))
-    start, traction = np.zeros(2), np.array([0.9, 1.1])
-    by_x = Unicycle("x").positions(controls, start, 0.7, traction, 0.1)
-    by_y = Unicycle("y").positions(controls * [1, -1], start, np.pi / 2 - 0.7, traction, 0.1)
+    traction = np.array([0.9, 1.1])
+    by_x = Unicycle("x").positions(controls, drives(traction, 0.7), 0.1)
+    by_y = Unicycle("y").positions(controls * [1, -1], drives(traction, np.pi / 2 - 0.7), 0.1)
     np.testing.assert_allclose(by_x, by_y, atol=1e-13)
 
 
@@ -90,17 +95,17 @@ def test_the_sagitta_bounds_the_way_between_arc_and_chord(v: float, omega: float
     part = np.linspace(0, 1, 65)
     system = Unicycle()
     times: Any = step * part
-    arc = np.stack(system.displacement(v, omega, 0.0, 0.2, traction, times), axis=-1)
+    arc = np.stack(system.displacement(v, omega, 0.0, traction, traction, 0.2, times), axis=-1)
     chord = part[:, None] * arc[-1]
     nearest = np.linalg.norm(arc[:, None] - chord[None], axis=-1).min(axis=1)
-    assert nearest.max() <= system.sagitta(v, omega, traction, step) + 1e-12
+    assert nearest.max() <= system.sagitta(v, omega, traction, traction, step) + 1e-12
 
 
 def test_the_sagitta_is_tight_for_a_gentle_arc() -> None:
     system, step, omega = Unicycle(), 0.1, 0.5
-    arc = np.array(system.displacement(1.0, omega, 0.0, -omega * step / 2, 1.0, step / 2))
-    assert abs(arc[1]) == pytest.approx(system.sagitta(1.0, omega, 1.0, step), rel=1e-3)
-    assert system.sagitta(1.0, 0.0, 1.0, step) == 0.0
+    arc = np.array(system.displacement(1.0, omega, 0.0, 1.0, 1.0, -omega * step / 2, step / 2))
+    assert abs(arc[1]) == pytest.approx(system.sagitta(1.0, omega, 1.0, 1.0, step), rel=1e-3)
+    assert system.sagitta(1.0, 0.0, 1.0, 1.0, step) == 0.0
 
 
 def test_sinc_is_accurate_to_rounding() -> None:
@@ -131,10 +136,10 @@ def test_casadi_and_numpy_give_the_same_displacement() -> None:
     for heading_from in ("x", "y"):
         system = Unicycle(heading_from)
         v, omega, turned, heading, traction = (symbols[i] for i in range(5))
-        pair = system.displacement(v, omega, turned, heading, traction, 0.1, CasadiArrays())
+        pair = system.displacement(v, omega, turned, traction, traction, heading, 0.1, CasadiArrays())
         function = ca.Function("f", [symbols], list(pair))
         for row in [[1.0, 0.0, 0.2, 0.3, 1.1], [1.0, 1e-9, 0.2, 0.3, 1.1], [-2.0, 15.0, 0.2, 0.3, 0.9]]:
-            wanted = system.displacement(row[0], row[1], row[2], row[3], row[4], step=0.1)
+            wanted = system.displacement(row[0], row[1], row[2], row[4], row[4], row[3], step=0.1)
             np.testing.assert_allclose([float(d) for d in function(row)], wanted, atol=1e-15)
 
 

@@ -25,7 +25,6 @@ Floats = NDArray[np.float64]
 SPLITS = (1, 4, 16)
 """Parts into which each step is cut, in turn, until a part of the task is proven or refuted."""
 Verdict = Literal["yes", "no", "undecided"]
-Ranges = Interval | Mapping[str, Interval]
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ class Certificate:
         )
 
 
-def certify(problem: Problem, controls: Floats, ranges: Ranges | None = None) -> Certificate:
+def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Interval] | None = None) -> Certificate:
     """Prove, refute or leave undecided that `controls` are good for every member.
 
     Parameters
@@ -115,8 +114,8 @@ def certify(problem: Problem, controls: Floats, ranges: Ranges | None = None) ->
         Fleet, map and task.
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
-    ranges : Interval, or mapping of str to Interval, optional
-        Other ranges than the fleet's for some of its parameters; an interval alone is that of a fleet with one.
+    ranges : mapping of str to Interval, optional
+        Other ranges than the fleet's for some of its parameters.
 
     Raises
     ------
@@ -148,11 +147,9 @@ def certify(problem: Problem, controls: Floats, ranges: Ranges | None = None) ->
     )
 
 
-def _laws(problem: Problem, ranges: Ranges | None) -> dict[str, Interval]:
+def _laws(problem: Problem, ranges: Mapping[str, Interval] | None) -> dict[str, Interval]:
     """The fleet's ranges, some of them replaced."""
     laws = dict(problem.fleet.parameters)
-    if isinstance(ranges, Interval):
-        ranges = dict.fromkeys(list(laws)[:1], ranges) if len(laws) == 1 else {"": ranges}
     for name, law in (ranges or {}).items():
         if name not in laws:
             raise ProblemError(f"ranges: expected names among {', '.join(laws)}, got {name!r}")

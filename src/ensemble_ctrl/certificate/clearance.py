@@ -1,8 +1,9 @@
 """Proven clearance: lower bounds of the distance between whole cells of members and convex obstacles, refined.
 
 Parameters that only shift the start need no cells: the smallest distance over a box of shifts is the distance to the
-obstacle grown by that box.  For the others, a *box* is a cell of parameters and a piece of one step.  Boxes whose lower bound is too far below the best sampled
-distance are halved, in a parameter or in time, whichever adds most to their size, until the bound is tight.
+obstacle grown by that box.  For the others, a *box* is a cell of parameters and a piece of one step.  Boxes whose lower
+bound is too far below the best sampled distance are halved, in a parameter or in time, whichever adds most to their
+size, until the bound is tight.
 """
 
 from __future__ import annotations
@@ -143,9 +144,11 @@ class Prover:
     def _closest(self, obstacle: Obstacle, best: Sample) -> tuple[float, Member]:
         """The distance of a real member near the best sample, and its parameters: shifts are tried on a grid."""
         flow, (_, centre, time) = self.whole, best
-        bends = flow.directions[:, :3].any(axis=1)
+        bends: NDArray[np.bool_] = np.asarray(flow.directions[:, :3].any(axis=1))
         axes = [np.linspace(*ends, SHIFTS) for ends in zip(flow.lower[~bends], flow.upper[~bends], strict=True)]
-        shifts = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
+        shifts = (
+            np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
+        )
         members = np.empty((len(shifts), len(bends)))
         members[:, bends], members[:, ~bends] = self.centres[centre], shifts
         n = min(int(time / flow.step + 1e-9), flow.steps - 1)
@@ -169,11 +172,15 @@ class Prover:
         growth = self.flow.growth(boxes.step, (boxes.end - boxes.begin) * self.flow.step, drives, boxes.half)
         radius = curvature + growth
         arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
-        corners = np.concatenate([p[:, None] + self.signs @ a for p, a in zip((here, there), arms, strict=True)], axis=1)
+        corners = np.concatenate(
+            [p[:, None] + self.signs @ a for p, a in zip((here, there), arms, strict=True)], axis=1
+        )
         middle = (here + there) / 2
         low = piece.distance(middle) - np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) - radius
         near = low < best[0] - TIGHT
-        sides = np.concatenate([arms[0][near], arms[1][near], corners[near, len(self.signs) :] - corners[near, : len(self.signs)]], axis=1)
+        sides = np.concatenate(
+            [arms[0][near], arms[1][near], corners[near, len(self.signs) :] - corners[near, : len(self.signs)]], axis=1
+        )
         low[near] = np.maximum(low[near], separation(corners[near], sides, piece.vertices) - radius[near])
         long = np.linalg.norm(there - here, axis=1) / 2
         return low, best, np.column_stack([long, self._widths(boxes, arms)])

@@ -1,21 +1,21 @@
 r"""Where every member of a cell of parameters is, at every instant of a step, for fixed controls.
 
-A member is told by its *drive*: the factors ``a`` and ``b`` on speed and turn rate, its heading ``g`` and its place at the
-start.  With ``u(x) = (cos x, sin x)`` (or sine first, when headings count from +y), its position is
+A member is told by its *drive*: the factors ``a`` and ``b`` on speed and turn rate, its heading ``g`` and its place at
+the start.  With ``u(x) = (cos x, sin x)`` (or sine first, when headings count from +y), its position is
 
 .. math:: p(t) = p_0 + \int_0^t a\, v\, u(g + b\, \Omega)\, d\tau, \quad \Omega(t) = \int_0^t \omega\, d\tau
 
-Drives are linear in the parameters.  On a cell, the parameters differ from its centre's by at most ``h``, so that ``a``,
-``b`` and ``g`` differ by at most ``A``, ``B`` and ``G``.
+Drives are linear in the parameters.  On a cell, the parameters differ from its centre's by at most ``h``, so that
+``a``, ``b`` and ``g`` differ by at most ``A``, ``B`` and ``G``.
 
 1. *In the parameters*: ``p = p(centre) + sum_k (q_k - c_k) dp/dq_k + r`` with
    ``|r| <= int_0^t |v| (A (B |Omega| + G) + a_max (B |Omega| + G)^2 / 2)``.
-2. *In time*, on a piece of a step of length ``dt``: a curve leaves its chord by at most ``dt^2/8`` times its largest second
-   derivative, which is ``|v omega| |a b|`` for the centre, and for all the derivatives together, times their ``h``,
-   ``|v omega| (A |b| + |a| B + |a b| (B |Omega| + G))``.
+2. *In time*, on a piece of a step of length ``dt``: a curve leaves its chord by at most ``dt^2/8`` times its largest
+   second derivative, which is ``|v omega| |a b|`` for the centre, and for all the derivatives together, times their
+   ``h``, ``|v omega| (A |b| + |a| B + |a b| (B |Omega| + G))``.
 
-So during the piece the members of the cell lie in the hull of the points ``p +- h_1 dp/dq_1 +- h_2 dp/dq_2 ...`` at its two
-ends, grown by a radius that adds these bounds and one for rounding.
+So during the piece the members of the cell lie in the hull of the points ``p +- h_1 dp/dq_1 +- h_2 dp/dq_2 ...`` at its
+two ends, grown by a radius that adds these bounds and one for rounding.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ class Flow:
         return np.maximum(np.abs(self.turned), np.abs(self.turned + self.step * self.omega))
 
     def _integrals(self) -> Floats:
-        """Upper bounds of the integrals of ``|v|``, ``|v| |Omega|``, ``|v| Omega^2`` up to grid times, (3, steps + 1)."""
+        """Upper bounds of ``int |v| |Omega|^k`` for k = 0, 1, 2 up to the grid times, shape (3, steps + 1)."""
         powers = self._largest() ** np.arange(3)[:, None]
         sums = np.cumsum(np.abs(self.v) * powers, axis=1) * self.step
         return np.concatenate([np.zeros((3, 1)), sums], axis=1)
@@ -237,7 +237,7 @@ class Track:
 
 def signs_of(count: int) -> Floats:
     """Every choice of `count` signs, shape (2^count, count)."""
-    return 1.0 - 2.0 * ((np.arange(2**count)[:, None] >> np.arange(count)) & 1)
+    return np.asarray(1.0 - 2.0 * ((np.arange(2**count)[:, None] >> np.arange(count)) & 1))
 
 
 def first_cells(lower: Floats, upper: Floats, each: int | Ints) -> tuple[Floats, Floats]:

@@ -4,8 +4,8 @@ Time is cut into *elements*: grid time 0, the open interval after it, grid time 
 bound that holds throughout an element for all members of a parameter cell.  Because robustness in negation normal form
 never falls when a predicate rises, evaluating the formula on lower bounds gives a lower bound.  Windows count elements:
 for windows on the grid, the elements from ``e + 2a`` to ``e + 2b`` are exactly those that the window meets for every
-instant of element ``e``, for both of ``F`` and ``G``.  A window off the grid is moved to it by `gridded`, to the side that
-lowers the value.
+instant of element ``e``, for both of ``F`` and ``G``.  A window off the grid is moved to it by `gridded`, to the side
+that lowers the value.
 """
 
 from __future__ import annotations
@@ -149,13 +149,13 @@ def bound_task(flow: Flow, formula: Formula, names: Sequence[str]) -> TaskBound:
     *Guarantee*: `proven` is never above the robustness of any member in dense time, nor in discrete time on the grid.
     """
     plain = negation_normal_form(resolve(formula, flow.steps * flow.step))
-    pair = gridded(plain, flow.step, upper=False), gridded(plain, flow.step, upper=True)
-    if pair[0] is None or reach(pair[0], flow.step) > flow.steps:
+    below, above = (gridded(plain, flow.step, upper=upper) for upper in (False, True))
+    if below is None or reach(below, flow.step) > flow.steps:
         return TaskBound(str(formula), -np.inf, np.inf, {}, covered=False)
-    shifts = ~flow.directions[:, :3].any(axis=1)
-    found = _refined(flow, pair, names, shifts)
+    shifts: NDArray[np.bool_] = np.asarray(~flow.directions[:, :3].any(axis=1))
+    found = _refined(flow, (below, above), names, shifts)
     if shifts.any() and found.proven < 0 <= found.sampled:
-        again = _refined(flow, pair, names, np.zeros_like(shifts))
+        again = _refined(flow, (below, above), names, np.zeros_like(shifts))
         found = again if again.proven > found.proven else found
     return replace(found, part=str(formula))
 
@@ -199,7 +199,9 @@ def _with_ends(flow: Flow, centres: Floats, value: Floats, whole_sides: NDArray[
     """The centres, and the worst of them moved to the ends of the sides that stay whole."""
     if not whole_sides.any():
         return centres
-    ends = np.array(list(product(*((a, b) for a, b in zip(flow.lower[whole_sides], flow.upper[whole_sides], strict=True)))))
+    ends = np.array(
+        list(product(*((a, b) for a, b in zip(flow.lower[whole_sides], flow.upper[whole_sides], strict=True))))
+    )
     moved = np.tile(centres[value.argmin()], (len(ends), 1))
     moved[:, whole_sides] = ends
     return np.concatenate([centres, moved])
@@ -254,8 +256,9 @@ def gridded(formula: Formula, step: float, upper: bool) -> Formula | None:
     if not isinstance(same, Temporal) or same.a is None or same.b is None:
         return same
     shrinks = isinstance(same, Eventually | Until) != upper
-    up, down = (lambda t: np.ceil(t / step - NEAR)), (lambda t: np.floor(t / step + NEAR))
-    low, high = (up(same.a), down(same.b)) if shrinks else (down(same.a), up(same.b))
+    slack = -NEAR if shrinks else NEAR
+    low, high = (same.a / step + slack, same.b / step - slack)
+    low, high = (np.ceil(low), np.floor(high)) if shrinks else (np.floor(low), np.ceil(high))
     return replace(same, a=float(low * step), b=float(high * step)) if low <= high else None
 
 

@@ -11,7 +11,9 @@ from ensemble_ctrl.results import SCHEMA, to_json
 from ensemble_ctrl.widest import Widest, widest
 
 
-def find_widest(config: str, overrides: list[str], tolerance: float, parameter: str | None, as_json: bool, quiet: bool) -> int:
+def find_widest(
+    config: str, overrides: list[str], tolerance: float, parameter: str | None, as_json: bool, quiet: bool
+) -> int:
     """Search and print the answer; returns 0, or 3 if no range has a certified plan."""
     problem = read(config, overrides).problem
     name = parameter or next(iter(problem.fleet.names), "")
@@ -27,7 +29,10 @@ def find_widest(config: str, overrides: list[str], tolerance: float, parameter: 
         say(to_json({"schema": SCHEMA, "name": problem.name, **_as_data(found), "exit_code": code}))
         return code
     if found.interval is None:
-        say(f"{problem.name}: no certified plan for any range of {name} tried around {problem.fleet.parameters[name].center:g}")
+        say(
+            f"{problem.name}: no certified plan for any range of {name} tried around "
+            f"{problem.fleet.parameters[name].center:g}"
+        )
     else:
         certificate = found.plan.certificate if found.plan else None
         say(f"{problem.name}: widest certified {name} {found.interval.lower:.4f}..{found.interval.upper:.4f}")

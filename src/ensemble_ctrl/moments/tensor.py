@@ -58,7 +58,7 @@ class TensorBasis:
     @property
     def weights(self) -> FloatArray:
         """Gauss weights, shape (count,); their sum is 2."""
-        return 2 * self._join([f.weights[None, :] / 2 for f in self.factors])[0]
+        return np.asarray(2 * self._join([f.weights[None, :] / 2 for f in self.factors])[0])
 
     def evaluate(self, s: ArrayLike) -> FloatArray:
         """Values of the functions.
@@ -118,7 +118,7 @@ class TensorBasis:
 
     def _scaled(self, matrix: Callable[[LegendreBasis], FloatArray]) -> FloatArray:
         """The product of a matrix of every factor, for a measure of mass 2."""
-        return np.sqrt(2.0) * self._join([matrix(f) / np.sqrt(2.0) for f in self.factors])
+        return np.asarray(np.sqrt(2.0) * self._join([matrix(f) / np.sqrt(2.0) for f in self.factors]))
 
     @staticmethod
     def _join(matrices: Sequence[FloatArray]) -> FloatArray:

@@ -27,7 +27,9 @@ def follow(problem: Problem, path: Floats) -> Floats:
     """Commands with which the nominal robot follows `path`, within the input bounds."""
     fleet, step = problem.fleet, problem.duration / (len(path) - 1)
     linear, angular, heading = fleet.drives(fleet.center[None])[0, :3].tolist()
-    low, high = (np.clip(SHARES * end, fleet.input_lower, fleet.input_upper) for end in (fleet.input_lower, fleet.input_upper))
+    low, high = (
+        np.clip(SHARES * end, fleet.input_lower, fleet.input_upper) for end in (fleet.input_lower, fleet.input_upper)
+    )
     sign, place, slowest = 1.0, fleet.start, 0.0 if fleet.system.turns_in_place else CREEP
     if fleet.system.heading_from == "y":
         sign, heading = -1.0, np.pi / 2 - heading

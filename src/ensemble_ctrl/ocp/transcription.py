@@ -175,7 +175,8 @@ def _avoiding(
         v, omega = system.rates(z[0], z[1], CasadiArrays)
         bulge = curvature * ca.sqrt((v * omega) ** 2 + SMOOTH**2)
         ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n :])]
-        return ca.vertcat(*ends) - d[2] - bulge + z[2]
+        clear: ca.SX = ca.vertcat(*ends) - d[2] - bulge + z[2]
+        return clear
 
     data = np.column_stack([lines.normal[piece, at], lines.support[piece, at] + keep])
     columns = np.column_stack([layout.controls[at], slack, layout.points[at], layout.points[at + 1]])
@@ -244,9 +245,7 @@ def _bounds(problem: Problem, layout: Layout, level: int) -> tuple[Floats, Float
     return lower, upper
 
 
-def _guess(
-    problem: Problem, layout: Layout, controls: Floats, curve: Floats, step: float, task: TaskRows
-) -> Floats:
+def _guess(problem: Problem, layout: Layout, controls: Floats, curve: Floats, step: float, task: TaskRows) -> Floats:
     """The decision vector under the guessed controls."""
     _, omega = problem.fleet.system.rates(*controls.T)
     x = np.zeros(layout.size)

@@ -25,8 +25,8 @@ class Bicycle(ArcSystem):
     .. math:: \dot p_x = \psi_1 v \cos\theta, \quad \dot p_y = \psi_1 v \sin\theta, \quad
               \dot\theta = \psi_2 v \tan(\delta) / L
 
-    It is a unicycle whose turn rate is ``v tan(delta) / L``: exact arcs, driven forwards or backwards, and at ``v = 0`` it
-    stands whatever the steering angle.
+    It is a unicycle whose turn rate is ``v tan(delta) / L``: exact arcs, driven forwards or backwards, and at ``v = 0``
+    it stands whatever the steering angle.
 
     Parameters
     ----------
