@@ -1,0 +1,96 @@
+"""Fleets with one parameter, several, and an uncertain start."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ensemble_ctrl as ec
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.systems import Unicycle
+
+
+def fleet(axis: Any = "x", **parameters: tuple[float, float]) -> Fleet:
+    """A fleet at (1, 2) heading 0.5 rad."""
+    laws = {name: Interval(*ends) for name, ends in parameters.items()}
+    return Fleet(Unicycle(axis), laws, np.array([1.0, 2.0]), 0.5, np.full(2, -2.0), np.full(2, 2.0))
+
+
+def test_one_traction_scales_both() -> None:
+    one = fleet(traction=(0.9, 1.1))
+    np.testing.assert_allclose(one.drives(np.array([[0.9]])), [[0.9, 0.9, 0.5, 1.0, 2.0]])
+    assert (one.fastest, one.slowest, one.bent) == ((1.1, 1.1), 0.9, (0,))
+
+
+def test_each_parameter_has_its_place_in_a_drive() -> None:
+    whole = fleet("y", angular_traction=(0.9, 1.1), start_heading=(-0.1, 0.1), start_x=(0.0, 0.2), start_y=(-1, 1))
+    drive = whole.drives(np.array([[1.05, 0.1, 0.2, -1.0]]))[0]
+    np.testing.assert_allclose(drive, [1.0, 1.05, np.pi / 2 - 0.5 - 0.1, 1.2, 1.0])
+    assert whole.bent == (0, 1)
+    np.testing.assert_allclose(whole.shift, [0.1, 1.0])
+    np.testing.assert_allclose(whole.start, [1.1, 2.0])
+
+
+def test_equal_robots_need_no_parameter() -> None:
+    same = fleet()
+    assert same.names == ()
+    np.testing.assert_allclose(same.drives(same.corners), [[1.0, 1.0, 0.5, 1.0, 2.0]])
+    assert same.grid(10).shape == (1, 0)
+
+
+def test_a_grid_holds_the_corners() -> None:
+    two = fleet(linear_traction=(0.9, 1.1), angular_traction=(0.8, 1.2))
+    grid = {tuple(row) for row in two.grid(25)}
+    assert len(grid) == 25
+    assert {tuple(row) for row in two.corners} <= grid
+
+
+def test_members_by_number_and_by_name() -> None:
+    one, two = fleet(traction=(0.9, 1.1)), fleet(linear_traction=(0.9, 1.1), start_x=(0.0, 1.0))
+    np.testing.assert_array_equal(one.members([0.9, 1.0]), [[0.9], [1.0]])
+    np.testing.assert_array_equal(two.members([{"start_x": 0.5, "linear_traction": 0.9}]), [[0.9, 0.5]])
+    assert two.named(np.array([0.9, 0.5])) == {"linear_traction": 0.9, "start_x": 0.5}
+
+
+@pytest.mark.parametrize("given", [[], [0.9], [[0.9]], [[0.9, np.nan]], [{"start_x": 1.0}], "fast", 3, [[1, 2], [3]]])
+def test_wrong_members_are_refused(given: Any) -> None:
+    two = fleet(linear_traction=(0.9, 1.1), start_x=(0.0, 1.0))
+    with pytest.raises(
+        ProblemError, match=r"^parameters: expected finite numbers of shape \(members, 2\) or names lin"
+    ):
+        two.members(given)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"mass": (1, 2)}, "expected names among traction, .*, start_y, got 'mass'"),
+        ({"traction": (1, 2), "linear_traction": (1, 2)}, "expected one of traction and linear_traction, got both"),
+        ({"angular_traction": (1, 2), "traction": (1, 2)}, "expected one of angular_traction and traction, got both"),
+    ],
+)
+def test_wrong_names_are_refused(parameters: dict[str, tuple[float, float]], message: str) -> None:
+    with pytest.raises(ProblemError, match=f"^fleet.parameters: {message}"):
+        fleet(**parameters)
+
+
+def test_parameters_are_a_mapping() -> None:
+    with pytest.raises(ProblemError, match=r"^fleet.parameters: expected a mapping of names to Interval, got Interval"):
+        Fleet(Unicycle(), Interval(1, 2), np.zeros(2), 0.0, np.zeros(2), np.ones(2))  # type: ignore[arg-type]
+
+
+def test_samples_are_the_same_for_a_seed_and_differ_between_parameters() -> None:
+    two = fleet(linear_traction=(0.0, 1.0), angular_traction=(0.0, 1.0))
+    drawn = two.sample(100, 3)
+    np.testing.assert_array_equal(drawn, two.sample(100, 3))
+    assert abs(np.corrcoef(drawn.T)[0, 1]) < 0.3
+    np.testing.assert_array_equal(drawn[:, 0], fleet(traction=(0.0, 1.0)).sample(100, 3)[:, 0])
+
+
+def test_public_names() -> None:
+    assert ec.Fleet is Fleet
+    assert ec.Bicycle.name == "bicycle"
