@@ -24,6 +24,10 @@ START = {"start_heading": 2, "start_x": 3, "start_y": 4}
 """Parameters of the start, offsets from the fleet's own, and their places in a drive."""
 
 
+GOLDEN = 0.6180339887498949
+"""Its powers step through an interval without soon coming back to where they were."""
+
+
 def frozen(values: Any, shape: tuple[int, ...], what: str) -> Floats:
     """A read-only float copy of `values`, checked for shape and finiteness."""
     array = np.array(values, dtype=float)
@@ -198,6 +202,12 @@ class Fleet:
             for law, w in zip(self.parameters.values(), wide, strict=True)
         ]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
+
+    def spread(self, count: int) -> Floats:
+        """Exactly `count` members to draw: even in the first parameter, scattered in the others, shape (count, ..)."""
+        share = np.arange(count)[:, None] * (GOLDEN ** np.arange(len(self.names))) % 1.0
+        share[:, :1] = np.linspace(0.0, 1.0, count)[:, None]
+        return np.asarray(self.lower + share * (self.upper - self.lower))
 
     def sample(self, count: int, seed: int) -> Floats:
         """Members drawn from the parameters' laws, shape (count, parameters)."""

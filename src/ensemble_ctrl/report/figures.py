@@ -93,7 +93,7 @@ def draw_trajectories(
     from matplotlib.colors import Normalize
 
     fleet = problem.fleet
-    members = fleet.grid(MEMBERS)
+    members = fleet.spread(MEMBERS)
     paths = trajectories(problem, controls, members, 4)
     ax = _shown_axes(_size(problem, controls, twin_controls)) if ax is None else ax
     draw_map(problem, ax, list(paths))

@@ -25,5 +25,5 @@ def plan_svg(problem: Problem, controls: Floats) -> str:
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
     """
-    paths = trajectories(problem, controls, problem.fleet.grid(MEMBERS))
+    paths = trajectories(problem, controls, problem.fleet.spread(MEMBERS))
     return map_svg(problem, list(paths))

@@ -103,7 +103,7 @@ def ranges_text(fleet: Fleet) -> str:
     """The parameters with their ranges; lengths and angles with their units."""
     if not fleet.names:
         return "all members equal"
-    return ", ".join(f"{name} {law.lower:g} to {law.upper:g}{_unit(name)}" for name, law in fleet.parameters.items())
+    return ", ".join(f"{name} {law.lower:.4g} to {law.upper:.4g}{_unit(name)}" for name, law in fleet.parameters.items())
 
 
 def member_text(parameters: Mapping[str, float]) -> str:
@@ -151,7 +151,7 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     if certificate is None:
         return [("proven", "nothing for all parameters (no certificate was asked for)")]
     c = certificate
-    ranges = [f"{name} {low:g}..{high:g}" for name, (low, high) in c.ranges.items()]
+    ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
     scope = ", ".join([*ranges, "every instant"])
     bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
     bounds += [f"rest of the task >= {c.robustness:.4f} m"] if c.parts else []
