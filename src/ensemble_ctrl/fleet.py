@@ -24,8 +24,8 @@ START = {"start_heading": 2, "start_x": 3, "start_y": 4}
 """Parameters of the start, offsets from the fleet's own, and their places in a drive."""
 
 
-GOLDEN = 0.6180339887498949
-"""Its powers step through an interval without soon coming back to where they were."""
+PRIMES = np.array([1, 2, 3, 5, 7, 11, 13])
+"""Multiples of their roots scatter over an interval, each in its own way."""
 
 
 def frozen(values: Any, shape: tuple[int, ...], what: str) -> Floats:
@@ -205,7 +205,7 @@ class Fleet:
 
     def spread(self, count: int) -> Floats:
         """Exactly `count` members to draw: even in the first parameter, scattered in the others, shape (count, ..)."""
-        share = np.arange(count)[:, None] * (GOLDEN ** np.arange(len(self.names))) % 1.0
+        share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
         share[:, :1] = np.linspace(0.0, 1.0, count)[:, None]
         return np.asarray(self.lower + share * (self.upper - self.lower))
 
