@@ -168,7 +168,7 @@ class Prover:
         k = int(distance.argmin())
         seen = float(distance[k]), int(boxes.centre[k]), float((boxes.step[k] + boxes.begin[k]) * self.flow.step)
         best = min(best, seen, key=lambda sample: sample[0])
-        curvature = self._curvature(boxes, boxes.half)
+        curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)
         growth = self.flow.growth(boxes.step, (boxes.end - boxes.begin) * self.flow.step, drives, boxes.half)
         radius = curvature + growth
         arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
@@ -183,21 +183,15 @@ class Prover:
         )
         low[near] = np.maximum(low[near], separation(corners[near], sides, piece.vertices) - radius[near])
         long = np.linalg.norm(there - here, axis=1) / 2
-        return low, best, np.column_stack([long, self._widths(boxes, arms)])
+        return low, best, np.column_stack([long, self._widths(boxes, arms, curvature)])
 
-    def _curvature(self, boxes: Boxes, half: Floats) -> Floats:
-        """Radius that nonlinearity in the parameters adds to each box."""
-        kinds, index = np.unique(half, axis=0, return_inverse=True)
-        return np.asarray(self.flow.remainder(kinds)[index.ravel(), boxes.step + 1])
-
-    def _widths(self, boxes: Boxes, arms: Sequence[Floats]) -> Floats:
-        """What each parameter's width adds to a box, shape (boxes, parameters)."""
+    def _widths(self, boxes: Boxes, arms: Sequence[Floats], curvature: Floats) -> Floats:
+        """What each parameter's width adds to a box, shape (boxes, parameters), with the nonlinear part's `curvature`."""
         widths = np.maximum(*(np.linalg.norm(a, axis=2) for a in arms))
-        whole = self._curvature(boxes, boxes.half)
         for k in range(widths.shape[1]):
             without = boxes.half.copy()
             without[:, k] = 0.0
-            widths[:, k] += whole - self._curvature(boxes, without)
+            widths[:, k] += curvature - self.flow.remainder_at(without, boxes.step + 1)
         return np.asarray(widths)
 
     def _at(self, boxes: Boxes, share: Floats, drives: Floats) -> tuple[Floats, Floats]:

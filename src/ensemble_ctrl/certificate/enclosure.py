@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,7 +99,7 @@ class Flow:
         """Number of steps."""
         return len(self.v)
 
-    @property
+    @cached_property
     def fastest(self) -> float:
         """Largest absolute factor on the speed."""
         return float(np.abs(self.drives(self._ends()))[:, 0].max())
@@ -139,8 +140,12 @@ class Flow:
         ndarray, shape (cells, steps + 1)
             Metres, rounded up.
         """
+        return self.remainder_at(half[:, None], np.arange(self.steps + 1))
+
+    def remainder_at(self, half: Floats, n: Ints) -> Floats:
+        """The same for cells of shape (..., parameters) at the grid times `n`, which broadcast with the cells."""
         A, B, G = self._reach(half)
-        I0, I1, I2 = self._integrals()
+        I0, I1, I2 = self._integrals[:, n]
         quadratic = B**2 * I2 + 2 * B * G * I1 + G**2 * I0
         return np.asarray((A * (B * I1 + G * I0) + self.fastest / 2 * quadratic) * (1 + 64 * UNIT * self.steps))
 
@@ -158,9 +163,9 @@ class Flow:
         half : ndarray, shape (*S, parameters)
             Half widths of the cells.
         """
-        A, B, G = (column[..., 0] for column in self._reach(half))
+        A, B, G = self._reach(half)
         a, b = np.abs(drives[..., 0]), np.abs(drives[..., 1])
-        largest = self._largest()[n]
+        largest = self._largest[n]
         size = a * b + A * b + a * B + a * b * (B * largest + G)
         return np.asarray(span**2 / 8 * np.abs(self.v[n] * self.omega[n]) * size * (1 + 64 * UNIT))
 
@@ -174,7 +179,7 @@ class Flow:
         """
         ends = np.abs(self.drives(self._ends())).max(axis=0)
         way = float(np.abs(self.v).sum()) * self.step * float(ends[0])
-        angle = float(ends[2]) + float(ends[1]) * float(self._largest().max())
+        angle = float(ends[2]) + float(ends[1]) * float(self._largest.max())
         size = float(ends[START].max()) + way + 8 * self.extent
         return 4 * UNIT * ((self.steps + 32) * (way * (1 + angle) + size))
 
@@ -184,17 +189,19 @@ class Flow:
         return np.where(signs > 0, self.upper, self.lower)
 
     def _reach(self, half: Floats) -> tuple[Floats, Floats, Floats]:
-        """By how much `a`, `b` and `g` differ in cells, each of shape (..., 1)."""
+        """By how much `a`, `b` and `g` differ in cells of shape (..., parameters)."""
         A, B, G = np.moveaxis(half @ np.abs(self.directions[:, :3]), -1, 0)
-        return A[..., None], B[..., None], G[..., None]
+        return A, B, G
 
+    @cached_property
     def _largest(self) -> Floats:
         """Largest ``|Omega|`` of each step."""
         return np.maximum(np.abs(self.turned), np.abs(self.turned + self.step * self.omega))
 
+    @cached_property
     def _integrals(self) -> Floats:
         """Upper bounds of ``int |v| |Omega|^k`` for k = 0, 1, 2 up to the grid times, shape (3, steps + 1)."""
-        powers = self._largest() ** np.arange(3)[:, None]
+        powers = self._largest ** np.arange(3)[:, None]
         sums = np.cumsum(np.abs(self.v) * powers, axis=1) * self.step
         return np.concatenate([np.zeros((3, 1)), sums], axis=1)
 
