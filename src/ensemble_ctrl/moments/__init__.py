@@ -1,7 +1,8 @@
 r"""Moments: an ensemble's state as a function of the parameter, in coordinates.
 
-The parameter is scaled to :math:`s \in [-1, 1]`, the basis is orthonormal with respect to :math:`ds`, and the
-order is the last axis but one of every array of moments. NumPy only.
+The parameter is scaled to :math:`s \in [-1, 1]`, the basis is orthonormal with respect to its law (scaled to a
+total mass of 2: :math:`ds` for the uniform one), and the order is the last axis but one of every array of
+moments. NumPy only, but for the cdf of Beta and normal laws, and the draws of normal ones, which load SciPy.
 
 Examples
 --------
@@ -12,16 +13,23 @@ Examples
 True
 """
 
-from ensemble_ctrl.moments.basis import LegendreBasis
+from ensemble_ctrl.moments.basis import Basis, LegendreBasis
 from ensemble_ctrl.moments.bernstein import bernstein_to_moments, moments_to_bernstein, nodes_to_bernstein
+from ensemble_ctrl.moments.beta import Beta
+from ensemble_ctrl.moments.law import Law
 from ensemble_ctrl.moments.measure import Interval
+from ensemble_ctrl.moments.mixture import Mixture
+from ensemble_ctrl.moments.normal import TruncatedNormal
 from ensemble_ctrl.moments.operators import (
     affine_multiplication_matrix,
     multiplication_matrix,
     shift_left,
     shift_right,
 )
+from ensemble_ctrl.moments.orthonormal import OrthonormalBasis
+from ensemble_ctrl.moments.samples import Samples
 from ensemble_ctrl.moments.transform import (
+    change_of_basis,
     evaluate_moments,
     moments_of_function,
     moments_of_samples,
@@ -30,10 +38,18 @@ from ensemble_ctrl.moments.transform import (
 )
 
 __all__ = [
+    "Basis",
+    "Beta",
     "Interval",
+    "Law",
     "LegendreBasis",
+    "Mixture",
+    "OrthonormalBasis",
+    "Samples",
+    "TruncatedNormal",
     "affine_multiplication_matrix",
     "bernstein_to_moments",
+    "change_of_basis",
     "evaluate_moments",
     "moments_of_function",
     "moments_of_samples",
