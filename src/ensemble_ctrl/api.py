@@ -14,7 +14,7 @@ from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import Replay, replay
 
@@ -91,7 +91,7 @@ class Plan:
         """Run the controls on sampled members; see `ensemble_ctrl.replay.replay`."""
         return replay(self.problem, self.controls, members=members, substeps=substeps, parameters=parameters)
 
-    def certify(self, parameter: Interval | None = None) -> Certificate:
+    def certify(self, parameter: Law | None = None) -> Certificate:
         """Prove the plan for every parameter of its range, or of another one; see `ensemble_ctrl.certificate`."""
         return certify(self.problem, self.controls, parameter)
 

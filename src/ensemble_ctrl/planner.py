@@ -211,7 +211,7 @@ def _windows(formula: Formula) -> list[tuple[float, float]]:
 def _coarse(search: _Search, controls: Floats) -> Attempt:
     """A seed improved on its own coarse grid at low order."""
     problem = search.problem
-    truncation = Truncation(2, 2, problem.solve.guarantee != "moment")
+    truncation = Truncation(2, 2, problem.solve.guarantee != "moment", problem.fleet.parameter)
     if search.over():
         return start(problem, controls, truncation)
     options = search.options(1e-2, 1e-3)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Law
 from ensemble_ctrl.systems import Unicycle
 
 Floats = NDArray[np.float64]
@@ -43,8 +43,8 @@ class Fleet:
     ----------
     system : Unicycle
         The dynamics all members share.
-    parameter : Interval
-        Range of the parameter, dimensionless.
+    parameter : Law
+        Law of the parameter, dimensionless; a plan is for its whole range.
     position : array_like, shape (2,)
         Common start position in metres.
     heading : float
@@ -58,7 +58,7 @@ class Fleet:
     """
 
     system: Unicycle
-    parameter: Interval
+    parameter: Law
     position: Floats
     heading: float
     input_lower: Floats

@@ -122,9 +122,15 @@ class _Search:
     def answer(self) -> Widest:
         """What was found."""
         return Widest(
-            self.best.problem.fleet.parameter if self.best else None,
+            _range(self.best) if self.best else None,
             self.best,
             self.failed.conflicts() if self.failed else (),
-            self.failed.problem.fleet.parameter if self.failed else None,
+            _range(self.failed) if self.failed else None,
             self.tried,
         )
+
+
+def _range(found: Plan) -> Interval:
+    """The range that a plan is for."""
+    law = found.problem.fleet.parameter
+    return Interval(law.lower, law.upper)

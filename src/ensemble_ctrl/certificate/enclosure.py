@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -65,7 +65,7 @@ class Flow:
     extent: float
 
     @classmethod
-    def of(cls, problem: Problem, controls: Floats, law: Interval) -> Flow:
+    def of(cls, problem: Problem, controls: Floats, law: Law) -> Flow:
         """The flow of a problem's fleet with parameters in `law`."""
         v, omega = np.asarray(controls, dtype=float).T
         step = problem.duration / len(v)

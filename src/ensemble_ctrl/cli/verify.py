@@ -15,7 +15,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import dump, load
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Interval, Law
 from ensemble_ctrl.replay import Replay
 from ensemble_ctrl.report.text import measured, proven
 from ensemble_ctrl.results import SCHEMA, controls_csv, replay_summary, to_json
@@ -86,9 +86,11 @@ def _range(asked: str, plan: Plan) -> Interval:
         raise ProblemError(f"--range {asked}: expected {name}=LOW:HIGH with numbers LOW <= HIGH ({error})") from None
 
 
-def _drawn(law: Interval, members: int) -> Any:
-    """Parameters spread over a range, its ends included."""
-    return np.linspace(law.lower, law.upper, members)
+def _drawn(law: Law, members: int) -> Any:
+    """Parameters of a law, the ends of its range included: evenly spread for the uniform one, drawn for others."""
+    if isinstance(law, Interval):
+        return np.linspace(law.lower, law.upper, members)
+    return np.concatenate([[law.lower, law.upper], law.sample(max(members - 2, 0), 0)])[:members]
 
 
 def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str]:

@@ -31,6 +31,7 @@ from ensemble_ctrl.moments.samples import Samples
 from ensemble_ctrl.moments.transform import (
     change_of_basis,
     evaluate_moments,
+    inner_products,
     moments_of_function,
     moments_of_samples,
     moments_to_nodes,
@@ -51,6 +52,7 @@ __all__ = [
     "bernstein_to_moments",
     "change_of_basis",
     "evaluate_moments",
+    "inner_products",
     "moments_of_function",
     "moments_of_samples",
     "moments_to_bernstein",

@@ -108,7 +108,7 @@ def condensed(s: FloatArray, weights: FloatArray, count: int) -> tuple[FloatArra
     """
     if len(s) <= max(BLOCK, 2 * count):
         return s, weights
-    blocks = [_rule(s[i : i + BLOCK], weights[i : i + BLOCK], count) for i in range(0, len(s), BLOCK)]
+    blocks = [gauss_of_points(s[i : i + BLOCK], weights[i : i + BLOCK], count) for i in range(0, len(s), BLOCK)]
     points, masses = (np.concatenate(part) for part in zip(*blocks, strict=True))
     return merged(points, masses)
 
@@ -119,8 +119,8 @@ def merged(s: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points, np.asarray(np.bincount(at, weights, len(points)), dtype=np.float64)
 
 
-def _rule(s: FloatArray, weights: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """A Gauss rule for one block, with the block's total weight."""
+def gauss_of_points(s: FloatArray, weights: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """The Gauss rule with `count` points, or fewer if there are fewer, of the same total weight."""
     found = recurrence_of_points(s, weights, count - 1)
     nodes, shares = gauss(found, found.order + 1)
     return nodes, shares * (weights.sum() / 2)

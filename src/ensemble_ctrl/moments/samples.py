@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments._check import finite_array, frozen
-from ensemble_ctrl.moments.lanczos import CHUNK, condensed, recurrence_of_points, usable
+from ensemble_ctrl.moments.lanczos import CHUNK, condensed, gauss_of_points, recurrence_of_points, usable
 from ensemble_ctrl.moments.orthonormal import WeightedLaw
 from ensemble_ctrl.moments.recurrence import Recurrence, values
 
@@ -77,11 +77,14 @@ class Samples(WeightedLaw):
 
     def recurrence(self, order: int) -> Recurrence:
         """Coefficients up to `order`, or up to the highest order that the values can tell apart."""
-        return usable(recurrence_of_points(*self.rule(order + 2), order), *self._points)
+        points = condensed(*self._points, order + 2)
+        return usable(recurrence_of_points(*points, order), *self._points)
 
     def rule(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """The values themselves, or fewer points with the same integrals; see `Law.rule`."""
-        return condensed(*self._points, count)
+        """The Gauss rule with `count` points, or the values themselves if there are no more; see `Law.rule`."""
+        if len(self._points[0]) <= count:
+            return self._points
+        return gauss_of_points(*condensed(*self._points, count), count)
 
     def partial_moments(self, recurrence: Recurrence, s: FloatArray) -> FloatArray:
         """Sums of the polynomials over the values up to `s`."""

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments._check import along_order_axis, finite_array, frozen, scaled_points, whole_number
 from ensemble_ctrl.moments.basis import Basis
+from ensemble_ctrl.moments.law import Law
 
 FloatArray = NDArray[np.float64]
 
@@ -228,6 +229,38 @@ def change_of_basis(old: Basis, new: Basis) -> FloatArray:
            [0.    , 0.8165]])
     """
     return _change_of_basis(old, new)
+
+
+def inner_products(law: Law, basis: Basis) -> FloatArray:
+    r"""Inner products of a basis under a law that need not be its own, :math:`\int \phi_j \phi_k\, d\mu`.
+
+    Parameters
+    ----------
+    law : Law
+        Its measure has total mass 2.
+    basis : Basis
+        Of any measure on [-1, 1].
+
+    Returns
+    -------
+    ndarray, shape (order + 1, order + 1)
+        Symmetric, dimensionless; with it, moments m of a state in `basis` give twice the fleet's mean square as
+        ``m @ inner_products @ m``.
+
+    Notes
+    -----
+    **Guarantee**: exact, up to rounding, and also for laws of so few values that they have no basis of that order.
+
+    Examples
+    --------
+    >>> from ensemble_ctrl.moments import LegendreBasis, Samples
+    >>> inner_products(Samples([1.0, 1.2]), LegendreBasis(1)).round(4) + 0.0
+    array([[1., 0.],
+           [0., 3.]])
+    """
+    s, weights = law.rule(basis.order + 1)
+    phi = basis.evaluate(s)
+    return np.asarray((weights[:, None] * phi).T @ phi)
 
 
 @lru_cache(maxsize=1024)

@@ -17,7 +17,7 @@ from ensemble_ctrl.problem import Problem
 Floats = NDArray[np.float64]
 
 QUADRATURE = 16
-"""Order of the Gauss rule whose robots, with the two ends of the range, are evaluated."""
+"""Order of the Gauss rules: Legendre's, whose robots are evaluated with the two ends of the range, and the law's."""
 
 
 @dataclass(frozen=True)
@@ -48,21 +48,22 @@ class Value:
 
 def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Value:
     """Evaluate `controls` of shape (steps, 2)."""
-    aim, step = problem.objective, problem.duration / len(controls)
-    basis = LegendreBasis(QUADRATURE)
-    s = np.concatenate([[-1.0], basis.nodes, [1.0]])
-    paths = positions(problem, controls, np.asarray(problem.fleet.parameter.to_parameter(s)))
+    aim, step, law = problem.objective, problem.duration / len(controls), problem.fleet.parameter
+    s = np.concatenate([[-1.0], LegendreBasis(QUADRATURE).nodes, [1.0]])
+    paths = positions(problem, controls, law.to_parameter(s))
+    nodes, weights = law.rule(QUADRATURE + 1)
+    spread = positions(problem, controls, law.to_parameter(nodes))
     signals, ops = StateSignals(paths, ("x", "y"), step), ExactOps()
     in_moments = problem.solve.guarantee == "moment"
     if in_moments:
-        average = np.einsum("j,jtd->td", basis.weights / 2, paths[1:-1])
+        average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)
     parts = [grounded(problem, part) for part in other_parts(problem)]
     worst = min((float(robustness(part, signals, ops)) for part in parts), default=0.0)
     terminal = 0.0
     if aim.target is not None:
-        off = ((paths[1:-1, -1] - aim.target) ** 2).sum(axis=-1)
-        terminal = aim.terminal * float(basis.weights @ off)
+        off = ((spread[:, -1] - aim.target) ** 2).sum(axis=-1)
+        terminal = aim.terminal * float(weights @ off)
     effort = aim.effort * step * float((controls**2).sum())
     curve = average[:, None] if in_moments else points(problem, controls, truncation)
     lines = separate(curve, duties(problem), problem.duration)

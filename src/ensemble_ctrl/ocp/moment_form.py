@@ -80,7 +80,7 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: La
                     sign = 1.0 if (gx, gy) > (0.0, 0.0) else -1.0
                     key = (k, round(sign * float(gx), 12), round(sign * float(gy), 12))
                     rows[key] = min(rows.get(key, np.inf), 2 * big - float(h))
-    if not rows or truncation.order == 0:
+    if not rows or truncation.basis.order == 0:
         return []
     at = np.array([k for k, _, _ in rows])
     data = np.array([[gx, gy] for _, gx, gy in rows])
