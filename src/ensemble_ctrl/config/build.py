@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from ensemble_ctrl.config.laws import law_of
 from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemFile
-from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Fleet, Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.systems import SYSTEMS
 
@@ -44,11 +44,11 @@ def build(file: ProblemFile, name: str) -> Problem:
 
 def _fleet(section: FleetSection) -> Fleet:
     """Who moves."""
-    start, bounds, law = section.start, section.input_bounds, section.parameters.traction
+    start, bounds = section.start, section.input_bounds
     (v_low, v_high), (omega_low, omega_high) = bounds.v, bounds.omega
     return Fleet(
         system=SYSTEMS[section.model](heading_from=start.heading_from),
-        parameter=Interval(*law.range),
+        parameter=law_of(section.parameters.traction, "traction"),
         position=np.array(start.position),
         heading=start.heading if start.heading_from == "x" else math.pi / 2 - start.heading,
         input_lower=np.array([v_low, omega_low]),

@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from ensemble_ctrl.config.laws import law_data
 from ensemble_ctrl.config.tree import SCALARS
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Predicate
@@ -69,7 +70,7 @@ def _fleet(fleet: Fleet) -> Data:
     (v_low, omega_low), (v_high, omega_high) = fleet.input_lower.tolist(), fleet.input_upper.tolist()
     return {
         "model": fleet.system.name,
-        "parameters": {fleet.parameter_name: {"range": [fleet.parameter.lower, fleet.parameter.upper]}},
+        "parameters": {fleet.parameter_name: law_data(fleet.parameter)},
         "start": {
             "position": fleet.position.tolist(),
             "heading": float(fleet.own_heading),

@@ -9,20 +9,15 @@ from pydantic import BeforeValidator, Field
 from ensemble_ctrl.checks import MAX_MEMBERS, MAX_SEED, MAX_STEPS
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.fields import Model, whole
+from ensemble_ctrl.config.laws import LawSection
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.problem import Guarantee, Method, Objective, ReportOptions, SolveOptions, VerifyOptions
-
-
-class Law(Model):
-    """How a parameter is spread over the fleet: evenly over a range."""
-
-    range: f.Range = (0.9, 1.1)
 
 
 class Parameters(Model):
     """The parameters that differ between members."""
 
-    traction: Law = Law()
+    traction: LawSection = LawSection()
 
 
 class Start(Model):

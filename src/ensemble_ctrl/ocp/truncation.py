@@ -1,12 +1,13 @@
 """The truncated moment system in nodal coordinates, and the points that stand for the fleet's position curve.
 
 At any time the positions of the fleet are a curve ``s -> p(s)`` over the scaled parameter.  Truncation at order N keeps
-the polynomial through the robots at N + 1 Gauss nodes: Legendre's, whatever the parameter's law, because the polynomial
-has to be close to the curve over the whole range, and because it is turned into points that contain it.  (The Gauss nodes
-of a law that leaves a part of the range nearly empty are far worse at both.)  The law has its say in what is averaged:
-mean, moments and terminal cost are exact integrals of that polynomial against it.  The displacement of those robots over a step depends on
-the commands alone, so the decision variables need not carry their positions: they carry the `points` that the
-constraints speak of, any linear image of them.
+the polynomial through the robots at N + 1 Gauss nodes.  These are Legendre's whatever the parameter's law, for the
+polynomial has to be close to the curve over the whole range and is turned into points that contain it; the nodes of a
+law that leaves a part of the range nearly empty are far worse at both.  The law has its say in what is averaged: mean,
+moments and terminal cost are exact integrals of that polynomial against it.
+
+The displacement of those robots over a step depends on the commands alone, so the decision variables need not carry
+their positions: they carry the `points` that the constraints speak of, any linear image of them.
 """
 
 from __future__ import annotations
