@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.config import fields as f
+from ensemble_ctrl.config.laws import Measured, MixturePart
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.systems import SYSTEMS
 
@@ -30,6 +31,8 @@ UNITS: list[tuple[Any, str]] = [
     (f.Order, "1 to 50, or `auto`"),
     (f.ModelName, ", ".join(f"`{name}`" for name in SYSTEMS)),
     (f.FolderName, "text"),
+    (Measured, "list, or a file's name"),
+    (list[MixturePart], "list"),
 ]
 """What a field's type is measured in."""
 
@@ -37,7 +40,14 @@ MEANING = {
     "version": "Version of the file's format.",
     "name": "Names the results folder; by default the file's name.",
     "fleet.model": "The dynamics all members share; `ensemble-plan models` lists them.",
-    "fleet.parameters.traction.range": "Range of the parameter that differs between members, uniform; above 0.",
+    "fleet.parameters.traction.range": "Range of the parameter that differs between members; above 0.",
+    "fleet.parameters.traction.law": "How it is spread over the range; see [laws](laws.md).",
+    "fleet.parameters.traction.a": "Shape of a Beta law at the low end.",
+    "fleet.parameters.traction.b": "Shape of a Beta law at the high end.",
+    "fleet.parameters.traction.mean": "Mean of a normal law, before it is cut off at the range's ends.",
+    "fleet.parameters.traction.deviation": "Standard deviation of a normal law, before it is cut off.",
+    "fleet.parameters.traction.samples": "Measured values, or a CSV file of them, in place of a range.",
+    "fleet.parameters.traction.mixture": "A list of laws, each with a `weight`, in place of a range.",
     "fleet.start.position": "Common start.",
     "fleet.start.heading": "Common start heading.",
     "fleet.start.heading_from": "`x`: from +x, counter-clockwise. `y`: from +y, clockwise (the paper's).",

@@ -17,16 +17,18 @@ if TYPE_CHECKING:
     from ensemble_ctrl.api import Plan, plan
     from ensemble_ctrl.config import load, load_text
     from ensemble_ctrl.constraints import Obstacle, Polyhedron
-    from ensemble_ctrl.moments import Interval, LegendreBasis
+    from ensemble_ctrl.moments import Beta, Interval, LegendreBasis, Mixture, Samples, TruncatedNormal
     from ensemble_ctrl.problem import Fleet, Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
     from ensemble_ctrl.replay import Replay
     from ensemble_ctrl.systems import Unicycle
     from ensemble_ctrl.twin import unconstrained
 
 _HOMES = {
+    "Beta": "moments",
     "Fleet": "problem",
     "Interval": "moments",
     "LegendreBasis": "moments",
+    "Mixture": "moments",
     "Objective": "problem",
     "Obstacle": "constraints",
     "Plan": "api",
@@ -34,7 +36,9 @@ _HOMES = {
     "Problem": "problem",
     "Replay": "replay",
     "ReportOptions": "problem",
+    "Samples": "moments",
     "SolveOptions": "problem",
+    "TruncatedNormal": "moments",
     "Unicycle": "systems",
     "VerifyOptions": "problem",
     "load": "config",
@@ -45,11 +49,13 @@ _HOMES = {
 """Public names and the module that each is loaded from when it is first used."""
 
 __all__ = [
+    "Beta",
     "ConfigError",
     "EnsembleError",
     "Fleet",
     "Interval",
     "LegendreBasis",
+    "Mixture",
     "Objective",
     "Obstacle",
     "Plan",
@@ -58,8 +64,10 @@ __all__ = [
     "ProblemError",
     "Replay",
     "ReportOptions",
+    "Samples",
     "SolveError",
     "SolveOptions",
+    "TruncatedNormal",
     "Unicycle",
     "UnsupportedError",
     "VerifyOptions",

@@ -137,3 +137,12 @@ def test_mean_and_share_of_other_laws_are_not_proven() -> None:
         problem = under(law).with_(task=parse("mean(F[14, 16] x >= 5) and G[0, 16] avoid(obstacles)"))
         found = certify(problem, controls)
         assert (found.proven, found.parts[0].covered) == (proven, proven == "yes")
+
+
+def test_what_a_task_says_of_the_fleet_is_read_under_the_law() -> None:
+    controls = planned("Beta").controls
+    law = Beta(0.9, 1.1, 2, 40)
+    problem = under(law).with_(task=parse("mean(F[14, 16] x >= 0) and G[0, 16] avoid(obstacles)"))
+    value = evaluate(problem, controls, choose(problem, controls))
+    mean = positions(problem, controls, law.sample(50_000, seed=9)).mean(axis=0)
+    assert value.robustness == pytest.approx(mean[140:, 0].max(), abs=2e-3)

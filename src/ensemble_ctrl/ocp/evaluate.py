@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, robustness
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.duties import duties, grounded, other_parts
-from ensemble_ctrl.moments import LegendreBasis
+from ensemble_ctrl.moments import Interval, LegendreBasis
 from ensemble_ctrl.ocp.lines import separate
 from ensemble_ctrl.ocp.truncation import Truncation, points, positions
 from ensemble_ctrl.problem import Problem
@@ -59,7 +59,8 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
         average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)
     parts = [grounded(problem, part) for part in other_parts(problem)]
-    worst = min((float(robustness(part, signals, ops)) for part in parts), default=0.0)
+    fleet = signals if in_moments or isinstance(law, Interval) else _fleet(problem, controls)
+    worst = min((float(robustness(part, fleet if reads_fleet(part) else signals, ops)) for part in parts), default=0.0)
     terminal = 0.0
     if aim.target is not None:
         off = ((spread[:, -1] - aim.target) ** 2).sum(axis=-1)
@@ -69,3 +70,9 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     lines = separate(curve, duties(problem), problem.duration)
     cost = -aim.robustness * worst + terminal + effort
     return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)))
+
+
+def _fleet(problem: Problem, controls: Floats) -> StateSignals:
+    """Members of equal weight, for what a task says of the fleet as a whole: quantiles of the parameter's law."""
+    parameters = np.sort(problem.fleet.parameter.sample(20_000, seed=0))[25::50]
+    return StateSignals(positions(problem, controls, parameters), ("x", "y"), problem.duration / len(controls))
