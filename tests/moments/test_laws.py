@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
+from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
@@ -88,6 +90,22 @@ def test_a_law_is_a_value(law: Law) -> None:
     assert all(other != law for other in LAWS.values() if other is not law)
     assert law.basis(5) == again.basis(5)
     assert hash(law.basis(5)) == hash(again.basis(5))
+
+
+@laws
+def test_a_law_does_not_change(law: Law) -> None:
+    with pytest.raises(FrozenInstanceError):
+        law.lower = 0.5
+    assert pickle.loads(pickle.dumps(law)) == law
+
+
+def test_a_mixture_of_equal_robots_is_a_fleet_of_few() -> None:
+    law = Mixture((Interval(1.0, 1.0), 1), (Samples([1.2, 1.2]), 3))
+    assert law.max_order == 1
+    np.testing.assert_allclose(law.to_parameter(law.basis(1).nodes), [1.0, 1.2])
+    np.testing.assert_allclose(law.basis(1).weights, [0.5, 1.5])
+    one = Mixture((Interval(1.0, 1.0), 1), (Beta(1.0, 1.0, 2, 2), 1))
+    assert (one.max_order, one.sample(2, 0).tolist(), float(one.cdf(1.0))) == (0, [1.0, 1.0], 1.0)
 
 
 def test_how_samples_and_mixtures_read() -> None:

@@ -48,7 +48,7 @@ class Basis(Protocol):
         """Bases are equal, and hash, by value."""
 
     def evaluate(self, s: ArrayLike) -> FloatArray:
-        """Values of the basis, shape (*S, order + 1)."""
+        """Values of the basis, shape ``(*S, order + 1)``."""
 
     def recurrence(self) -> tuple[FloatArray, FloatArray]:
         """Coefficients a and c of the recurrence, each of shape (order + 1,)."""
@@ -60,7 +60,7 @@ class Basis(Protocol):
         """Points and weights that integrate polynomials up to degree ``2 count - 1`` exactly."""
 
     def partial_moments(self, s: FloatArray) -> FloatArray:
-        r"""Integrals of the basis over the measure up to `s`, shape (*S, order + 1); `s` may be infinite."""
+        r"""Integrals of the basis over the measure up to `s`, shape ``(*S, order + 1)``; `s` may be infinite."""
 
     def signed_moments(self) -> tuple[FloatArray, FloatArray]:
         """Integrals of the positive and of the negative parts, each of shape (order + 1,)."""

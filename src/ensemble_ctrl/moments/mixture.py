@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,6 +17,7 @@ from ensemble_ctrl.moments.recurrence import Recurrence, values
 FloatArray = NDArray[np.float64]
 
 
+@dataclass(frozen=True, init=False, repr=False)
 class Mixture(WeightedLaw):
     """Members that follow one of several laws, chosen with given weights.
 
@@ -46,18 +49,16 @@ class Mixture(WeightedLaw):
     (0.9, 1.1, 0.6667)
     """
 
+    parts: tuple[tuple[Law, float], ...]
+    lower: float
+    upper: float
+
     def __init__(self, *parts: tuple[Law, float]) -> None:
         if not parts:
             raise ProblemError("parts: expected one or more pairs of a law and a weight, got none")
-        self.parts = tuple(_checked(i, part) for i, part in enumerate(parts))
-        self.lower = min(law.lower for law, _ in self.parts)
-        self.upper = max(law.upper for law, _ in self.parts)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Mixture) and self.parts == other.parts
-
-    def __hash__(self) -> int:
-        return hash((Mixture, self.parts))
+        object.__setattr__(self, "parts", tuple(_checked(i, part) for i, part in enumerate(parts)))
+        object.__setattr__(self, "lower", min(law.lower for law, _ in self.parts))
+        object.__setattr__(self, "upper", max(law.upper for law, _ in self.parts))
 
     def __repr__(self) -> str:
         return f"Mixture({', '.join(f'({law!r}, {weight:g})' for law, weight in self.parts)})"
@@ -71,11 +72,11 @@ class Mixture(WeightedLaw):
 
     def recurrence(self, order: int) -> Recurrence:
         """Coefficients up to `order`, or up to the highest order that the values can tell apart."""
-        points = self.rule(order + 2)
+        points = self.points(order + 2)
         return usable(recurrence_of_points(*points, order), *points)
 
-    def rule(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """The points of the parts' rules; see `Law.rule`."""
+    def points(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """The points of the parts' rules."""
         rules = [self._rule(law, share, count) for (law, _), share in zip(self.parts, self.shares, strict=True)]
         points, weights = (np.concatenate(part) for part in zip(*rules, strict=True))
         return merged(points, weights)
@@ -94,7 +95,7 @@ class Mixture(WeightedLaw):
         return np.clip(self.to_scaled(law.to_parameter(s)), -1.0, 1.0), share * weights
 
     def _partial(self, law: Law, recurrence: Recurrence, s: FloatArray) -> FloatArray:
-        """Integrals over one part up to `s`, shape (*S, order + 1)."""
+        """Integrals over one part up to `s`, shape ``(*S, order + 1)``."""
         nodes, weights = self._rule(law, 1.0, recurrence.order + 1)
         phi = values(recurrence, nodes)
         if not law.half_width:

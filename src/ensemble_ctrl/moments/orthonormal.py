@@ -30,7 +30,11 @@ class WeightedLaw(Law):
         return OrthonormalBasis(self, order)
 
     def rule(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """The law's own Gauss rule with `count` points; see `Law.rule`."""
+        """Points and weights that integrate polynomials up to degree ``2 count - 1``; see `Law.rule`."""
+        return _cached_rule(self, count)
+
+    def points(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """What `rule` gives, made anew: the law's own Gauss rule with `count` points."""
         return gauss(cached_recurrence(self, count - 1), count)
 
     @abstractmethod
@@ -39,7 +43,7 @@ class WeightedLaw(Law):
 
     @abstractmethod
     def partial_moments(self, recurrence: Recurrence, s: FloatArray) -> FloatArray:
-        """Integrals over the law up to `s` of the law's polynomials, shape (*S, order + 1)."""
+        """Integrals over the law up to `s` of the law's polynomials, shape ``(*S, order + 1)``."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ class OrthonormalBasis:
         return cached_recurrence(self.law, self.order)
 
     def evaluate(self, s: ArrayLike) -> FloatArray:
-        """Values of the basis, shape (*S, order + 1)."""
+        """Values of the basis, shape ``(*S, order + 1)``."""
         return values(self._recurrence, finite_array("s", s))
 
     def recurrence(self) -> tuple[FloatArray, FloatArray]:
@@ -110,14 +114,14 @@ class OrthonormalBasis:
 
     def rule(self, count: int) -> tuple[FloatArray, FloatArray]:
         """Points and weights that integrate polynomials up to degree ``2 count - 1``; see `Law.rule`."""
-        return _cached_rule(self.law, count)
+        return self.law.rule(count)
 
     def roots(self, k: int) -> FloatArray:
         """Roots of phi_k in increasing order, shape (k,)."""
         return roots(self._recurrence, whole_number("k", k, 0, self.order))
 
     def partial_moments(self, s: FloatArray) -> FloatArray:
-        """Integrals of the basis over the law up to and including `s`, shape (*S, order + 1); `s` may be infinite."""
+        """Integrals of the basis over the law up to `s`, shape ``(*S, order + 1)``; `s` may be infinite."""
         return self.law.partial_moments(self._recurrence, s)
 
     def signed_moments(self) -> tuple[FloatArray, FloatArray]:
@@ -135,7 +139,7 @@ def cached_recurrence(law: WeightedLaw, order: int) -> Recurrence:
 @lru_cache(maxsize=256)
 def _cached_rule(law: WeightedLaw, count: int) -> tuple[FloatArray, FloatArray]:
     """The law's points and weights, made once."""
-    points, weights = law.rule(count)
+    points, weights = law.points(count)
     return frozen(points), frozen(weights)
 
 

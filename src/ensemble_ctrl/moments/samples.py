@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -17,6 +18,7 @@ from ensemble_ctrl.moments.recurrence import Recurrence, values
 FloatArray = NDArray[np.float64]
 
 
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Samples(WeightedLaw):
     """A parameter that is equally often each of some measured values.
 
@@ -51,13 +53,17 @@ class Samples(WeightedLaw):
     (Samples(4 values, 3 different, 0.95 to 1.05), 2)
     """
 
+    values: FloatArray
+    lower: float
+    upper: float
+
     def __init__(self, values: ArrayLike) -> None:
         given = finite_array("values", _numbers(values))
         if given.ndim != 1 or not given.size:
             raise ProblemError(f"values: expected one row of one or more numbers, got shape {given.shape}")
-        self.values = frozen(np.sort(given) + 0.0)
-        self.lower, self.upper = float(self.values[0]), float(self.values[-1])
-        self._sum = float(self.values.sum())
+        ordered = frozen(np.sort(given) + 0.0)
+        for name, value in (("values", ordered), ("lower", float(ordered[0])), ("upper", float(ordered[-1]))):
+            object.__setattr__(self, name, value)
 
     def __eq__(self, other: object) -> bool:
         return self is other or (isinstance(other, Samples) and np.array_equal(self.values, other.values))
@@ -70,6 +76,11 @@ class Samples(WeightedLaw):
         return f"Samples({n} value{'s' * (n != 1)}, {different} different, {self.lower:g} to {self.upper:g})"
 
     @cached_property
+    def _sum(self) -> float:
+        """Something that tells most samples apart."""
+        return float(self.values.sum())
+
+    @cached_property
     def _points(self) -> tuple[FloatArray, FloatArray]:
         """The different values on the scale of s, and their weights, which sum to 2."""
         points, counts = np.unique(np.clip(self.to_scaled(self.values), -1.0, 1.0), return_counts=True)
@@ -80,8 +91,8 @@ class Samples(WeightedLaw):
         points = condensed(*self._points, order + 2)
         return usable(recurrence_of_points(*points, order), *self._points)
 
-    def rule(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """The Gauss rule with `count` points, or the values themselves if there are no more; see `Law.rule`."""
+    def points(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """The Gauss rule with `count` points, or the values themselves if there are no more."""
         if len(self._points[0]) <= count:
             return self._points
         return gauss_of_points(*condensed(*self._points, count), count)
