@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from ensemble_ctrl.api import Plan, plan
+from ensemble_ctrl.cli.verify import _drawn
 from ensemble_ctrl.config import read
-from ensemble_ctrl.moments import Beta, Samples
+from ensemble_ctrl.moments import Beta, Interval, Samples
 from ensemble_ctrl.problem import Problem
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "laws"
@@ -61,3 +62,12 @@ def test_a_saved_plan_keeps_the_law(name: str, tmp_path: Path) -> None:
     again = Plan.load(planned(name).save(tmp_path / "plan.npz"))
     assert again.problem.fleet.parameter == problem(name).fleet.parameter
     np.testing.assert_array_equal(again.controls, planned(name).controls)
+
+
+def test_verify_draws_from_the_law() -> None:
+    uniform, skewed = Interval(0.9, 1.1), Beta(0.9, 1.1, 2, 20)
+    np.testing.assert_array_equal(_drawn(uniform, 5), np.linspace(0.9, 1.1, 5))
+    drawn = _drawn(skewed, 2000)
+    assert (len(drawn), drawn[0], drawn[1]) == (2000, 0.9, 1.1)
+    assert drawn.mean() == pytest.approx(0.9 + 0.2 * 2 / 22, abs=0.003)
+    assert len(_drawn(skewed, 1)) == 1
