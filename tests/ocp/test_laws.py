@@ -14,9 +14,9 @@ from ensemble_ctrl.config import load
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.moments import Beta, Interval, Law, LegendreBasis, Mixture, Samples, TruncatedNormal
 from ensemble_ctrl.ocp.evaluate import evaluate
-from ensemble_ctrl.ocp.truncation import Truncation, choose, points, positions, tail
+from ensemble_ctrl.ocp.truncation import Truncation, choose, points, positions, raised, tail
 from ensemble_ctrl.planner import Solution, solve
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import Guarantee, Problem
 from ensemble_ctrl.replay import replay
 
 CONFIG = Path(__file__).parents[2] / "configs" / "one_obstacles.yaml"
@@ -104,6 +104,16 @@ def test_the_terminal_cost_is_the_mean_over_the_law(name: str) -> None:
     off = positions(problem, controls, members)[:, -1] - problem.objective.target
     each = 2 * problem.objective.terminal * (off**2).sum(axis=-1)
     assert value.terminal == pytest.approx(each.mean(), abs=5 * each.std() / np.sqrt(len(each)))
+
+
+@pytest.mark.parametrize("order", [None, 4])
+@pytest.mark.parametrize("guarantee", ["hull", "nodes", "moment"])
+def test_every_truncation_of_a_problem_has_its_law(order: int | None, guarantee: Guarantee) -> None:
+    problem = under(LAWS["Beta"])
+    problem = problem.with_(order=order, solve=replace(problem.solve, guarantee=guarantee))
+    chosen = choose(problem, planned("Beta").controls)
+    assert chosen.law == LAWS["Beta"]
+    assert raised(problem, chosen).law == LAWS["Beta"]
 
 
 def test_the_law_decides_which_plan_is_better() -> None:
