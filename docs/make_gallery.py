@@ -28,7 +28,12 @@ PICTURES = DOCS / "_static" / "gallery"
 FACTS = PICTURES / "facts.json"
 LARGEST = 80_000
 """Bytes of one picture."""
-SECTIONS = {"": "Experiments of the paper", "stl": "Benchmarks of stlpy, for a fleet"}
+SECTIONS = {
+    "": "Experiments of the paper",
+    "stl": "Benchmarks of stlpy, for a fleet",
+    "laws": "Other laws of the parameter",
+}
+"""Folders of `configs/` and their titles, in reading order."""
 INTRO = """\
 # Gallery
 
@@ -55,9 +60,10 @@ def configs() -> list[Path]:
     """Every problem file, in reading order."""
     words = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine"]
 
-    def place(path: Path) -> tuple[bool, int, str]:
+    def place(path: Path) -> tuple[int, int, str]:
         first = path.stem.split("_")[0]
-        return path.parent != CONFIGS, words.index(first) + 1 if first in words else 0, path.stem
+        folder = "" if path.parent == CONFIGS else path.parent.name
+        return list(SECTIONS).index(folder), words.index(first) + 1 if first in words else 0, path.stem
 
     return sorted(CONFIGS.rglob("*.yaml"), key=place)
 

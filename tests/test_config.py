@@ -275,7 +275,7 @@ CASES = {
         ("  radius:", "  parameters: {traction: {beta: [2, 5]}}\n  radius:"),
         (5, 27, "fleet.parameters.traction.beta"),
         "unknown field",
-        "known here: range",
+        "known here: range, law, a, b, mean, deviation, samples, mixture",
     ),
     "a word as a boolean": (
         ("moments:", "verify: {certificate: yes}\nmoments:"),

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.config import fields as f
+from ensemble_ctrl.config.laws import Measured, MixturePart
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.systems import SYSTEMS
 
@@ -30,6 +31,8 @@ UNITS: list[tuple[Any, str]] = [
     (f.Order, "1 to 50, or `auto`"),
     (f.ModelName, ", ".join(f"`{name}`" for name in SYSTEMS)),
     (f.FolderName, "text"),
+    (Measured, "list, or a file's name"),
+    (list[MixturePart], "list"),
 ]
 """What a field's type is measured in."""
 
@@ -47,6 +50,13 @@ MEANING = {
     "fleet.parameters.start_heading.range": "Offset of the heading from `start.heading`, counter-clockwise, uniform.",
     "fleet.start.position": "Start of all members, but for `start_x` and `start_y`.",
     "fleet.start.heading": "Start heading of all members, but for `start_heading`.",
+    "fleet.parameters.traction.law": "How it is spread over the range; see [laws](laws.md).",
+    "fleet.parameters.traction.a": "Shape of a Beta law at the low end.",
+    "fleet.parameters.traction.b": "Shape of a Beta law at the high end.",
+    "fleet.parameters.traction.mean": "Mean of a normal law, before it is cut off at the range's ends.",
+    "fleet.parameters.traction.deviation": "Standard deviation of a normal law, before it is cut off.",
+    "fleet.parameters.traction.samples": "Measured values, or a CSV file of them, in place of a range.",
+    "fleet.parameters.traction.mixture": "A list of laws, each with a `weight`, in place of a range.",
     "fleet.start.heading_from": "`x`: from +x, counter-clockwise. `y`: from +y, clockwise (the paper's).",
     "fleet.input_bounds.v": "Bounds of the commanded speed.",
     "fleet.input_bounds.omega": "Unicycle: bounds of the commanded turn rate.",

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.config import load, load_text
     from ensemble_ctrl.constraints import Obstacle, Polyhedron
     from ensemble_ctrl.fleet import Fleet
-    from ensemble_ctrl.moments import Interval, LegendreBasis
+    from ensemble_ctrl.moments import Beta, Interval, LegendreBasis, Mixture, Samples, TruncatedNormal
     from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
     from ensemble_ctrl.replay import Replay
     from ensemble_ctrl.systems import Bicycle, Unicycle
@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 _HOMES = {
     "Bicycle": "systems",
     "Fleet": "fleet",
+    "Beta": "moments",
     "Interval": "moments",
     "LegendreBasis": "moments",
+    "Mixture": "moments",
     "Objective": "problem",
     "Obstacle": "constraints",
     "Plan": "api",
@@ -36,7 +38,9 @@ _HOMES = {
     "Problem": "problem",
     "Replay": "replay",
     "ReportOptions": "problem",
+    "Samples": "moments",
     "SolveOptions": "problem",
+    "TruncatedNormal": "moments",
     "Unicycle": "systems",
     "VerifyOptions": "problem",
     "load": "config",
@@ -47,12 +51,14 @@ _HOMES = {
 """Public names and the module that each is loaded from when it is first used."""
 
 __all__ = [
+    "Beta",
     "Bicycle",
     "ConfigError",
     "EnsembleError",
     "Fleet",
     "Interval",
     "LegendreBasis",
+    "Mixture",
     "Objective",
     "Obstacle",
     "Plan",
@@ -61,8 +67,10 @@ __all__ = [
     "ProblemError",
     "Replay",
     "ReportOptions",
+    "Samples",
     "SolveError",
     "SolveOptions",
+    "TruncatedNormal",
     "Unicycle",
     "UnsupportedError",
     "VerifyOptions",

@@ -15,7 +15,7 @@ from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import Replay, replay
 
@@ -96,7 +96,7 @@ class Plan:
         """Run the controls on sampled members; see `ensemble_ctrl.replay.replay`."""
         return replay(self.problem, self.controls, members=members, substeps=substeps, parameters=parameters)
 
-    def certify(self, ranges: Mapping[str, Interval] | None = None) -> Certificate:
+    def certify(self, ranges: Mapping[str, Law] | None = None) -> Certificate:
         """Prove the plan for every member, or for one of other ranges; see `ensemble_ctrl.certificate`."""
         return certify(self.problem, self.controls, ranges)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Law
 from ensemble_ctrl.systems import ArcSystem
 
 Floats = NDArray[np.float64]
@@ -47,7 +47,7 @@ class Fleet:
     ----------
     system : ArcSystem
         The dynamics all members share.
-    parameters : mapping of str to Interval
+    parameters : mapping of str to Law
         The law of each parameter that differs between members, independent of each other. Names are those of
         ``system.parameters`` (dimensionless factors), and ``start_x``, ``start_y`` (metres) and ``start_heading``
         (radians), which are offsets from `position` and `heading`. Factors that are not named are 1.
@@ -67,7 +67,7 @@ class Fleet:
     """
 
     system: ArcSystem
-    parameters: Mapping[str, Interval]
+    parameters: Mapping[str, Law]
     position: Floats
     heading: float
     input_lower: Floats
@@ -76,7 +76,7 @@ class Fleet:
 
     def __post_init__(self) -> None:
         if not isinstance(self.parameters, Mapping):
-            raise ProblemError(f"fleet.parameters: expected a mapping of names to Interval, got {self.parameters!r}")
+            raise ProblemError(f"fleet.parameters: expected a mapping of names to laws, got {self.parameters!r}")
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         for name in ("position", "input_lower", "input_upper"):
             object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"fleet.{name}"))
@@ -149,6 +149,12 @@ class Fleet:
         """Columns of the parameters that bend the position curve; the others only shift the start."""
         return tuple(np.flatnonzero(self.directions[:, :3].any(axis=1)).tolist())
 
+    @property
+    def bent_laws(self) -> tuple[Law, ...]:
+        """Laws of the bent parameters."""
+        laws = list(self.parameters.values())
+        return tuple(laws[k] for k in self.bent)
+
     @cached_property
     def shift(self) -> Floats:
         """Half the side lengths of the box of start positions around its middle, shape (2,), metres."""
@@ -188,9 +194,8 @@ class Fleet:
         ndarray, shape (members, parameters)
         """
         members = np.tile(self.center, (len(scaled), 1))
-        laws = list(self.parameters.values())
-        for column, k in enumerate(self.bent):
-            members[:, k] = laws[k].to_parameter(scaled[:, column])
+        for column, (k, law) in enumerate(zip(self.bent, self.bent_laws, strict=True)):
+            members[:, k] = law.to_parameter(scaled[:, column])
         return members
 
     def grid(self, count: int) -> Floats:

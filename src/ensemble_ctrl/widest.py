@@ -109,7 +109,8 @@ class _Search:
 
     def law_of(self, problem: Problem) -> Interval:
         """The range of the parameter that is widened."""
-        return problem.fleet.parameters[self.name]
+        law = problem.fleet.parameters[self.name]
+        return Interval(law.lower, law.upper)
 
     def certified(self, half: float) -> bool:
         """Whether a certified plan is found for the nominal value give or take `half`."""

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.clearance import Bound, Prover
 from ensemble_ctrl.certificate.enclosure import Flow
 from ensemble_ctrl.certificate.task import TaskBound, alignment, bound_task
-from ensemble_ctrl.constraints.stl import Formula, resolve
+from ensemble_ctrl.constraints.stl import Formula, reads_fleet, resolve
 from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Interval, Law
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -105,7 +105,7 @@ class Certificate:
         )
 
 
-def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Interval] | None = None) -> Certificate:
+def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = None) -> Certificate:
     """Prove, refute or leave undecided that `controls` are good for every member.
 
     Parameters
@@ -114,7 +114,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Interval] |
         Fleet, map and task.
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
-    ranges : mapping of str to Interval, optional
+    ranges : mapping of str to Law, optional
         Other ranges than the fleet's for some of its parameters.
 
     Raises
@@ -147,7 +147,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Interval] |
     )
 
 
-def _laws(problem: Problem, ranges: Mapping[str, Interval] | None) -> dict[str, Interval]:
+def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
     """The fleet's ranges, some of them replaced."""
     laws = dict(problem.fleet.parameters)
     for name, law in (ranges or {}).items():
@@ -157,7 +157,7 @@ def _laws(problem: Problem, ranges: Mapping[str, Interval] | None) -> dict[str, 
     return laws
 
 
-def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Interval]) -> str:
+def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> str:
     """SHA-256 of the controls and of everything that the claim depends on."""
     fleet = problem.fleet
     digest = hashlib.sha256()
@@ -188,9 +188,11 @@ def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 
 
-def _part(problem: Problem, controls: Floats, laws: Mapping[str, Interval], part: Formula) -> TaskBound:
+def _part(problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula) -> TaskBound:
     """The bound of one part of the task; on finer time where the bulges between grid times stand in the way."""
     formula = grounded(problem, part)
+    if reads_fleet(formula) and not all(isinstance(law, Interval) for law in laws.values()):
+        return TaskBound(str(part), -np.inf, np.inf, {}, covered=False)  # its cells weigh the same
     first = alignment(resolve(formula, problem.duration), problem.duration / len(controls))
     for split in (first * more for more in SPLITS):
         flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)

@@ -186,7 +186,7 @@ class Prover:
         return low, best, np.column_stack([long, self._widths(boxes, arms, curvature)])
 
     def _widths(self, boxes: Boxes, arms: Sequence[Floats], curvature: Floats) -> Floats:
-        """What each parameter's width adds to a box, shape (boxes, parameters), with the nonlinear part's `curvature`."""
+        """What each parameter's width adds to a box, shape (boxes, parameters); `curvature` is the nonlinear part."""
         widths = np.maximum(*(np.linalg.norm(a, axis=2) for a in arms))
         for k in range(widths.shape[1]):
             without = boxes.half.copy()

@@ -27,7 +27,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -71,7 +71,7 @@ class Flow:
     extent: float
 
     @classmethod
-    def of(cls, problem: Problem, controls: Floats, laws: Mapping[str, Interval] | None = None) -> Flow:
+    def of(cls, problem: Problem, controls: Floats, laws: Mapping[str, Law] | None = None) -> Flow:
         """The flow of a problem's fleet, or of one with other ranges of the same parameters."""
         fleet = problem.fleet if laws is None else replace(problem.fleet, parameters=laws)
         v, omega = fleet.system.rates(*np.asarray(controls, dtype=float).T)

@@ -11,6 +11,7 @@ from ensemble_ctrl.checks.finding import Finding, Path, Severity, path_text
 from ensemble_ctrl.checks.numbers import (
     ALL_OBSTACLES,
     MAX_MEMBERS,
+    MAX_SAMPLES,
     MAX_SEED,
     MAX_STEPS,
     name_findings,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ALL_OBSTACLES",
     "MAX_MEMBERS",
+    "MAX_SAMPLES",
     "MAX_SEED",
     "MAX_STEPS",
     "STATES",

@@ -11,6 +11,7 @@ import numpy as np
 from ensemble_ctrl.checks.finding import Finding, Path
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.leaves import RESERVED
+from ensemble_ctrl.moments import Law, Mixture, Samples
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -21,6 +22,8 @@ ALL_OBSTACLES = "obstacles"
 MAX_SEED = 2**32 - 1
 MAX_STEPS = 100_000
 MAX_MEMBERS = 10_000_000
+MAX_SAMPLES = 40_000
+"""Measured values of a parameter that a problem file can hold."""
 
 
 def number_findings(problem: Problem) -> Iterator[Finding]:
@@ -71,11 +74,23 @@ def _choice(path: Path, value: object, known: tuple[str, ...]) -> Iterator[Findi
 
 
 def _factors(problem: Problem) -> Iterator[Finding]:
-    """Ranges of factors are positive: a robot with traction zero can't move."""
+    """Factors are positive, since a robot with traction zero can't move; and a file can hold the laws."""
     for name, law in problem.fleet.parameters.items():
+        path = ("fleet", "parameters", name)
         if name in problem.fleet.system.parameters and law.lower <= 0:
-            path = ("fleet", "parameters", name, "range")
-            yield Finding(path, f"expected a range above 0, got [{law.lower:g}, {law.upper:g}]")
+            field = {Samples: "samples", Mixture: "mixture"}.get(type(law), "range")
+            yield Finding((*path, field), f"expected a range above 0, got [{law.lower:g}, {law.upper:g}]")
+        count = _measured(law)
+        if count > MAX_SAMPLES:
+            message = f"expected at most {MAX_SAMPLES} measured values, got {count}"
+            yield Finding((*path, "samples"), message, "keep every tenth, say: the law hardly changes")
+
+
+def _measured(law: Law) -> int:
+    """How many measured values a law holds."""
+    if isinstance(law, Mixture):
+        return sum(_measured(part) for part, _ in law.parts)
+    return len(law.values) if isinstance(law, Samples) else 0
 
 
 def name_findings(problem: Problem) -> Iterator[Finding]:

@@ -88,10 +88,12 @@ def _range(asked: str, plan: Plan) -> tuple[str, Interval]:
 
 
 def _replayed(plan: Plan, ranges: Mapping[str, Interval], members: int) -> Replay:
-    """About `members` members spread evenly over the ranges asked for, their ends included."""
-    fleet = plan.problem.fleet
-    wider = replace(fleet, parameters={**fleet.parameters, **ranges})
-    return plan.replay(parameters=wider.grid(members))
+    """About `members` members of the ranges asked for, their ends included: evenly spread, or drawn from other laws."""
+    fleet = replace(plan.problem.fleet, parameters={**plan.problem.fleet.parameters, **ranges})
+    if all(isinstance(law, Interval) for law in fleet.parameters.values()):
+        return plan.replay(parameters=fleet.grid(members))
+    drawn = fleet.sample(max(members - len(fleet.corners), 0), 0)
+    return plan.replay(parameters=np.concatenate([fleet.corners, drawn])[:members])
 
 
 def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str]:

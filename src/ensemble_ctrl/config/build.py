@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from ensemble_ctrl.config.laws import law_of
 from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemFile
 from ensemble_ctrl.fleet import Fleet
-from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.systems import SYSTEMS, ArcSystem, Bicycle
 
@@ -54,7 +54,7 @@ def _fleet(section: FleetSection) -> Fleet:
     )
     return Fleet(
         system=system,
-        parameters={name: Interval(*law.range) for name, law in section.parameters if law is not None},
+        parameters={name: law_of(law, name) for name, law in section.parameters if law is not None},
         position=np.array(start.position),
         heading=start.heading if start.heading_from == "x" else math.pi / 2 - start.heading,
         input_lower=bounds[:, 0],

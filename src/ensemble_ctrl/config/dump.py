@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from ensemble_ctrl.config.laws import law_data
 from ensemble_ctrl.config.tree import SCALARS
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Predicate
@@ -73,7 +74,7 @@ def _fleet(fleet: Fleet) -> Data:
     return {
         "model": system.name,
         **({"wheelbase": float(system.wheelbase)} if isinstance(system, Bicycle) else {}),
-        "parameters": {name: {"range": [law.lower, law.upper]} for name, law in fleet.parameters.items()},
+        "parameters": {name: law_data(law) for name, law in fleet.parameters.items()},
         "start": {
             "position": fleet.position.tolist(),
             "heading": float(fleet.own_heading),

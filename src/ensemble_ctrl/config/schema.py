@@ -9,39 +9,22 @@ from pydantic import BeforeValidator, Field, model_validator
 from ensemble_ctrl.checks import MAX_MEMBERS, MAX_SEED, MAX_STEPS
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.fields import Model, whole
+from ensemble_ctrl.config.laws import LawSection, OffsetSection, TurnSection
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.problem import Guarantee, Method, Objective, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.systems import SYSTEMS, Bicycle
 
 
-class Law(Model):
-    """How a parameter is spread over the fleet: evenly over a range."""
-
-    range: f.Range = (0.9, 1.1)
-
-
-class OffsetLaw(Model):
-    """An offset from the start position, spread evenly over a range."""
-
-    range: f.Offsets
-
-
-class HeadingLaw(Model):
-    """An offset from the start heading, spread evenly over a range."""
-
-    range: f.AngleRange
-
-
 class Parameters(Model):
     """The parameters that differ between members; those left out are the same for all."""
 
-    traction: Law | None = None
-    linear_traction: Law | None = None
-    angular_traction: Law | None = None
-    start_x: OffsetLaw | None = None
-    start_y: OffsetLaw | None = None
-    start_heading: HeadingLaw | None = None
+    traction: LawSection | None = None
+    linear_traction: LawSection | None = None
+    angular_traction: LawSection | None = None
+    start_x: OffsetSection | None = None
+    start_y: OffsetSection | None = None
+    start_heading: TurnSection | None = None
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
@@ -73,7 +56,7 @@ class FleetSection(Model):
 
     model: f.ModelName
     wheelbase: f.Wheelbase | None = None
-    parameters: Parameters = Parameters(traction=Law())
+    parameters: Parameters = Parameters(traction=LawSection())
     start: Start
     input_bounds: InputBounds = InputBounds()
     radius: f.Margin = 0.0

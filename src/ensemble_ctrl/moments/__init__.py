@@ -1,7 +1,8 @@
 r"""Moments: an ensemble's state as a function of the parameter, in coordinates.
 
-The parameter is scaled to :math:`s \in [-1, 1]`, the basis is orthonormal with respect to :math:`ds`, and the
-order is the last axis but one of every array of moments. NumPy only.
+The parameter is scaled to :math:`s \in [-1, 1]`, the basis is orthonormal with respect to its law (scaled to a
+total mass of 2: :math:`ds` for the uniform one), and the order is the last axis but one of every array of
+moments. NumPy only, but for the cdf of Beta and normal laws, and the draws of normal ones, which load SciPy.
 
 Examples
 --------
@@ -12,18 +13,26 @@ Examples
 True
 """
 
-from ensemble_ctrl.moments.basis import LegendreBasis
+from ensemble_ctrl.moments.basis import Basis, LegendreBasis
 from ensemble_ctrl.moments.bernstein import bernstein_to_moments, moments_to_bernstein, nodes_to_bernstein
+from ensemble_ctrl.moments.beta import Beta
+from ensemble_ctrl.moments.law import Law
 from ensemble_ctrl.moments.measure import Interval
+from ensemble_ctrl.moments.mixture import Mixture
+from ensemble_ctrl.moments.normal import TruncatedNormal
 from ensemble_ctrl.moments.operators import (
     affine_multiplication_matrix,
     multiplication_matrix,
     shift_left,
     shift_right,
 )
-from ensemble_ctrl.moments.tensor import TensorBasis
+from ensemble_ctrl.moments.orthonormal import OrthonormalBasis
+from ensemble_ctrl.moments.samples import Samples
+from ensemble_ctrl.moments.tensor import TensorBasis, kron, tensor_rule
 from ensemble_ctrl.moments.transform import (
+    change_of_basis,
     evaluate_moments,
+    inner_products,
     moments_of_function,
     moments_of_samples,
     moments_to_nodes,
@@ -31,12 +40,22 @@ from ensemble_ctrl.moments.transform import (
 )
 
 __all__ = [
+    "Basis",
+    "Beta",
     "Interval",
+    "Law",
     "LegendreBasis",
+    "Mixture",
+    "OrthonormalBasis",
+    "Samples",
     "TensorBasis",
+    "TruncatedNormal",
     "affine_multiplication_matrix",
     "bernstein_to_moments",
+    "change_of_basis",
     "evaluate_moments",
+    "inner_products",
+    "kron",
     "moments_of_function",
     "moments_of_samples",
     "moments_to_bernstein",
@@ -46,4 +65,5 @@ __all__ = [
     "nodes_to_moments",
     "shift_left",
     "shift_right",
+    "tensor_rule",
 ]

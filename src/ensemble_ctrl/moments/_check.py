@@ -34,6 +34,22 @@ def finite_number(name: str, value: object) -> float:
     return number
 
 
+def ends(lower: object, upper: object) -> tuple[float, float]:
+    """The ends of a range, in order."""
+    low, high = finite_number("lower", lower), finite_number("upper", upper)
+    if low > high:
+        raise ProblemError(f"upper: expected at least lower = {low:g}, got {high:g}")
+    return low, high
+
+
+def number_between(name: str, value: object, least: float, most: float) -> float:
+    """A finite number in [least, most], as a float."""
+    number = finite_number(name, value)
+    if not least <= number <= most:
+        raise ProblemError(f"{name}: expected a number from {least:g} to {most:g}, got {number:g}")
+    return number
+
+
 def finite_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """A float array without NaN or infinity."""
     try:

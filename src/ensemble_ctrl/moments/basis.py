@@ -1,6 +1,6 @@
-r"""Orthonormal Legendre polynomials: the functions that moments are taken against.
+r"""Orthonormal polynomials, the functions that moments are taken against; Legendre's, for the uniform law.
 
-The basis is orthonormal with respect to :math:`ds` on [-1, 1], which makes :math:`\phi_0 = 1/\sqrt 2`:
+Their basis is orthonormal with respect to :math:`ds` on [-1, 1], which makes :math:`\phi_0 = 1/\sqrt 2`:
 
 .. math:: \phi_k(s) = \sqrt{(2k + 1)/2}\; P_k(s), \qquad \int_{-1}^{1} \phi_j \phi_k\, ds = \delta_{jk}
 
@@ -9,16 +9,67 @@ The paper's printed numbers use this normalisation (its text says :math:`\phi_0 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.moments._check import MAX_ORDER, finite_array, frozen, whole_number
+from ensemble_ctrl.moments.recurrence import Recurrence, values
 
 FloatArray = NDArray[np.float64]
+
+
+class Basis(Protocol):
+    r"""Polynomials :math:`\phi_0, \ldots, \phi_N`, orthonormal under a measure :math:`\mu` on [-1, 1] of mass 2.
+
+    `LegendreBasis` documents the methods; :math:`ds` there is :math:`d\mu` here.
+    """
+
+    @property
+    def order(self) -> int:
+        """Truncation order N; the basis has ``order + 1`` members."""
+
+    @property
+    def diagonal(self) -> FloatArray:
+        """Coefficients b of the recurrence, shape (order + 1,); zero for a symmetric measure."""
+
+    @property
+    def nodes(self) -> FloatArray:
+        """Gauss nodes in increasing order, shape (order + 1,)."""
+
+    @property
+    def weights(self) -> FloatArray:
+        """Gauss weights, shape (order + 1,), which sum to 2."""
+
+    def __hash__(self) -> int:
+        """Bases are equal, and hash, by value."""
+
+    def evaluate(self, s: ArrayLike) -> FloatArray:
+        """Values of the basis, shape ``(*S, order + 1)``."""
+
+    def recurrence(self) -> tuple[FloatArray, FloatArray]:
+        """Coefficients a and c of the recurrence, each of shape (order + 1,)."""
+
+    def roots(self, k: int) -> FloatArray:
+        """Roots of phi_k, shape (k,)."""
+
+    def rule(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Points and weights that integrate polynomials up to degree ``2 count - 1`` exactly."""
+
+    def partial_moments(self, s: FloatArray) -> FloatArray:
+        r"""Integrals of the basis over the measure up to `s`, shape ``(*S, order + 1)``; `s` may be infinite."""
+
+    def signed_moments(self) -> tuple[FloatArray, FloatArray]:
+        """Integrals of the positive and of the negative parts, each of shape (order + 1,)."""
+
+
+def recurrence_of(basis: Basis) -> Recurrence:
+    """All three coefficients of a basis."""
+    a, c = basis.recurrence()
+    return Recurrence(a, basis.diagonal, c)
 
 
 @dataclass(frozen=True)
@@ -100,7 +151,19 @@ class LegendreBasis:
         >>> a.round(4), c.round(4)
         (array([0.5774, 0.5164, 0.5071]), array([0.    , 0.5774, 0.5164]))
         """
-        return _recurrence(self.order)
+        a, _, c = _recurrence(self.order)
+        return a, c
+
+    @property
+    def diagonal(self) -> FloatArray:
+        """The recurrence's coefficients of phi_k itself: zero, for the uniform law is symmetric.
+
+        Returns
+        -------
+        ndarray, shape (order + 1,)
+            Zeros, read-only.
+        """
+        return _recurrence(self.order).b
 
     @property
     def nodes(self) -> FloatArray:
@@ -159,6 +222,28 @@ class LegendreBasis:
         """
         return _roots(whole_number("k", k, 0, self.order))
 
+    def rule(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Nodes and weights of the Gauss rule with `count` points, 1 or more, each of shape (count,)."""
+        return gauss_rule(count)
+
+    def partial_moments(self, s: FloatArray) -> FloatArray:
+        r"""Integrals of the basis from -1 to `s`.
+
+        Parameters
+        ----------
+        s : ndarray, shape S
+            Scaled parameters; beyond [-1, 1], and infinite ones, count as the ends.
+
+        Returns
+        -------
+        ndarray, shape (*S, order + 1)
+            Dimensionless; zero at -1, and (sqrt 2, 0, 0, ...) at 1.
+        """
+        inside = np.clip(s, -1.0, 1.0)
+        parts = [_antiderivative(k, inside) for k in range(self.order + 1)]
+        parts[0] = parts[0] + np.sqrt(0.5)
+        return np.stack(parts, axis=-1)
+
     def signed_moments(self) -> tuple[FloatArray, FloatArray]:
         r"""Integrals of the positive and the negative parts of the basis.
 
@@ -183,15 +268,6 @@ class LegendreBasis:
         return pairs[:, 0], pairs[:, 1]
 
 
-def three_term(order: int, first: FloatArray, multiply: Callable[[FloatArray], FloatArray]) -> list[FloatArray]:
-    """phi_0..phi_order of whatever `multiply` multiplies by s: a point, or a polynomial's coefficients."""
-    a, c = _recurrence(order)
-    terms = [np.zeros_like(first), first]
-    for k in range(order):
-        terms.append((multiply(terms[-1]) - c[k] * terms[-2]) / a[k])
-    return terms[1:]
-
-
 @cache
 def gauss_rule(count: int) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights of the Gauss-Legendre rule with `count` points, read-only."""
@@ -202,16 +278,15 @@ def gauss_rule(count: int) -> tuple[FloatArray, FloatArray]:
 
 def _evaluate(order: int, s: FloatArray) -> FloatArray:
     """phi_0..phi_order at s, on a new last axis."""
-    first = np.full(s.shape, np.sqrt(0.5))
-    return np.stack(three_term(order, first, lambda term: s * term), axis=-1)
+    return values(_recurrence(order), s)
 
 
 @cache
-def _recurrence(order: int) -> tuple[FloatArray, FloatArray]:
-    """The coefficients a and c for k = 0..order, read-only."""
+def _recurrence(order: int) -> Recurrence:
+    """The coefficients a, b and c for k = 0..order, read-only."""
     k = np.arange(order + 2, dtype=np.float64)
     c = k / np.sqrt(np.abs(4 * k**2 - 1))
-    return frozen(c[1:].copy()), frozen(c[:-1].copy())
+    return Recurrence.of(np.zeros(order + 1), c[1:].copy())
 
 
 def _roots(k: int) -> FloatArray:

@@ -18,22 +18,23 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments._check import MAX_ORDER, finite_number, frozen, whole_number
-from ensemble_ctrl.moments.basis import LegendreBasis, three_term
+from ensemble_ctrl.moments.basis import Basis, LegendreBasis, recurrence_of
 from ensemble_ctrl.moments.measure import Interval
 from ensemble_ctrl.moments.operators import affine_multiplication_matrix
-from ensemble_ctrl.moments.transform import nodes_to_moments
+from ensemble_ctrl.moments.recurrence import three_term
+from ensemble_ctrl.moments.transform import change_of_basis, nodes_to_moments
 
 FloatArray = NDArray[np.float64]
 
 
 def moments_to_bernstein(
-    basis: LegendreBasis, lower: float = -1.0, upper: float = 1.0, degree: int | None = None
+    basis: Basis, lower: float = -1.0, upper: float = 1.0, degree: int | None = None
 ) -> FloatArray:
     """Matrix from moments to Bernstein coefficients on [lower, upper].
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis that moments are taken against.
     lower, upper : float, optional
         The part of the ensemble, in scaled parameters: ``-1 <= lower <= upper <= 1``. All of it by default.
@@ -70,14 +71,12 @@ def moments_to_bernstein(
     return _moments_to_bernstein(basis, part, _checked_degree(basis, degree))
 
 
-def nodes_to_bernstein(
-    basis: LegendreBasis, lower: float = -1.0, upper: float = 1.0, degree: int | None = None
-) -> FloatArray:
+def nodes_to_bernstein(basis: Basis, lower: float = -1.0, upper: float = 1.0, degree: int | None = None) -> FloatArray:
     """Matrix from nodal states to Bernstein coefficients on [lower, upper].
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis; its Gauss nodes are where the states are given.
     lower, upper : float, optional
         The part of the ensemble, in scaled parameters: ``-1 <= lower <= upper <= 1``. All of it by default.
@@ -110,12 +109,12 @@ def nodes_to_bernstein(
     return _nodes_to_bernstein(basis, part, _checked_degree(basis, degree))
 
 
-def bernstein_to_moments(basis: LegendreBasis, degree: int | None = None) -> FloatArray:
+def bernstein_to_moments(basis: Basis, degree: int | None = None) -> FloatArray:
     """Matrix from Bernstein coefficients on [-1, 1] to moments.
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis that moments are taken against.
     degree : int, optional
         Degree of the coefficients, 0 to 50; by default the order.
@@ -144,7 +143,7 @@ def bernstein_to_moments(basis: LegendreBasis, degree: int | None = None) -> Flo
     return _bernstein_to_moments(basis, _checked_degree(basis, degree))
 
 
-def _checked_degree(basis: LegendreBasis, degree: int | None) -> int:
+def _checked_degree(basis: Basis, degree: int | None) -> int:
     """The degree asked for, or the order."""
     return basis.order if degree is None else whole_number("degree", degree, 0, MAX_ORDER)
 
@@ -159,25 +158,26 @@ def _checked_part(lower: float, upper: float) -> Interval:
 
 
 @lru_cache(maxsize=4096)
-def _nodes_to_bernstein(basis: LegendreBasis, part: Interval, degree: int) -> FloatArray:
+def _nodes_to_bernstein(basis: Basis, part: Interval, degree: int) -> FloatArray:
     """The matrix behind `nodes_to_bernstein`, made once."""
     return frozen(_moments_to_bernstein(basis, part, degree) @ nodes_to_moments(basis))
 
 
 @lru_cache(maxsize=4096)
-def _moments_to_bernstein(basis: LegendreBasis, part: Interval, degree: int) -> FloatArray:
+def _moments_to_bernstein(basis: Basis, part: Interval, degree: int) -> FloatArray:
     """The matrix behind `moments_to_bernstein`, made once."""
     kept = min(degree, basis.order)
     matrix = np.zeros((degree + 1, basis.order + 1))
-    matrix[:, : kept + 1] = _legendre_in_bernstein(degree, kept) @ _restriction(kept, part)
+    matrix[:, : kept + 1] = _legendre_in_bernstein(degree, kept) @ _restriction(basis, kept, part)
     return frozen(matrix)
 
 
-def _restriction(order: int, part: Interval) -> FloatArray:
+def _restriction(basis: Basis, order: int, part: Interval) -> FloatArray:
     """Column k: phi_k on `part`, in the Legendre polynomials of `part` itself."""
     multiply = affine_multiplication_matrix(LegendreBasis(order), part)
     constant = np.eye(order + 1)[0]
-    return np.stack(three_term(order, constant, lambda column: multiply @ column), axis=-1)
+    recurrence = recurrence_of(basis).upto(order)
+    return np.stack(three_term(recurrence, constant, lambda column: multiply @ column), axis=-1)
 
 
 @cache
@@ -192,9 +192,12 @@ def _elevated(k: int, i: int, degree: int) -> int:
     return sum((-1) ** (k + j) * comb(k, j) ** 2 * comb(degree - k, i - j) for j in range(min(k, i) + 1))
 
 
-@cache
-def _bernstein_to_moments(basis: LegendreBasis, degree: int) -> FloatArray:
+@lru_cache(maxsize=1024)
+def _bernstein_to_moments(basis: Basis, degree: int) -> FloatArray:
     """The matrix behind `bernstein_to_moments`, made once."""
+    if not isinstance(basis, LegendreBasis):
+        legendre = LegendreBasis(degree)
+        return frozen(change_of_basis(legendre, basis) @ _bernstein_to_moments(legendre, degree))
     rows = [[_legendre_moment(k, i, degree) for i in range(degree + 1)] for k in range(basis.order + 1)]
     return frozen(np.array(rows) * _norms(basis.order)[:, None])
 

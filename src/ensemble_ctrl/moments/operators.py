@@ -1,9 +1,9 @@
 r"""What multiplying by the parameter does to moments.
 
 Moment arrays have shape ``(order + 1,)`` or ``(..., order + 1, n)``: the order is the last axis but one.
-With :math:`a, c` of `LegendreBasis.recurrence` and the shifts :math:`L, R`,
+With :math:`a, c` of `Basis.recurrence`, :math:`b` of `Basis.diagonal` and the shifts :math:`L, R`,
 
-.. math:: J m = R(a \circ m) + L(c \circ m)
+.. math:: J m = R(a \circ m) + b \circ m + L(c \circ m)
 """
 
 from __future__ import annotations
@@ -12,25 +12,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.moments._check import along_order_axis
-from ensemble_ctrl.moments.basis import LegendreBasis
-from ensemble_ctrl.moments.measure import Interval
+from ensemble_ctrl.moments.basis import Basis
+from ensemble_ctrl.moments.law import Law
 
 FloatArray = NDArray[np.float64]
 
 
-def multiplication_matrix(basis: LegendreBasis) -> FloatArray:
+def multiplication_matrix(basis: Basis) -> FloatArray:
     r"""Matrix of "multiply by s" on moments, truncated at the basis's order.
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis that moments are taken against.
 
     Returns
     -------
     ndarray, shape (order + 1, order + 1)
-        The Jacobi matrix J: symmetric, tridiagonal, zero diagonal, dimensionless. Its eigenvalues are the
-        Gauss nodes.
+        The Jacobi matrix J: symmetric, tridiagonal, dimensionless; its diagonal is zero for a symmetric law.
+        Its eigenvalues are the Gauss nodes.
 
     Notes
     -----
@@ -41,24 +41,25 @@ def multiplication_matrix(basis: LegendreBasis) -> FloatArray:
 
     Examples
     --------
+    >>> from ensemble_ctrl.moments import LegendreBasis
     >>> multiplication_matrix(LegendreBasis(order=2)).round(4)
     array([[0.    , 0.5774, 0.    ],
            [0.5774, 0.    , 0.5164],
            [0.    , 0.5164, 0.    ]])
     """
     _, c = basis.recurrence()
-    return np.diag(c[1:], 1) + np.diag(c[1:], -1)
+    return np.diag(basis.diagonal) + np.diag(c[1:], 1) + np.diag(c[1:], -1)
 
 
-def affine_multiplication_matrix(basis: LegendreBasis, interval: Interval) -> FloatArray:
+def affine_multiplication_matrix(basis: Basis, interval: Law) -> FloatArray:
     r"""Matrix of "multiply by psi" on moments: :math:`G = c\,I + h\,J`.
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis that moments are taken against.
-    interval : Interval
-        Range of the parameter, centre c and half-width h.
+    interval : Law
+        Law of the parameter; its range has centre c and half-width h.
 
     Returns
     -------
@@ -71,6 +72,7 @@ def affine_multiplication_matrix(basis: LegendreBasis, interval: Interval) -> Fl
 
     Examples
     --------
+    >>> from ensemble_ctrl.moments import Interval, LegendreBasis
     >>> affine_multiplication_matrix(LegendreBasis(order=1), Interval(0.9, 1.1)).round(4)
     array([[1.    , 0.0577],
            [0.0577, 1.    ]])

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments._check import finite_array
-from ensemble_ctrl.moments.basis import LegendreBasis
+from ensemble_ctrl.moments.basis import Basis
 from ensemble_ctrl.moments.bernstein import bernstein_to_moments, nodes_to_bernstein
+from ensemble_ctrl.moments.law import Law
 from ensemble_ctrl.moments.transform import nodes_to_moments
 
 FloatArray = NDArray[np.float64]
@@ -28,17 +29,18 @@ class TensorBasis:
 
     Parameters
     ----------
-    factors : tuple of LegendreBasis
+    factors : tuple of Basis
         One basis for each parameter. Functions, nodes and moments are numbered with the last parameter fastest.
 
     Examples
     --------
+    >>> from ensemble_ctrl.moments import LegendreBasis
     >>> basis = TensorBasis((LegendreBasis(1), LegendreBasis(2)))
     >>> basis.count, basis.indices[:4]
     (6, ((0, 0), (0, 1), (0, 2), (1, 0)))
     """
 
-    factors: tuple[LegendreBasis, ...]
+    factors: tuple[Basis, ...]
 
     @property
     def count(self) -> int:
@@ -58,7 +60,7 @@ class TensorBasis:
     @property
     def weights(self) -> FloatArray:
         """Gauss weights, shape (count,); their sum is 2."""
-        return np.asarray(2 * self._join([f.weights[None, :] / 2 for f in self.factors])[0])
+        return np.asarray(2 * kron([f.weights[None, :] / 2 for f in self.factors])[0])
 
     def evaluate(self, s: ArrayLike) -> FloatArray:
         """Values of the functions.
@@ -110,17 +112,37 @@ class TensorBasis:
         orders; with lower degrees so is the projection onto the moments up to them.
         """
         pairs = zip(self.factors, degrees, strict=True)
-        return self._join([nodes_to_bernstein(f, degree=degree) for f, degree in pairs])
+        return kron([nodes_to_bernstein(f, degree=degree) for f, degree in pairs])
 
     def bernstein_to_moments(self) -> FloatArray:
         """Matrix from Bernstein coefficients of the factors' orders to moments, shape (count, count)."""
         return self._scaled(bernstein_to_moments)
 
-    def _scaled(self, matrix: Callable[[LegendreBasis], FloatArray]) -> FloatArray:
+    def _scaled(self, matrix: Callable[[Basis], FloatArray]) -> FloatArray:
         """The product of a matrix of every factor, for a measure of mass 2."""
-        return np.asarray(np.sqrt(2.0) * self._join([matrix(f) / np.sqrt(2.0) for f in self.factors]))
+        return np.asarray(np.sqrt(2.0) * kron([matrix(f) / np.sqrt(2.0) for f in self.factors]))
 
-    @staticmethod
-    def _join(matrices: Sequence[FloatArray]) -> FloatArray:
-        """Kronecker product."""
-        return reduce(lambda a, b: np.asarray(np.kron(a, b)), matrices, np.ones((1, 1)))
+
+def kron(matrices: Sequence[FloatArray]) -> FloatArray:
+    """The Kronecker product of any number of matrices, the last one's entries fastest."""
+    return reduce(lambda a, b: np.asarray(np.kron(a, b)), matrices, np.ones((1, 1)))
+
+
+def tensor_rule(laws: Sequence[Law], count: int) -> tuple[FloatArray, FloatArray]:
+    """Points and weights that integrate over the product of laws.
+
+    Parameters
+    ----------
+    laws : sequence of Law
+        One for each parameter.
+    count : int
+        Polynomials up to degree ``2 count - 1`` in each parameter are integrated exactly, up to rounding.
+
+    Returns
+    -------
+    s, weights : ndarray, shapes (points, parameters) and (points,)
+        Scaled points, and weights, which sum to 2.
+    """
+    rules = [law.rule(count) for law in laws]
+    points = np.array(list(product(*(s for s, _ in rules))), dtype=float).reshape(-1, len(laws))
+    return points, np.asarray(2 * kron([weights[None, :] / 2 for _, weights in rules])[0])

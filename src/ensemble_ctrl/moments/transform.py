@@ -1,6 +1,8 @@
 r"""Between a state as a function of the parameter, its moments, and its values at the Gauss nodes.
 
-.. math:: m_k = \int_{-1}^{1} \phi_k(s)\, x(s)\, ds, \qquad x(s) = \sum_k m_k \phi_k(s)
+.. math:: m_k = \int_{-1}^{1} \phi_k(s)\, x(s)\, d\mu(s), \qquad x(s) = \sum_k m_k \phi_k(s)
+
+with the measure :math:`\mu` of the basis: :math:`ds` for `LegendreBasis`, twice the law for others.
 
 Arrays of moments have shape ``(order + 1,)`` for a scalar state, or ``(..., order + 1, n)``; arrays of values
 at q points have shape ``(q,)`` or ``(..., q, n)``. So every transform is a matrix applied from the left with
@@ -10,24 +12,25 @@ at q points have shape ``(q,)`` or ``(..., q, n)``. So every transform is a matr
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments._check import along_order_axis, finite_array, frozen, scaled_points, whole_number
-from ensemble_ctrl.moments.basis import LegendreBasis, gauss_rule
+from ensemble_ctrl.moments.basis import Basis
+from ensemble_ctrl.moments.law import Law
 
 FloatArray = NDArray[np.float64]
 
 
-def nodes_to_moments(basis: LegendreBasis) -> FloatArray:
+def nodes_to_moments(basis: Basis) -> FloatArray:
     r"""Matrix from nodal states to moments: :math:`m_k = \sum_j w_j \phi_k(s_j) x_j`.
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis; its Gauss nodes are where the states are given.
 
     Returns
@@ -44,6 +47,7 @@ def nodes_to_moments(basis: LegendreBasis) -> FloatArray:
 
     Examples
     --------
+    >>> from ensemble_ctrl.moments import LegendreBasis
     >>> nodes_to_moments(LegendreBasis(order=1)).round(4)
     array([[ 0.7071,  0.7071],
            [-0.7071,  0.7071]])
@@ -51,12 +55,12 @@ def nodes_to_moments(basis: LegendreBasis) -> FloatArray:
     return _nodes_to_moments(basis)
 
 
-def moments_to_nodes(basis: LegendreBasis) -> FloatArray:
+def moments_to_nodes(basis: Basis) -> FloatArray:
     """Matrix from moments to nodal states: ``[j, k]`` is phi_k(s_j).
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis; its Gauss nodes are where the states are wanted.
 
     Returns
@@ -66,6 +70,7 @@ def moments_to_nodes(basis: LegendreBasis) -> FloatArray:
 
     Examples
     --------
+    >>> from ensemble_ctrl.moments import LegendreBasis
     >>> moments_to_nodes(LegendreBasis(order=1)).round(4)
     array([[ 0.7071, -0.7071],
            [ 0.7071,  0.7071]])
@@ -74,13 +79,13 @@ def moments_to_nodes(basis: LegendreBasis) -> FloatArray:
 
 
 def moments_of_function(
-    basis: LegendreBasis, f: Callable[[FloatArray], ArrayLike], quadrature: int | None = None
+    basis: Basis, f: Callable[[FloatArray], ArrayLike], quadrature: int | None = None
 ) -> FloatArray:
     """Moments of a function of the scaled parameter, by Gauss quadrature.
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis that moments are taken against.
     f : callable
         Takes scaled parameters of shape (q,), gives values of shape (q,) or (..., q, n), in the state's unit.
@@ -105,21 +110,22 @@ def moments_of_function(
 
     Examples
     --------
+    >>> from ensemble_ctrl.moments import LegendreBasis
     >>> moments_of_function(LegendreBasis(order=2), lambda s: 1 + s)[:2].round(4)
     array([1.4142, 0.8165])
     """
     count = basis.order + 32 if quadrature is None else quadrature
-    s, weights = gauss_rule(whole_number("quadrature", count, basis.order + 1, 200))
+    s, weights = basis.rule(whole_number("quadrature", count, basis.order + 1, 200))
     values = along_order_axis("values of f", f(s), s.size)
     return np.asarray((weights[:, None] * basis.evaluate(s)).T @ values)
 
 
-def moments_of_samples(basis: LegendreBasis, s: ArrayLike, values: ArrayLike) -> FloatArray:
+def moments_of_samples(basis: Basis, s: ArrayLike, values: ArrayLike) -> FloatArray:
     """Moments of the polynomial that fits samples best in least squares.
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis; its order is the degree of the fit.
     s : array_like, shape (q,)
         Scaled parameters of the samples in [-1, 1], at least ``order + 1`` different ones.
@@ -145,6 +151,7 @@ def moments_of_samples(basis: LegendreBasis, s: ArrayLike, values: ArrayLike) ->
 
     Examples
     --------
+    >>> from ensemble_ctrl.moments import LegendreBasis
     >>> moments_of_samples(LegendreBasis(order=1), [-1.0, 0.0, 1.0], [1.0, 2.0, 3.0]).round(4)
     array([2.8284, 0.8165])
     """
@@ -156,12 +163,12 @@ def moments_of_samples(basis: LegendreBasis, s: ArrayLike, values: ArrayLike) ->
     return np.linalg.solve(r, q.T @ along_order_axis("values", values, points.size))
 
 
-def evaluate_moments(basis: LegendreBasis, moments: ArrayLike, s: ArrayLike) -> FloatArray:
+def evaluate_moments(basis: Basis, moments: ArrayLike, s: ArrayLike) -> FloatArray:
     """The state that moments stand for, at scaled parameters.
 
     Parameters
     ----------
-    basis : LegendreBasis
+    basis : Basis
         The basis that the moments were taken against.
     moments : array_like, shape (order + 1,) or (..., order + 1, n)
         Moments, in the state's unit.
@@ -184,6 +191,7 @@ def evaluate_moments(basis: LegendreBasis, moments: ArrayLike, s: ArrayLike) -> 
 
     Examples
     --------
+    >>> from ensemble_ctrl.moments import LegendreBasis
     >>> basis = LegendreBasis(order=2)
     >>> evaluate_moments(basis, moments_of_function(basis, lambda s: 1 + s), [0.0, 0.5]).round(4)
     array([1. , 1.5])
@@ -194,13 +202,81 @@ def evaluate_moments(basis: LegendreBasis, moments: ArrayLike, s: ArrayLike) -> 
     return np.asarray(states.reshape(array.shape[:-2] + points.shape + array.shape[1:][-1:]))
 
 
-@cache
-def _nodes_to_moments(basis: LegendreBasis) -> FloatArray:
+def change_of_basis(old: Basis, new: Basis) -> FloatArray:
+    r"""Matrix from the moments of a polynomial in one basis to its moments in another.
+
+    .. math:: [k, j] = \int \phi^\mathrm{new}_k \, \phi^\mathrm{old}_j \, d\mu_\mathrm{new}
+
+    Parameters
+    ----------
+    old, new : Basis
+        Bases of any two measures on [-1, 1].
+
+    Returns
+    -------
+    ndarray, shape (new.order + 1, old.order + 1)
+        Upper triangular, dimensionless, read-only.
+
+    Notes
+    -----
+    **Guarantee**: exact, up to rounding, for what the moments in the old basis stand for.
+
+    Examples
+    --------
+    >>> from ensemble_ctrl.moments import Beta, LegendreBasis
+    >>> change_of_basis(LegendreBasis(1), Beta(0.0, 1.0, 2, 1).basis(1)).round(4)
+    array([[1.    , 0.5774],
+           [0.    , 0.8165]])
+    """
+    return _change_of_basis(old, new)
+
+
+def inner_products(law: Law, basis: Basis) -> FloatArray:
+    r"""Inner products of a basis under a law that need not be its own, :math:`\int \phi_j \phi_k\, d\mu`.
+
+    Parameters
+    ----------
+    law : Law
+        Its measure has total mass 2.
+    basis : Basis
+        Of any measure on [-1, 1].
+
+    Returns
+    -------
+    ndarray, shape (order + 1, order + 1)
+        Symmetric, dimensionless; with it, moments m of a state in `basis` give twice the fleet's mean square as
+        ``m @ inner_products @ m``.
+
+    Notes
+    -----
+    **Guarantee**: exact, up to rounding, and also for laws of so few values that they have no basis of that order.
+
+    Examples
+    --------
+    >>> from ensemble_ctrl.moments import LegendreBasis, Samples
+    >>> inner_products(Samples([1.0, 1.2]), LegendreBasis(1)).round(4) + 0.0
+    array([[1., 0.],
+           [0., 3.]])
+    """
+    s, weights = law.rule(basis.order + 1)
+    phi = basis.evaluate(s)
+    return np.asarray((weights[:, None] * phi).T @ phi)
+
+
+@lru_cache(maxsize=1024)
+def _nodes_to_moments(basis: Basis) -> FloatArray:
     """The matrix behind `nodes_to_moments`, made once."""
     return frozen((basis.weights[:, None] * basis.evaluate(basis.nodes)).T)
 
 
-@cache
-def _moments_to_nodes(basis: LegendreBasis) -> FloatArray:
+@lru_cache(maxsize=1024)
+def _moments_to_nodes(basis: Basis) -> FloatArray:
     """The matrix behind `moments_to_nodes`, made once."""
     return frozen(basis.evaluate(basis.nodes))
+
+
+@lru_cache(maxsize=1024)
+def _change_of_basis(old: Basis, new: Basis) -> FloatArray:
+    """The matrix behind `change_of_basis`, made once."""
+    s, weights = new.rule((old.order + new.order) // 2 + 1)
+    return frozen(np.triu((weights[:, None] * new.evaluate(s)).T @ old.evaluate(s)))

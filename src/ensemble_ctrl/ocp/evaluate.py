@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, robustness
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.duties import duties, grounded, other_parts
-from ensemble_ctrl.moments import LegendreBasis, TensorBasis
+from ensemble_ctrl.moments import Interval, LegendreBasis, TensorBasis, tensor_rule
 from ensemble_ctrl.ocp.lines import separate
 from ensemble_ctrl.ocp.truncation import Truncation, points, positions
 from ensemble_ctrl.problem import Problem
@@ -17,7 +17,8 @@ from ensemble_ctrl.problem import Problem
 Floats = NDArray[np.float64]
 
 QUADRATURE = {0: 0, 1: 16, 2: 6, 3: 3}
-"""Order of the Gauss rule for each of so many parameters, whose robots, with the corners, are evaluated; else 2."""
+"""Order of the Gauss rules for each of so many parameters, else 2: Legendre's, whose robots are evaluated with the
+corners, and the laws'."""
 
 
 @dataclass(frozen=True)
@@ -51,24 +52,40 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     """Evaluate `controls` of shape (steps, 2)."""
     aim, step = problem.objective, problem.duration / len(controls)
     fleet, bent = problem.fleet, len(problem.fleet.bent)
-    basis = TensorBasis((LegendreBasis(QUADRATURE.get(bent, 2)),) * bent)
+    order = QUADRATURE.get(bent, 2)
+    basis = TensorBasis((LegendreBasis(order),) * bent)
     inner = positions(problem, controls, fleet.bent_members(basis.nodes))
+    nodes, weights = tensor_rule(fleet.bent_laws, order + 1)
+    spread = positions(problem, controls, fleet.bent_members(nodes))
     shifts = fleet.shift * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]] if fleet.shift.any() else [[0, 0]])
     paths = np.concatenate([positions(problem, controls, fleet.corners), *(inner + shift for shift in shifts)])
     signals, ops = StateSignals(paths, ("x", "y"), step), ExactOps()
     in_moments = problem.solve.guarantee == "moment"
     if in_moments:
-        average = np.einsum("j,jtd->td", basis.weights / 2, inner)
+        average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)
     parts = [grounded(problem, part) for part in other_parts(problem)]
-    worst = min((float(robustness(part, signals, ops)) for part in parts), default=0.0)
+    uniform = all(isinstance(law, Interval) for law in fleet.parameters.values())
+    whole = signals if in_moments or uniform else _fleet(problem, controls)
+    worst = min((float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in parts), default=0.0)
     terminal = 0.0
     if aim.target is not None:
-        off = ((inner[:, -1] - aim.target) ** 2).sum(axis=-1)
-        terminal = aim.terminal * float(basis.weights @ off)
+        off = ((spread[:, -1] - aim.target) ** 2).sum(axis=-1)
+        terminal = aim.terminal * float(weights @ off)
     effort = aim.effort * step * float((controls**2).sum())
     curve = average[:, None] if in_moments else points(problem, controls, truncation)
     shift = np.zeros(2) if in_moments else fleet.shift
     lines = separate(curve, duties(problem), problem.duration, shift)
     cost = -aim.robustness * worst + terminal + effort
     return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)))
+
+
+def _fleet(problem: Problem, controls: Floats) -> StateSignals:
+    """Members of equal weight, for what a task says of the fleet as a whole, drawn from the parameters' laws.
+
+    With one parameter they are its quantiles.
+    """
+    members = problem.fleet.sample(20_000, seed=0)
+    if members.shape[1] == 1:
+        members = np.sort(members, axis=0)
+    return StateSignals(positions(problem, controls, members[25::50]), ("x", "y"), problem.duration / len(controls))

@@ -219,7 +219,7 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int)
         terms.append(Block("robustness", reward, levels[None, :], none, none, none))
     if aim.target is not None:
         target = aim.target
-        weight = ca.DM(truncation.to_moments.T @ truncation.to_moments)
+        weight = ca.DM(truncation.square)
 
         def terminal(z: ca.SX, d: ca.SX) -> ca.SX:
             off = [z[:n] - target[0], z[n:] - target[1]]

@@ -5,6 +5,11 @@ parameters.  Truncation at orders N keeps the polynomial through the robots at t
 displacement of those robots over a step depends on the commands alone, so the decision variables need not carry their
 positions: they carry the `points` that the constraints speak of, any linear image of them.
 
+The nodes are Legendre's whatever the parameters' laws, for the polynomial has to be close to the curve over the whole
+range and is turned into points that contain it; the nodes of a law that leaves a part of the range nearly empty are far
+worse at both.  The laws have their say in what is averaged: mean, moments and terminal cost are exact integrals of that
+polynomial against them.
+
 Parameters that only shift the start add a constant box to every position (``Fleet.shift``): they need no nodes at all,
 and rows pay for them with a constant.
 """
@@ -20,7 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.fleet import Fleet
-from ensemble_ctrl.moments import LegendreBasis, TensorBasis
+from ensemble_ctrl.moments import (
+    Interval,
+    Law,
+    LegendreBasis,
+    TensorBasis,
+    change_of_basis,
+    inner_products,
+    kron,
+)
 from ensemble_ctrl.problem import MAX_ORDER, Problem
 
 Floats = NDArray[np.float64]
@@ -29,6 +42,8 @@ DENSE = {0: 1, 1: 41, 2: 15, 3: 9}
 """Chebyshev points for each of so many parameters, at whose members the truncation error is measured; else 5."""
 TAIL_TOLERANCE = 1e-4
 """Metres of truncation error allowed when the order, or the carried degree, is chosen automatically."""
+UNIFORM = Interval(-1.0, 1.0)
+"""The law of a scaled parameter unless another is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,26 +58,35 @@ class Truncation:
         The points carry the moments 0..degree of the position; the rest is a tail that becomes margin.
     hull : bool
         True for Bernstein coefficients, whose convex hull contains the curve; False for the Gauss-node robots.
+    laws : tuple of Law, optional
+        What moments are taken against, one law for each bent parameter; all uniform if not given.
     """
 
     orders: tuple[int, ...]
     degrees: tuple[int, ...]
     hull: bool
+    laws: tuple[Law, ...] | None = None
+
+    @cached_property
+    def collocation(self) -> TensorBasis:
+        """Basis whose Gauss nodes are the robots that stand for the fleet."""
+        return _basis(self.orders)
 
     @cached_property
     def basis(self) -> TensorBasis:
-        """Basis of the moments 0..N."""
-        return _basis(self.orders)
+        """The laws' basis of the carried moments; of fewer, for a law of few values."""
+        pairs = zip(self._laws, self.degrees, strict=True)
+        return TensorBasis(tuple(law.basis(min(degree, law.max_order)) for law, degree in pairs))
 
     @property
     def nodes(self) -> Floats:
         """Gauss nodes, shape (nodes, bent parameters), scaled."""
-        return self.basis.nodes
+        return self.collocation.nodes
 
     @cached_property
     def to_points(self) -> Floats:
         """Matrix from nodal positions to points, shape (points, nodes)."""
-        return self.basis.nodes_to_bernstein(self.degrees) if self.hull else np.eye(self.basis.count)
+        return self.collocation.nodes_to_bernstein(self.degrees) if self.hull else np.eye(self.collocation.count)
 
     @property
     def count(self) -> int:
@@ -71,8 +95,28 @@ class Truncation:
 
     @cached_property
     def to_moments(self) -> Floats:
-        """Matrix from points to the moments they carry, shape (moments, points)."""
-        return _basis(self.degrees).bernstein_to_moments() if self.hull else self.basis.nodes_to_moments()
+        """Matrix from points to the moments they carry, under the laws, shape (moments, points)."""
+        if self._uniform:
+            return self.to_legendre
+        changes = [
+            change_of_basis(LegendreBasis(degree), basis)
+            for degree, basis in zip(self.degrees, self.basis.factors, strict=True)
+        ]
+        return np.asarray(kron(changes) @ self.to_legendre)
+
+    @cached_property
+    def to_legendre(self) -> Floats:
+        """Matrix from points to the moments against Legendre polynomials, shape (moments, points)."""
+        return _basis(self.degrees).bernstein_to_moments() if self.hull else self.collocation.nodes_to_moments()
+
+    @cached_property
+    def square(self) -> Floats:
+        """Matrix of the quadratic form that is twice the fleet's mean square, shape (points, points)."""
+        inner = np.eye(len(self.to_legendre))
+        if not self._uniform:
+            pairs = zip(self._laws, self.degrees, strict=True)
+            inner = kron([inner_products(law, LegendreBasis(degree)) for law, degree in pairs])
+        return np.asarray(self.to_legendre.T @ inner @ self.to_legendre)
 
     @cached_property
     def mean(self) -> Floats:
@@ -81,7 +125,17 @@ class Truncation:
 
     def evaluation(self, s: Floats) -> Floats:
         """Matrix from points to positions at scaled parameters `s`, shape (len(s), points)."""
-        return np.asarray(_basis(self.degrees).evaluate(s) @ self.to_moments)
+        return np.asarray(_basis(self.degrees).evaluate(s) @ self.to_legendre)
+
+    @property
+    def _laws(self) -> tuple[Law, ...]:
+        """One law for each bent parameter."""
+        return (UNIFORM,) * len(self.orders) if self.laws is None else self.laws
+
+    @property
+    def _uniform(self) -> bool:
+        """Whether all laws are uniform."""
+        return all(isinstance(law, Interval) for law in self._laws)
 
 
 def node_drives(problem: Problem, truncation: Truncation) -> Floats:
@@ -123,30 +177,31 @@ def choose(problem: Problem, controls: Floats) -> Truncation:
     `TAIL_TOLERANCE`; in hull form the points carry no more moments than that either, since the tail of a smooth curve
     falls geometrically.
     """
-    hull, bent = problem.solve.guarantee == "hull", len(problem.fleet.bent)
+    hull, laws = problem.solve.guarantee == "hull", problem.fleet.bent_laws
+    bent = len(laws)
     if not hull and problem.order is not None:
-        return plain((problem.order,) * bent, hull)
+        return plain((problem.order,) * bent, hull, laws)
     degrees = _degrees(problem, controls, hull, problem.order or MAX_ORDER)
     orders = degrees if problem.order is None else (problem.order,) * bent
-    return Truncation(orders, degrees, hull)
+    return Truncation(orders, degrees, hull, laws)
 
 
-def plain(orders: tuple[int, ...], hull: bool) -> Truncation:
+def plain(orders: tuple[int, ...], hull: bool, laws: tuple[Law, ...] | None = None) -> Truncation:
     """A truncation that carries all its moments."""
-    return Truncation(orders, orders, hull)
+    return Truncation(orders, orders, hull, laws)
 
 
 def coarse(fleet: Fleet, hull: bool) -> Truncation:
     """A low truncation for first solves: parabolas, or straight lines where there are many parameters."""
     bent = len(fleet.bent)
-    return plain((2 if bent < 3 else 1,) * bent, hull)
+    return plain((2 if bent < 3 else 1,) * bent, hull, fleet.bent_laws)
 
 
 def raised(truncation: Truncation) -> Truncation:
     """The same truncation with one more moment carried in each parameter."""
     degrees = tuple(min(degree + 1, MAX_ORDER) for degree in truncation.degrees)
     orders = tuple(max(pair) for pair in zip(truncation.orders, degrees, strict=True))
-    return Truncation(orders, degrees if truncation.hull else orders, truncation.hull)
+    return Truncation(orders, degrees if truncation.hull else orders, truncation.hull, truncation.laws)
 
 
 def _degrees(problem: Problem, controls: Floats, hull: bool, ceiling: int) -> tuple[int, ...]:

@@ -103,7 +103,9 @@ def ranges_text(fleet: Fleet) -> str:
     """The parameters with their ranges; lengths and angles with their units."""
     if not fleet.names:
         return "all members equal"
-    return ", ".join(f"{name} {law.lower:.4g} to {law.upper:.4g}{_unit(name)}" for name, law in fleet.parameters.items())
+    return ", ".join(
+        f"{name} {law.lower:.4g} to {law.upper:.4g}{_unit(name)}" for name, law in fleet.parameters.items()
+    )
 
 
 def member_text(parameters: Mapping[str, float]) -> str:

@@ -1,0 +1,130 @@
+"""A fleet of several kinds of robots: a mixture of laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.moments._check import finite_array, finite_number
+from ensemble_ctrl.moments.lanczos import merged, recurrence_of_points, usable
+from ensemble_ctrl.moments.law import Law
+from ensemble_ctrl.moments.orthonormal import WeightedLaw
+from ensemble_ctrl.moments.recurrence import Recurrence, values
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Mixture(WeightedLaw):
+    """Members that follow one of several laws, chosen with given weights.
+
+    Parameters
+    ----------
+    *parts : tuple of (Law, float)
+        One or more laws in the same unit, each with a positive weight; weights need not sum to 1.
+
+    Attributes
+    ----------
+    parts : tuple of (Law, float)
+        The laws with their weights as given.
+
+    Raises
+    ------
+    ProblemError
+        If there are no parts, or one is not a law with a positive finite weight.
+
+    Notes
+    -----
+    The union of the laws' Gauss rules has the same integrals of polynomials as the mixture, so that the Lanczos process
+    on it makes no error but rounding.
+
+    Examples
+    --------
+    >>> from ensemble_ctrl.moments import Interval
+    >>> law = Mixture((Interval(0.9, 0.95), 2), (Interval(1.05, 1.1), 1))
+    >>> law.lower, law.upper, round(float(law.cdf(1.0)), 4)
+    (0.9, 1.1, 0.6667)
+    """
+
+    parts: tuple[tuple[Law, float], ...]
+    lower: float
+    upper: float
+
+    def __init__(self, *parts: tuple[Law, float]) -> None:
+        if not parts:
+            raise ProblemError("parts: expected one or more pairs of a law and a weight, got none")
+        object.__setattr__(self, "parts", tuple(_checked(i, part) for i, part in enumerate(parts)))
+        object.__setattr__(self, "lower", min(law.lower for law, _ in self.parts))
+        object.__setattr__(self, "upper", max(law.upper for law, _ in self.parts))
+
+    def __repr__(self) -> str:
+        return f"Mixture({', '.join(f'({law!r}, {weight:g})' for law, weight in self.parts)})"
+
+    @property
+    def shares(self) -> FloatArray:
+        """The parts' shares of the fleet, shape (parts,), which sum to 1."""
+        weights = np.array([weight for _, weight in self.parts])
+        weights = weights / weights.max()
+        return np.asarray(weights / weights.sum())
+
+    def recurrence(self, order: int) -> Recurrence:
+        """Coefficients up to `order`, or up to the highest order that the values can tell apart."""
+        points = self.points(order + 2)
+        return usable(recurrence_of_points(*points, order), *points)
+
+    def points(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """The points of the parts' rules."""
+        rules = [self._rule(law, share, count) for (law, _), share in zip(self.parts, self.shares, strict=True)]
+        points, weights = (np.concatenate(part) for part in zip(*rules, strict=True))
+        return merged(points, weights)
+
+    def partial_moments(self, recurrence: Recurrence, s: FloatArray) -> FloatArray:
+        """Integrals of the polynomials up to `s`: those over the parts, in the parts' own polynomials."""
+        parts = zip(self.parts, self.shares, strict=True)
+        total: FloatArray = sum(
+            (share * self._partial(law, recurrence, np.asarray(s)) for (law, _), share in parts), np.zeros(1)
+        )
+        return total
+
+    def _rule(self, law: Law, share: float, count: int) -> tuple[FloatArray, FloatArray]:
+        """A part's Gauss rule on the scale of the mixture, with the part's share of the weight."""
+        s, weights = law.rule(count)
+        return np.clip(self.to_scaled(law.to_parameter(s)), -1.0, 1.0), share * weights
+
+    def _partial(self, law: Law, recurrence: Recurrence, s: FloatArray) -> FloatArray:
+        """Integrals over one part up to `s`, shape ``(*S, order + 1)``."""
+        nodes, weights = self._rule(law, 1.0, recurrence.order + 1)
+        phi = values(recurrence, nodes)
+        if not law.half_width:
+            return np.where(s[..., None] >= nodes[0], 2 * phi[0], 0.0)
+        own = law.basis(min(recurrence.order, law.max_order))
+        expanded = (weights[:, None] * own.evaluate(law.rule(recurrence.order + 1)[0])).T @ phi
+        scaled = (self.center - law.center + self.half_width * s) / law.half_width
+        return np.asarray(own.partial_moments(scaled) @ expanded)
+
+    def cdf(self, psi: ArrayLike) -> FloatArray:
+        """Share of the fleet with a parameter of at most `psi`; see `Law.cdf`."""
+        at = finite_array("psi", psi)
+        return np.asarray(sum(share * law.cdf(at) for (law, _), share in zip(self.parts, self.shares, strict=True)))
+
+    def _draw(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """`count` parameters: first which law, then its draw."""
+        which = rng.choice(len(self.parts), count, p=self.shares)
+        drawn = np.empty(count)
+        for i, (law, _) in enumerate(self.parts):
+            chosen = which == i
+            drawn[chosen] = law.sample(int(chosen.sum()), rng)
+        return drawn
+
+
+def _checked(i: int, part: object) -> tuple[Law, float]:
+    """One part, a law and its weight."""
+    if not (isinstance(part, tuple | list) and len(part) == 2 and isinstance(part[0], Law)):
+        raise ProblemError(f"parts[{i}]: expected a pair of a law and a weight, got {part!r}")
+    weight = finite_number(f"parts[{i}]: weight", part[1])
+    if weight <= 0:
+        raise ProblemError(f"parts[{i}]: weight: expected a number above 0, got {weight:g}")
+    return part[0], weight
