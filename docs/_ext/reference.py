@@ -28,6 +28,7 @@ UNITS: list[tuple[Any, str]] = [
     (f.Weight, "number, ≥ 0"),
     (f.Task, "formula"),
     (f.Order, "1 to 50, or `auto`"),
+    (f.Routes, "1 to 1000, or `all`"),
     (f.ModelName, ", ".join(f"`{name}`" for name in SYSTEMS)),
     (f.FolderName, "text"),
 ]
@@ -60,7 +61,7 @@ MEANING = {
     "solve.time_limit": "The best plan so far is returned after this time.",
     "solve.seed": "Seed of the replayed members.",
     "solve.margin": "What the program keeps to spare, from obstacles and in the robustness.",
-    "solve.routes": "Routes tried on a coarse grid before the best is refined.",
+    "solve.routes": "Routes tried on a coarse grid before the best is refined. `all`: see *Routes* below.",
     "solve.max_iterations": "Iterations of one solve.",
     "verify.members": "Members replayed.",
     "verify.substeps": "Looks at the obstacles in each step of the replay.",
