@@ -134,6 +134,8 @@ SpeedBounds = Annotated[tuple[Speed, Speed], *LOW_HIGH]
 TurnRateBounds = Annotated[tuple[TurnRate, TurnRate], *LOW_HIGH]
 ModelName = Annotated[str, AfterValidator(model_name), WithJsonSchema({"enum": list(SYSTEMS)})]
 Order = Annotated[int | None, BeforeValidator(order_or_auto), WithJsonSchema({"type": ["integer", "string"]})]
-Routes = Annotated[int | Literal["all"], BeforeValidator(routes_or_all), WithJsonSchema({"type": ["integer", "string"]})]
+Routes = Annotated[
+    int | Literal["all"], BeforeValidator(routes_or_all), WithJsonSchema({"type": ["integer", "string"]})
+]
 Task = Annotated[Formula, BeforeValidator(formula), WithJsonSchema({"type": "string"})]
 FolderName = Annotated[str, AfterValidator(folder_name)]

@@ -21,7 +21,7 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron
 Floats = NDArray[np.float64]
 Word = tuple[int, ...]
 
-LONGEST = 3.0
+LONGEST = 2.5
 """Routes without loops end at this many times the length of the shortest."""
 EXPANSIONS = 20_000
 """Largest number of search states taken up in one search."""
@@ -80,8 +80,12 @@ def routes(
     anchors = np.array([piece.vertices.mean(axis=0) for piece in pieces]).reshape(-1, 2)
     if loops:
         return list(islice(_search(corners, lengths, anchors), most))
-    found = list(islice(_search(corners, lengths, anchors, is_simple), most))
-    return [route for route in found if route.length <= LONGEST * found[0].length + 1e-9]
+    found: list[Route] = []
+    for route in islice(_search(corners, lengths, anchors, is_simple), most):
+        if found and route.length > LONGEST * found[0].length + 1e-9:
+            break
+        found.append(route)
+    return found
 
 
 def _is_connected(lengths: Floats) -> bool:

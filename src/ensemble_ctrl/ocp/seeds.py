@@ -168,7 +168,8 @@ def _combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route
         Largest number of combinations.
     """
     first = (0,) * len(choices)
-    queue, seen, found = [(0.0, first)], {first}, []
+    queue, seen = [(0.0, first)], {first}
+    found: list[tuple[Route, ...]] = []
     while queue and len(found) < most:
         longer, picks = heappop(queue)
         found.append(tuple(routes[pick] for routes, pick in zip(choices, picks, strict=True)))
