@@ -153,17 +153,15 @@ import os, time
 from ensemble_ctrl.ocp import parallel
 parallel.workers = lambda count: 2
 def work(candidate, watch):
-    print(os.getpid(), flush=True)
+    os.write(1, f"{os.getpid()}\\n".encode())
     time.sleep(60)
 parallel.each(work, 2, lambda *_: False, lambda: 60.0)
 """
 
 
 def test_children_end_with_a_parent_that_is_killed() -> None:
-    environment = {**os.environ, "PYTHONPATH": str(SOURCES)}
-    with subprocess.Popen(
-        [sys.executable, "-c", ENDLESS], stdout=subprocess.PIPE, text=True, env=environment
-    ) as parent:
+    environment, command = {**os.environ, "PYTHONPATH": str(SOURCES)}, [sys.executable, "-c", ENDLESS]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as parent:
         assert parent.stdout is not None
         children = [int(parent.stdout.readline()) for _ in range(2)]
         assert all(is_running(child) for child in children)

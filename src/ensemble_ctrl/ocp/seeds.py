@@ -105,7 +105,7 @@ class _Trips:
         if not best:
             return []
         varied = best if self.every else best[:1]
-        others = [_Trip(trip.visits, legs) for trip, choices in varied for legs in _combined(choices, self.most)[1:]]
+        others = [_Trip(trip.visits, legs) for trip, choices in varied for legs in combined(choices, self.most)[1:]]
         whole = [trip for trip, _ in best] + others
         return sorted(whole, key=lambda t: t.length)[: self.most]
 
@@ -157,7 +157,7 @@ class _Trips:
         return sorted(kinds.values(), key=lambda route: route.length)
 
 
-def _combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route, ...]]:
+def combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route, ...]]:
     """The `most` combinations of one route for each leg with the smallest total length, shortest first.
 
     Parameters
