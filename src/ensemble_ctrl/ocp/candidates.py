@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -77,9 +78,9 @@ def part_log(log: Path | None, candidate: int) -> Path | None:
 
 
 def join_logs(log: Path | None, parts: Sequence[Path | None]) -> None:
-    """Append the candidates' logs to `log` in order, and remove them."""
+    """Append the candidates' logs to `log` in order, as far as the disk holds them, and remove them."""
     for part in parts:
         if log and part and part.exists():
-            with log.open("ab") as whole:
+            with suppress(OSError), log.open("ab") as whole:
                 whole.write(part.read_bytes())
             part.unlink()
