@@ -301,6 +301,12 @@ CASES = {
         "'minlp' is not one of nlp",
         "did you mean 'nlp'?",
     ),
+    "neither a number of routes nor all": (
+        ("moments:", "solve: {routes: al}\nmoments:"),
+        (7, 17, "solve.routes"),
+        "expected a whole number from 1 to 1000 (or all), got 'al'",
+        "",
+    ),
     "missing field": (
         (", heading: 45 deg", ""),
         (4, 3, "fleet.start.heading"),
@@ -889,6 +895,13 @@ def test_the_schema_knows_every_field() -> None:
     assert set(described["properties"]) == set(config.to_data(config.load(FIVE)))
     assert described["required"] == ["fleet", "horizon", "task"]
     assert described["additionalProperties"] is False
+
+
+@pytest.mark.parametrize(("text", "routes"), [("all", "all"), ("1", 1), ("12", 12)])
+def test_routes_are_a_number_or_all(text: str, routes: int | str) -> None:
+    problem = config.load(FIVE, [f"solve.routes={text}"])
+    assert problem.solve.routes == routes
+    assert config.load_text(config.dump(problem)).solve.routes == routes
 
 
 def test_importing_config_loads_no_solver() -> None:

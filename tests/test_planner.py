@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -17,6 +19,9 @@ from ensemble_ctrl.conflicts import conflicts
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ocp import parallel
+from ensemble_ctrl.ocp.rounds import improve
+from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import Iteration
 from ensemble_ctrl.planner import Solution, coarse_steps, solve
 from ensemble_ctrl.problem import Problem
@@ -87,8 +92,10 @@ def test_five_obstacles() -> None:
     assert value.robustness >= 0.3
     assert value.cost == pytest.approx(cost_by_hand(solution), abs=1e-3)
     assert len(solution.routes) == 2
-    assert all(kept for _, _, kept in solution.routes)
-    assert solution.routes[0][0] < solution.routes[1][0]
+    assert all(route.feasible for route in solution.routes)
+    assert solution.routes[0].length < solution.routes[1].length
+    assert [route.outcome for route in solution.routes] == ["kept", "coarse"]
+    assert solution.routes[0].fine_cost == value.cost
     assert (solution.attempt.truncation.orders, solution.attempt.truncation.hull) == ((8,), True)
     assert solution.iterations > 0
     assert solution.solve_seconds > 0
@@ -184,7 +191,7 @@ def test_the_time_limit_returns_the_best_so_far() -> None:
     assert (np.abs(solution.controls) <= 2).all()
 
 
-@pytest.mark.parametrize("stop_at", [("guess", None), ("coarse solve", 2), ("solve", 1)])
+@pytest.mark.parametrize("stop_at", [("guess", None), ("coarse solve 1/2", 2), ("solve", 1)])
 def test_progress_can_interrupt(stop_at: tuple[str, int | None]) -> None:
     seen: list[tuple[str, int | None]] = []
 
@@ -209,7 +216,7 @@ def test_progress_sees_the_phases_in_order() -> None:
 
     assert solve(small(), progress=progress).status == "planned"
     assert list(phases)[:2] == ["guess", "solve"]
-    assert "coarse solve" in phases
+    assert {"coarse solve 1/2", "coarse solve 2/2"} < set(phases)
 
 
 def test_a_guess_is_used_instead_of_routes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,3 +275,86 @@ def test_bounds_without_standing_still_are_kept() -> None:
     solution = solve(small().with_(fleet=fleet))
     check_good(solution, members=101)
     assert solution.controls[:, 0].min() >= 0.3
+
+
+def with_workers(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """Solve candidates in so many processes, whatever the machine has."""
+    monkeypatch.setattr(parallel, "workers", lambda count: min(number, count))
+
+
+def facts(solution: Solution) -> list[tuple[str, float, float, str]]:
+    """What was found of each route, without times."""
+    return [(route.name, route.length, route.cost, route.outcome) for route in solution.routes]
+
+
+@pytest.mark.parametrize("routes", [2, "all"])
+def test_the_plan_does_not_depend_on_the_number_of_processes(
+    monkeypatch: pytest.MonkeyPatch, routes: int | str
+) -> None:
+    found = []
+    for number in (1, 2, 3):
+        with_workers(monkeypatch, number)
+        found.append(solve(options(small(), routes=routes)))
+    for other in found[1:]:
+        np.testing.assert_array_equal(other.controls, found[0].controls)
+        assert facts(other) == facts(found[0])
+        assert other.iterations == found[0].iterations
+    assert [route.outcome for route in found[0].routes].count("kept") == 1
+
+
+def test_all_routes_are_never_worse_than_one() -> None:
+    every, one = (solve(options(five(), routes=routes)) for routes in ("all", 1))
+    assert min(r.cost for r in every.routes if r.feasible) <= one.routes[0].cost
+    check_good(every)
+    assert every.certificate is not None
+    assert every.certificate.proven == "yes"
+    assert every.attempt.value.cost <= planned().attempt.value.cost
+    outcomes = [route.outcome for route in every.routes]
+    assert (outcomes.count("kept"), outcomes.count("refined")) == (1, module.FINALISTS - 1)
+    kept = every.routes[outcomes.index("kept")]
+    assert kept.fine_cost == every.attempt.value.cost == min(r.fine_cost for r in every.routes if r.fine_cost)
+    refined = sorted(r.cost for r in every.routes if r.fine_cost)
+    assert refined == sorted(r.cost for r in every.routes if r.feasible)[: module.FINALISTS]
+
+
+def test_a_process_that_dies_is_a_route_that_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_workers(monkeypatch, 2)
+    whole = solve(small())
+    best = [route.outcome for route in whole.routes].index("kept")
+    parent, begun = os.getpid(), [seed.controls for seed in seeds(small(), coarse_steps(small()), 2)]
+
+    def dying(problem: Problem, controls: Floats, *rest: Any) -> Any:
+        if os.getpid() != parent and np.array_equal(controls, begun[best]):
+            os.kill(os.getpid(), signal.SIGKILL)
+        return improve(problem, controls, *rest)
+
+    monkeypatch.setattr(module, "improve", dying)
+    solution = solve(small())
+    check_good(solution, members=101)
+    assert solution.routes[best].outcome == "failed"
+    assert solution.routes[1 - best].outcome == "kept"
+    assert solution.routes[1 - best].cost == whole.routes[1 - best].cost
+
+
+def test_a_stop_leaves_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_workers(monkeypatch, 2)
+    solution = solve(options(five(), routes=6), progress=lambda _, iteration: iteration is not None)
+    assert solution.status == "interrupted"
+    assert [route.outcome for route in solution.routes].count("failed") >= 4
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+def test_the_logs_of_all_candidates_are_in_one_file_in_order(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    logs = []
+    for number in (1, 2):
+        with_workers(monkeypatch, number)
+        log = tmp_path / f"{number}.log"
+        log.write_text("before\n")
+        solution = solve(small(), log=log)
+        text = log.read_text()
+        assert text.startswith("before\n")
+        assert text.count("EXIT: Optimal Solution Found") >= len(solution.routes) + 1
+        logs.append([line for line in text.splitlines() if line.startswith("Number of Iterations")])
+    assert logs[0] == logs[1]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["1.log", "2.log"]

@@ -260,7 +260,5 @@ def _details(solution: Solution) -> dict[str, Any]:
         "build_seconds": solution.build_seconds,
         "solve_seconds": solution.solve_seconds,
         "seconds": solution.seconds,
-        "routes": [
-            {"length": length, "cost": cost, "feasible": feasible} for length, cost, feasible in solution.routes
-        ],
+        "routes": [{**vars(route), "corners": route.corners.tolist()} for route in solution.routes],
     }

@@ -16,6 +16,7 @@ RESULT_FILES = frozenset(
         "certificate.json",
         "controls.csv",
         "controls.png",
+        "routes.png",
         "plan.npz",
         "problem.yaml",
         "provenance.json",

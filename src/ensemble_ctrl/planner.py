@@ -1,7 +1,8 @@
 """From a problem to the best controls found: seeds, a coarse search over routes, and a fine solve.
 
 1. Geometric routes of different kinds around the obstacles give first guesses (`ensemble_ctrl.ocp.seeds`).
-2. Each is solved on a coarse grid at a low order; the best is kept.
+2. Each is solved on a coarse grid at a low order, side by side where there are several cores; the best is kept, or the
+   best few where every route is tried: each of them goes through what follows, and the best certified one is the plan.
 3. The horizon's own grid and the order asked for, started from there.
 4. Where the truncated curve is too far from the true one, one more moment is carried and it is solved again.
 5. The result is certified; where the proof falls short, the margin grows by what is missing and it is solved again.
@@ -13,7 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +23,16 @@ from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ocp import parallel
+from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
-from ensemble_ctrl.ocp.seeds import seeds
-from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
+from ensemble_ctrl.ocp.seeds import Seed, seeds
+from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Watch
 from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
+T = TypeVar("T")
 Status = Literal["planned", "infeasible", "limit", "interrupted"]
 Progress = Callable[[str, Iteration | None], bool]
 """Called with a phase and, during a solve, the iteration; returning True asks to stop."""
@@ -37,6 +41,8 @@ COARSE_STEPS = 32
 """The coarse grid has at most this many steps, unless a window of the task needs a finer one."""
 COARSE_ROUNDS, FINE_ROUNDS = 1, 1
 CERTIFY_ROUNDS = 3
+FINALISTS = 3
+"""Coarse solutions that are refined and certified where every route is tried."""
 CLOSE = 0.05
 """Metres by which an attempt may violate its task for tightening to be worth while."""
 TAIL_LIMIT = 1e-3
@@ -57,8 +63,8 @@ class Solution:
         ``planned``: the program's own constraints hold; whether every member is safe is for replay to say.
     attempt : Attempt
         The last solve with its value.
-    routes : tuple of (float, float, bool)
-        Length in metres, cost after the coarse solve, and whether it kept the constraints, of each route tried.
+    routes : tuple of Tried
+        The routes tried, shortest first.
     seconds : dict of str to float
         Time of each phase.
     iterations, build_seconds, solve_seconds
@@ -71,7 +77,7 @@ class Solution:
     controls: Floats
     status: Status
     attempt: Attempt
-    routes: tuple[tuple[float, float, bool], ...] = ()
+    routes: tuple[Tried, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
     iterations: int = 0
     build_seconds: float = 0.0
@@ -114,6 +120,27 @@ class _Search:
         if self.progress is not None:
             self.stopped = self.progress(phase, None) or self.stopped
 
+    def side_by_side(self, phase: str, work: Callable[[_Search, int], T], count: int) -> list[T | None]:
+        """Results of `work` for each candidate, under a search of its own with the same clock; None without one."""
+        if self.over():
+            return [None] * count
+        parts = [part_log(self.log, i) for i in range(count)]
+
+        def own(candidate: int, watch: Watch) -> T:
+            def progress(_: str, iteration: Iteration | None) -> bool:
+                return iteration is not None and watch(iteration)
+
+            return work(replace(self, progress=progress, log=parts[candidate]), candidate)
+
+        def tell(candidate: int, iteration: Iteration) -> bool:
+            where = phase if count == 1 else f"{phase} {candidate + 1}/{count}"
+            self.stopped = self.stopped or (self.progress is not None and self.progress(where, iteration))
+            return self.stopped
+
+        results = parallel.each(own, count, tell, self.left)
+        join_logs(self.log, parts)
+        return results
+
     def over(self) -> bool:
         """Whether to stop now with what there is."""
         return self.stopped or self.left() <= 0
@@ -149,31 +176,29 @@ def solve(
     search.tell("guess")
     steps = coarse_steps(problem)
     starts = (
-        [(0.0, _given(problem, guess, steps))]
+        [Seed(_given(problem, guess, steps), np.zeros((0, 2)), 0.0)]
         if guess is not None
-        else [(seed.length, seed.controls) for seed in seeds(problem, steps, problem.solve.routes)]
+        else seeds(problem, steps, problem.solve.routes)
     )
     seconds["guess"] = time.perf_counter() - search.began
     search.tell("solve")
-    tried = [(length, _coarse(search, controls)) for length, controls in starts]
-    best = min((attempt for _, attempt in tried), key=_rank)
-    final = best if search.over() else _fine(search, _refined(best.controls, problem.steps), problem)
-    work = [a for _, a in tried] + ([final] if final is not best else [])
-    seconds["solve"] = time.perf_counter() - search.began - sum(seconds.values())
-    certificate = None
+    solved = _coarse_all(search, [seed.controls for seed in starts])
+    chosen = _finalists(problem, solved)
+    finished = _finish_all(search, [solved[i] for i in chosen])
+    which = min(range(len(finished)), key=lambda k: _final_rank(finished[k]))
+    final, certificate = finished[which].attempt, finished[which].certificate
+    seconds["solve"] = time.perf_counter() - search.began - seconds["guess"] - finished[which].certify_seconds
     if problem.verify.certificate:
-        search.tell("certify")
-        final, certificate, more = _certified(search, final)
-        work += more
-        seconds["certify"] = time.perf_counter() - search.began - sum(seconds.values())
-    routes = tuple((length, a.value.cost, a.value.keeps(0.0)) for length, a in tried)
-    controls = _refined(final.controls, problem.steps)
+        seconds["certify"] = finished[which].certify_seconds
+    work = [*solved, *(attempt for end in finished for attempt in end.work)]
+    fine = {i: end.attempt for i, end in zip(chosen, finished, strict=False) if end.work}
+    routes = [tried(seed, solved[i], fine.get(i), i == chosen[which]) for i, seed in enumerate(starts)]
     return Solution(
         problem,
-        controls,
+        _refined(final.controls, problem.steps),
         _status(search, final),
         final,
-        routes,
+        tuple(routes),
         seconds,
         sum(a.iterations for a in work),
         sum(a.build_seconds for a in work),
@@ -208,14 +233,60 @@ def _windows(formula: Formula) -> list[tuple[float, float]]:
     return own + [w for part in formula.parts for w in _windows(part)]
 
 
-def _coarse(search: _Search, controls: Floats) -> Attempt:
-    """A seed improved on its own coarse grid at low order."""
+def _coarse_all(search: _Search, guesses: list[Floats]) -> list[Attempt]:
+    """Each seed improved on its own coarse grid at low order; one that could not be solved as it is."""
     problem = search.problem
     truncation = coarse(problem.fleet, problem.solve.guarantee != "moment")
-    if search.over():
-        return start(problem, controls, truncation)
-    options = search.options(1e-2, 1e-3)
-    return improve(problem, controls, truncation, COARSE_ROUNDS, options, search.watch("coarse solve"))
+
+    def work(own: _Search, candidate: int) -> Attempt:
+        options = own.options(1e-2, 1e-3)
+        return improve(problem, guesses[candidate], truncation, COARSE_ROUNDS, options, own.watch("coarse solve"))
+
+    solved = search.side_by_side("coarse solve", work, len(guesses))
+    return [a or start(problem, controls, truncation) for a, controls in zip(solved, guesses, strict=True)]
+
+
+def _finalists(problem: Problem, solved: list[Attempt]) -> list[int]:
+    """Which coarse solutions are refined, best first: one, or of all routes the best few that keep the constraints."""
+    ranked = sorted(range(len(solved)), key=lambda i: _rank(solved[i]))
+    few = FINALISTS if problem.solve.routes == "all" else 1
+    return ranked[:1] + [i for i in ranked[1:few] if solved[i].value.keeps(0.0)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Finished:
+    """A coarse solution after the fine solve and the certificate, with all attempts that this took."""
+
+    attempt: Attempt
+    certificate: Certificate | None
+    work: tuple[Attempt, ...]
+    certify_seconds: float
+
+
+def _finish_all(search: _Search, solved: list[Attempt]) -> list[_Finished]:
+    """Each coarse solution refined and certified, in order; only the first if the search is over or no other ended."""
+    if len(solved) > 1:
+        finished = search.side_by_side("solve", lambda own, i: _finish(own, solved[i]), len(solved))
+        if any(finished):
+            return [end or _Finished(solved[i], None, (), 0.0) for i, end in enumerate(finished)]
+    return [_finish(search, solved[0])]
+
+
+def _finish(search: _Search, found: Attempt) -> _Finished:
+    """A coarse solution refined and certified, as far as time allows."""
+    final = found if search.over() else _fine(search, found.controls, search.problem)
+    work = [final] if final is not found else []
+    if not search.problem.verify.certificate:
+        return _Finished(final, None, tuple(work), 0.0)
+    search.tell("certify")
+    began = time.perf_counter()
+    final, certificate, more = _certified(search, final)
+    return _Finished(final, certificate, (*work, *more), time.perf_counter() - began)
+
+
+def _final_rank(end: _Finished) -> tuple[bool, bool, float, float]:
+    """Sorting key: proven first, then as `_rank`."""
+    return (end.certificate is None or end.certificate.proven != "yes", *_rank(end.attempt))
 
 
 def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate, list[Attempt]]:

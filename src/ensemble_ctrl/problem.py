@@ -18,6 +18,7 @@ from ensemble_ctrl.fleet import Fleet, frozen
 Floats = NDArray[np.float64]
 Guarantee = Literal["moment", "nodes", "hull"]
 Method = Literal["nlp"]
+Routes = int | Literal["all"]
 
 MAX_ORDER = 50
 """Largest truncation order a problem may ask for."""
@@ -72,8 +73,9 @@ class SolveOptions:
         Seed of every random draw (replayed members).
     margin : float
         Metres that the program keeps to spare: from obstacles beyond the robot's radius, and in the task's robustness.
-    routes : int
-        How many geometric routes are tried before the best is refined.
+    routes : int or "all"
+        How many geometric routes are tried before the best is refined; ``all`` tries every way of passing the obstacles
+        without loops (`ensemble_ctrl.ocp.seeds.ALL` at most) and refines the best few.
     max_iterations : int
         Iterations of one solve.
     """
@@ -83,7 +85,7 @@ class SolveOptions:
     time_limit: float = 600.0
     seed: int = 0
     margin: float = 0.01
-    routes: int = 2
+    routes: Routes = 2
     max_iterations: int = 300
 
 

@@ -20,7 +20,7 @@ from .conftest import Command
 from .tools import SMALL, environment, process
 
 DATA = {"certificate.json", "controls.csv", "plan.npz", "problem.yaml", "provenance.json", "solver.log", "summary.json"}
-FIGURES = {"trajectories.png", "controls.png"}
+FIGURES = {"trajectories.png", "controls.png", "routes.png"}
 
 
 def names(folder: Path) -> set[str]:
@@ -129,6 +129,7 @@ def test_set_is_applied_before_validation_and_the_last_word_counts(command: Comm
         (["--set", "fleet.model.x=1"], ["expected a section above 'x', got 'unicycle'"]),
         (["--time-limit", "soon"], ["solve.time_limit: expected a time in s, ms, min or h, got 'soon'"]),
         (["--time-limit", "-5"], ["solve.time_limit: expected"]),
+        (["--set", "solve.routes=0"], ["solve.routes: expected a whole number from 1 to 1000 (or all), got 0"]),
         (["--method", "magic"], ["solve.method: 'magic' is not one of nlp"]),
         (["--seed", "-1"], ["'--seed'", "0"]),
         (["--members", "0"], ["'--members'", "1"]),
@@ -155,6 +156,24 @@ def test_a_guess_replaces_the_routes(command: Command, results: Path) -> None:
         done = command("small.yaml", "--no-plots", "--json", "--guess", guess, "--set", changed)
         assert done.code == 0, done.err
         assert len(done.data["details"]["routes"]) == 1
+
+
+def test_every_route_is_listed_drawn_and_saved(command: Command, place: Path) -> None:
+    done = command("small.yaml", "-v", "--set", "solve.routes=all")
+    assert done.code == 0, done.err
+    title, header, *rows = done.out.splitlines()[-4:]
+    assert title == "routes tried: 2 (o1 left: o1 lies to the left of the route)"
+    assert header.split() == ["length", "coarse", "cost", "fine", "cost", "clearance", "time", "outcome", "route"]
+    assert {row.partition(" block ")[2] for row in rows} == {"left", "right"}
+    saved = json.loads((place / "plans/small/summary.json").read_text())["details"]["routes"]
+    assert sorted(route["name"] for route in saved) == ["block left", "block right"]
+    assert sum(route["outcome"] == "kept" for route in saved) == 1
+    for route, row in zip(saved, rows, strict=True):
+        assert row.endswith(f"  {route['outcome']:<9}{route['name']}")
+        assert f"{route['length']:.2f} m" in row
+        assert route["corners"][0] == [0, 0]
+    assert (place / "plans/small/routes.png").stat().st_size > 10_000
+    assert "routes tried" not in command("small.yaml", "--no-plots").out
 
 
 def test_json_is_one_object_and_nothing_else(command: Command, place: Path) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,6 +33,7 @@ def started(place: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
         stderr=subprocess.PIPE,
         text=True,
         env=environment(),
+        start_new_session=True,
     ) as running:
         until(running, "iteration 1,")
         yield running
@@ -72,6 +75,31 @@ def test_twice_ends_at_once_and_leaves_nothing(place: Path) -> None:
     assert '"exit_code": 130' in out
     assert "error: interrupted twice; nothing was kept" in err
     assert left(place) == before
+
+
+@pytest.mark.parametrize("signals", [1, 2])
+def test_no_process_is_left(place: Path, signals: int) -> None:
+    """Candidates are solved in processes of their own, in the group of the command's."""
+    with started(place, "--set", "solve.routes=all") as running:
+        os.killpg(running.pid, signal.SIGINT)  # as a terminal does
+        if signals == 2:
+            until(running, "stopping after this iteration")
+            os.killpg(running.pid, signal.SIGINT)
+        running.communicate(timeout=30)
+    deadline = time.monotonic() + 10
+    while group_exists(running.pid) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not group_exists(running.pid)
+    assert running.returncode == 130
+
+
+def group_exists(number: int) -> bool:
+    """Whether a process group has any process."""
+    try:
+        os.killpg(number, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def test_before_there_is_a_plan(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 
 import ensemble_ctrl.ocp.routes as module
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.ocp.routes import Route, routes
+from ensemble_ctrl.ocp.routes import LONGEST, Route, is_simple, routes, swept
 
 Floats = NDArray[np.float64]
 START, GOAL, CLEARANCE = np.array([-4.0, 0.1]), np.array([4.0, -0.2]), 0.1
@@ -113,3 +114,61 @@ def test_a_gap_is_used_only_if_the_clearance_fits() -> None:
     through, around = (routes(START, GOAL, wall, clearance, 1)[0] for clearance in (0.15, 0.3))
     assert np.abs(through.corners[:, 1]).max() < 0.3
     assert np.abs(around.corners[:, 1]).max() > 3
+
+
+def row(count: int) -> list[Obstacle]:
+    """Disjoint squares one behind the other between start and goal."""
+    left = np.linspace(-3, 2.4, count)
+    return [Obstacle.box([[x, x + 0.5], [-0.3, 0.25]]) for x in left.tolist()]
+
+
+@pytest.mark.parametrize("count", range(6))
+def test_a_row_of_obstacles_is_passed_in_every_way(count: int) -> None:
+    """By brute force: above or below each of them, with one letter for each that is passed above."""
+    found = routes(START, GOAL, row(count), CLEARANCE, 1000, loops=False)
+    every = {tuple(i + 1 for i in range(count) if choice >> i & 1) for choice in range(2**count)}
+    assert {route.word for route in found} == every
+    assert len(found) == 2**count
+    assert [route.length for route in found] == sorted(route.length for route in found)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4))
+def test_routes_without_loops_are_among_those_with_them(seed: int, count: int) -> None:
+    """Every kind is found that a search over all kinds finds, if its shortest route is simple by shapely's word."""
+    pieces = random_boxes(seed, count)
+    plain = {r.word for r in routes(START, GOAL, pieces, CLEARANCE, 1000, loops=False)}
+    with_loops = routes(START, GOAL, pieces, CLEARANCE, 40)
+    for route in routes(START, GOAL, pieces, CLEARANCE, 1000, loops=False):
+        check(route, pieces)
+        assert shapely.LineString(route.corners).is_simple
+        assert route.length <= LONGEST * with_loops[0].length + 1e-6
+    for route in with_loops:
+        turns = [winding(route.corners, piece.vertices.mean(axis=0)) for piece in pieces]
+        if route.word not in plain and route.length < LONGEST * with_loops[0].length:
+            assert max(map(abs, turns)) >= 2 * np.pi or not shapely.LineString(route.corners).is_simple
+
+
+def winding(path: Floats, point: Floats) -> float:
+    """Largest angle swept round a point between any two places of a path, by fine steps."""
+    fine = np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(path)])
+    angle = np.unwrap(np.arctan2(*(fine - point).T[::-1]))
+    return float(np.ptp(angle))
+
+
+def test_angles_swept() -> None:
+    square = np.array([[1.0, -1.0], [1, 1], [-1, 1], [-1, -1]])
+    np.testing.assert_allclose(np.degrees(swept(square, np.zeros((1, 2)))[:, 0]), [0, 90, 180, 270])
+    np.testing.assert_allclose(np.degrees(swept(square[::-1], np.zeros((1, 2)))[-1]), -270)
+    np.testing.assert_allclose(np.degrees(swept(square, np.array([[9.0, 0.0]]))[-1]), 0, atol=15)
+
+
+def test_what_is_simple() -> None:
+    anchor = np.array([[0.0, 0.0]])
+    spiral = np.array([[0.5, 0], [0, 1], [-1, 0], [0, -1], [2, 0]])
+    assert is_simple(spiral[:-1], anchor)
+    assert not is_simple(spiral, anchor), "once round"
+    assert is_simple(spiral, np.array([[0.0, 3.0]]))
+    crossing = np.array([[0.0, 0], [2, 0], [2, 1], [1, 1], [1, -1]])
+    assert is_simple(crossing[:-1], np.zeros((0, 2)))
+    assert not is_simple(crossing, np.zeros((0, 2)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -12,14 +13,16 @@ from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.ocp.seeds import seeds
+from ensemble_ctrl.ocp.routes import LONGEST, Route
+from ensemble_ctrl.ocp.seeds import ALL, combined, seeds
 from ensemble_ctrl.ocp.truncation import positions
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import Problem, Routes
 from ensemble_ctrl.systems import Unicycle
 
 from .problems import FLEET, five
 
 NOMINAL = np.array([[1.0]])
+WANTED: tuple[Routes, Routes] = ("all", 8)
 
 
 @pytest.mark.parametrize("heading_from", ["x", "y"])
@@ -81,3 +84,28 @@ def test_two_visits_are_driven_in_order() -> None:
     path = positions(both, seeds(both, 160, 1)[0].controls, NOMINAL)[0]
     assert np.linalg.norm(path - [0.5, 3.5], axis=1)[40:61].min() < 0.4
     assert np.linalg.norm(path[-1] - [6.5, 5.5]) < 0.4
+
+
+def test_all_routes_are_every_kind_once_and_hold_the_few_shortest() -> None:
+    every, few = (seeds(five(), 32, wanted) for wanted in WANTED)
+    assert len(few) == 8
+    assert few[0].length == every[0].length
+    assert {seed.name for seed in few} <= {seed.name for seed in every}
+    assert len({seed.name for seed in every}) == len(every) <= ALL
+    lengths = [seed.length for seed in every]
+    assert lengths == sorted(lengths)
+    assert lengths[-1] <= LONGEST * lengths[0] + 1e-9
+
+
+def test_all_routes_of_an_open_map_are_one() -> None:
+    assert [s.name for s in seeds(five().with_(obstacles={}, task=parse("F in(goal)")), 32, "all")] == ["straight"]
+
+
+@given(st.lists(st.lists(st.floats(0, 9), min_size=1, max_size=4), max_size=4), st.integers(1, 300))
+def test_combinations_come_shortest_first(lengths: list[list[float]], most: int) -> None:
+    """Against every combination, sorted."""
+    choices = [[Route(np.zeros((2, 2)), length, ()) for length in sorted(leg)] for leg in lengths]
+    found = [sum(route.length for route in legs) for legs in combined(choices, most)]
+    every = sorted(sum(route.length for route in legs) for legs in product(*choices))
+    np.testing.assert_allclose(found, every[:most], atol=1e-9)
+    assert len({tuple(map(id, legs)) for legs in combined(choices, most)}) == len(found)

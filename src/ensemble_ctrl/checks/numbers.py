@@ -40,7 +40,8 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     yield from _number(("solve", "time_limit"), solve.time_limit, above=0.0, unit=" s")
     yield from _number(("solve", "margin"), solve.margin, least=0.0, unit=" m")
     yield from _whole(("solve", "seed"), solve.seed, 0, MAX_SEED)
-    yield from _whole(("solve", "routes"), solve.routes, 1, 1000)
+    if solve.routes != "all":
+        yield from _whole(("solve", "routes"), solve.routes, 1, 1000, " (or all)")
     yield from _whole(("solve", "max_iterations"), solve.max_iterations, 1, 1_000_000)
     yield from _choice(("solve", "method"), solve.method, ("nlp",))
     yield from _choice(("solve", "guarantee"), solve.guarantee, ("moment", "nodes", "hull"))

@@ -88,7 +88,9 @@ def run(
     ] = None,
     json: Json = False,
     quiet: Quiet = False,
-    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="A line for each iteration.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("-v", "--verbose", help="A line for each iteration, and the routes tried.")
+    ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
     overwrite: Overwrite = False,
 ) -> None:

@@ -14,7 +14,7 @@ from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
 from ensemble_ctrl.folder import ResultsFolder
-from ensemble_ctrl.report import summary_lines
+from ensemble_ctrl.report import route_lines, summary_lines
 from ensemble_ctrl.results import controls_csv, summary, to_json, write_results
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def _draw(found: Plan, folder: Path) -> str:
     from ensemble_ctrl.report.figures import write_figures
 
     try:
-        write_figures(found.problem, found.controls, folder, found.twin)
+        write_figures(found.problem, found.controls, folder, found.twin, found.details["routes"])
     except Exception as error:
         for half_written in folder.glob("*.png"):
             with suppress(OSError):
@@ -136,7 +136,8 @@ def _print(found: Plan, options: RunOptions, written: Written, code: int) -> Non
             facts["controls"] = found.controls.tolist()
         say(to_json({**facts, "message": written.error} if written.error else facts))
     else:
-        say("\n".join(summary_lines(found, folder)))
+        table = route_lines(found.details["routes"]) if options.verbose else []
+        say("\n".join([*summary_lines(found, folder), *table]))
         if folder is None:
             say(f"controls, since no file holds them:\n{controls_csv(found)}".rstrip())
     if written.error:

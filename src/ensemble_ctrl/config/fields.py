@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, WithJsonSchema
 
@@ -77,6 +77,11 @@ def order_or_auto(value: Any) -> int | None:
     return None if value == "auto" else whole(1, MAX_ORDER, " (or auto)")(value)
 
 
+def routes_or_all(value: Any) -> int | str:
+    """A number of routes, or the word ``all``."""
+    return "all" if value == "all" else whole(1, 1000, " (or all)")(value)
+
+
 def formula(value: Any) -> Formula:
     """A formula from its text."""
     if not isinstance(value, str):
@@ -141,5 +146,8 @@ SpeedBounds = Annotated[tuple[Speed, Speed], *LOW_HIGH]
 TurnRateBounds = Annotated[tuple[TurnRate, TurnRate], *LOW_HIGH]
 ModelName = Annotated[str, AfterValidator(model_name), WithJsonSchema({"enum": list(SYSTEMS)})]
 Order = Annotated[int | None, BeforeValidator(order_or_auto), WithJsonSchema({"type": ["integer", "string"]})]
+Routes = Annotated[
+    int | Literal["all"], BeforeValidator(routes_or_all), WithJsonSchema({"type": ["integer", "string"]})
+]
 Task = Annotated[Formula, BeforeValidator(formula), WithJsonSchema({"type": "string"})]
 FolderName = Annotated[str, AfterValidator(folder_name)]

@@ -110,7 +110,7 @@ class Solve(Model):
     time_limit: f.Duration = SolveOptions.time_limit
     seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = SolveOptions.seed
     margin: f.Margin = SolveOptions.margin
-    routes: Annotated[int, BeforeValidator(whole(1, 1000))] = SolveOptions.routes
+    routes: f.Routes = SolveOptions.routes
     max_iterations: Annotated[int, BeforeValidator(whole(1, 1_000_000))] = SolveOptions.max_iterations
 
 

@@ -9,7 +9,7 @@ constraints in search-based robot path planning, 2012).
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count, islice
 
@@ -21,6 +21,8 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron
 Floats = NDArray[np.float64]
 Word = tuple[int, ...]
 
+LONGEST = 2.5
+"""Routes without loops end at this many times the length of the shortest."""
 EXPANSIONS = 20_000
 """Largest number of search states taken up in one search."""
 
@@ -44,8 +46,30 @@ class Route:
     word: Word
 
 
-def routes(start: Floats, goal: Floats, pieces: Sequence[Obstacle], clearance: float, most: int) -> list[Route]:
-    """The `most` shortest routes of different kinds that keep `clearance` metres from the obstacles."""
+def routes(
+    start: Floats, goal: Floats, pieces: Sequence[Obstacle], clearance: float, most: int, loops: bool = True
+) -> list[Route]:
+    """The shortest routes of different kinds that keep `clearance` metres from the obstacles.
+
+    Parameters
+    ----------
+    start, goal : ndarray, shape (2,)
+        Metres.
+    pieces : sequence of Obstacle
+        Convex pieces to go around.
+    clearance : float
+        Metres.
+    most : int
+        Largest number of routes.
+    loops : bool
+        Whether a route may meet itself or go round an obstacle; without loops a kind is left out if its shortest route
+        does, and routes end at `LONGEST` times the shortest.
+
+    Returns
+    -------
+    list of Route
+        Shortest first; empty where no way leads to the goal.
+    """
     corners = np.array([start, goal, *_corners(pieces, clearance)], dtype=float)
     keep = _clear_points(corners, pieces, clearance)
     keep[:2] = True
@@ -54,7 +78,14 @@ def routes(start: Floats, goal: Floats, pieces: Sequence[Obstacle], clearance: f
     if not _is_connected(lengths):
         return []
     anchors = np.array([piece.vertices.mean(axis=0) for piece in pieces]).reshape(-1, 2)
-    return list(islice(_search(corners, lengths, anchors), most))
+    if loops:
+        return list(islice(_search(corners, lengths, anchors), most))
+    found: list[Route] = []
+    for route in islice(_search(corners, lengths, anchors, is_simple), most):
+        if found and route.length > LONGEST * found[0].length + 1e-9:
+            break
+        found.append(route)
+    return found
 
 
 def _is_connected(lengths: Floats) -> bool:
@@ -93,8 +124,50 @@ def _rows(a: Polyhedron, b: Polyhedron) -> Iterator[tuple[Floats, Floats]]:
     yield a.upper, b.upper
 
 
-def _search(corners: Floats, lengths: Floats, anchors: Floats) -> Iterator[Route]:
-    """Dijkstra over (corner, word) from corner 0; yields each new word that arrives at corner 1."""
+def is_simple(path: Floats, anchors: Floats) -> bool:
+    """Whether a polyline never crosses itself and goes less than once round each anchor.
+
+    Parameters
+    ----------
+    path : ndarray, shape (corners, 2)
+        Metres; all but its last segment are taken to be simple already.
+    anchors : ndarray, shape (anchors, 2)
+        Points not on the path.
+    """
+    return not _crosses_itself(path) and bool((np.ptp(swept(path, anchors), axis=0) < 2 * np.pi).all())
+
+
+def swept(path: Floats, anchors: Floats) -> Floats:
+    """Angle in radians, counter-clockwise, by which a polyline has gone round each anchor; shape (corners, anchors)."""
+    rays = path[:, None] - anchors
+    a, b = rays[:-1], rays[1:]
+    turns = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1))
+    return np.concatenate([np.zeros((1, len(anchors))), turns.cumsum(axis=0)])
+
+
+def _crosses_itself(path: Floats) -> bool:
+    """Whether the last segment crosses an earlier one."""
+    if len(path) < 4:
+        return False
+    a, b = path[-2], path[-1]
+    beside = np.sign(_cross(b - a, path[:-2] - a))
+    c, d = path[:-3], path[1:-2]
+    across = np.sign(_cross(d - c, a - c)) * np.sign(_cross(d - c, b - c)) < 0
+    return bool((across & (beside[:-1] * beside[1:] < 0)).any())
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Cross product in the plane."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _search(
+    corners: Floats, lengths: Floats, anchors: Floats, allowed: Callable[[Floats, Floats], bool] | None = None
+) -> Iterator[Route]:
+    """Dijkstra over (corner, word) from corner 0; yields each new word that arrives at corner 1.
+
+    With `allowed`, of a path and the anchors, a state whose shortest path is not allowed leads nowhere.
+    """
     order = count()
     best: dict[tuple[int, Word], float] = {}
     queue: list[tuple[float, int, int, Word, tuple[int, ...]]] = [(0.0, next(order), 0, (), (0,))]
@@ -103,6 +176,8 @@ def _search(corners: Floats, lengths: Floats, anchors: Floats) -> Iterator[Route
         if (here, word) in best:
             continue
         best[here, word] = length
+        if allowed and not allowed(corners[list(path)], anchors):
+            continue
         if here == 1:
             yield Route(corners[list(path)], length, word)
             continue

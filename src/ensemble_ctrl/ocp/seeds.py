@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import product
+from dataclasses import dataclass, field, replace
+from heapq import heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.duties import duties, named_pieces
 from ensemble_ctrl.ocp.drive import follow, smoothed
-from ensemble_ctrl.ocp.routes import Route, corridor_route, routes
+from ensemble_ctrl.ocp.routes import LONGEST, Route, corridor_route, routes
+from ensemble_ctrl.ocp.sides import distinct, sides
 from ensemble_ctrl.ocp.skeleton import Skeleton, Visit, skeletons
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import Problem, Routes
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +23,10 @@ CLEARANCES = (0.3, 0.15, 0.05, 0.01)
 """Clearances beyond radius and margin that a route tries to keep, in tenths of the map's size, widest first."""
 LONGER = 4.0
 """Routes longer than this many times the shortest are not tried."""
+ALL = 64
+"""Largest number of routes that ``all`` stands for, the shortest ones."""
+FEW = 2
+"""Routes, loops allowed, that ``all`` always includes: where every way to the goal winds, there are no others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +43,15 @@ class Seed:
         Of the route, metres.
     visits : tuple of str
         Regions in the order they are visited.
+    name : str
+        On which side of the route each obstacle that it passes lies, different for different seeds.
     """
 
     controls: Floats
     corners: Floats
     length: float
     visits: tuple[str, ...] = ()
+    name: str = "given"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +67,26 @@ class _Trip:
         return sum(leg.length for leg in self.legs)
 
 
-def seeds(problem: Problem, steps: int, most: int) -> list[Seed]:
-    """Up to `most` guesses on a grid of `steps`, shortest route first; a straight line where there is no route."""
-    planner = _Trips(problem, most)
+def seeds(problem: Problem, steps: int, wanted: Routes) -> list[Seed]:
+    """Guesses on a grid of `steps`, shortest route first; a straight line where there is no route.
+
+    Parameters
+    ----------
+    problem : Problem
+        Map, fleet and task.
+    steps : int
+        Of each guess.
+    wanted : int or "all"
+        So many guesses, with the shortest routes of different kinds; or every kind without loops, at most `ALL` and at
+        most `LONGEST` times as long as the shortest.
+    """
+    every = wanted == "all"
+    most, longest = (ALL, LONGEST) if wanted == "all" else (wanted, LONGER)
+    planner = _Trips(problem, most, every)
     trips = sorted((trip for s in skeletons(problem) for trip in planner.trips(s)), key=lambda t: t.length)
-    trips = [trip for trip in trips if trip.length <= LONGER * trips[0].length + 1e-9][:most]
-    return [_seed(problem, trip, steps) for trip in trips]
+    trips = [trip for trip in trips if trip.length <= longest * trips[0].length + 1e-9][:most]
+    names = distinct(_name(problem, trip) for trip in trips)
+    return [replace(_seed(problem, trip, steps), name=name) for trip, name in zip(trips, names, strict=True)]
 
 
 @dataclass(eq=False)
@@ -73,16 +95,18 @@ class _Trips:
 
     problem: Problem
     most: int
+    every: bool = False
     _legs: dict[tuple[bytes, bytes, frozenset[str], tuple[str, ...]], list[Route]] = field(default_factory=dict)
 
     def trips(self, skeleton: Skeleton) -> list[_Trip]:
-        """The shortest trips of one skeleton: every order with its best legs, and other legs for the best order."""
+        """The shortest trips of one skeleton: every order with its best legs, and other legs for the best order(s)."""
         firsts = [self._trip(skeleton, order) for order in skeleton.orders()]
         best = sorted(firsts, key=lambda t: t[0].length)[: self.most]
         if not best:
             return []
-        others = [_Trip(best[0][0].visits, legs) for legs in product(*best[0][1])]
-        whole = [trip for trip, _ in best] + sorted(others, key=lambda t: t.length)[1 : self.most]
+        varied = best if self.every else best[:1]
+        others = [_Trip(trip.visits, legs) for trip, choices in varied for legs in combined(choices, self.most)[1:]]
+        whole = [trip for trip, _ in best] + others
         return sorted(whole, key=lambda t: t.length)[: self.most]
 
     def _trip(self, skeleton: Skeleton, order: tuple[int, ...]) -> tuple[_Trip, list[list[Route]]]:
@@ -124,12 +148,48 @@ class _Trips:
         fleet = self.problem.fleet
         base = fleet.radius + self.problem.solve.margin + float(np.linalg.norm(fleet.shift))
         kinds: dict[tuple[int, ...], Route] = {}
-        for share in CLEARANCES:
-            for route in routes(start, goal, pieces, base + share * scale, self.most):
-                kinds.setdefault(route.word, route)
-            if len(kinds) >= self.most:
-                break
+        searches = [(FEW, True), (self.most, False)] if self.every else [(self.most, True)]
+        for most, loops in searches:
+            for share in CLEARANCES:
+                for route in routes(start, goal, pieces, base + share * scale, most, loops):
+                    kinds.setdefault(route.word, route)
+                if len(kinds) >= most:
+                    break
         return sorted(kinds.values(), key=lambda route: route.length)
+
+
+def combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route, ...]]:
+    """The `most` combinations of one route for each leg with the smallest total length, shortest first.
+
+    Parameters
+    ----------
+    choices : sequence of sequences of Route
+        For each leg its routes, shortest first.
+    most : int
+        Largest number of combinations.
+    """
+    first = (0,) * len(choices)
+    queue, seen = [(0.0, first)], {first}
+    found: list[tuple[Route, ...]] = []
+    while queue and len(found) < most:
+        longer, picks = heappop(queue)
+        found.append(tuple(routes[pick] for routes, pick in zip(choices, picks, strict=True)))
+        for leg, pick in enumerate(picks):
+            after = (*picks[:leg], pick + 1, *picks[leg + 1 :])
+            if pick + 1 < len(choices[leg]) and after not in seen:
+                seen.add(after)
+                heappush(queue, (longer + choices[leg][pick + 1].length - choices[leg][pick].length, after))
+    return found
+
+
+def _name(problem: Problem, trip: _Trip) -> str:
+    """What a trip is called: the sides of its one leg, or those of each leg with where it leads to."""
+    obstacles = {duty.name: duty.pieces for duty in duties(problem)}
+    told = [sides(leg.corners, obstacles) for leg in trip.legs]
+    if len(told) <= 1:
+        return "".join(told) or "straight"
+    targets = [visit.name for visit in trip.visits] + ["target"]
+    return "; ".join(f"to {target}: {text}" for target, text in zip(targets, told, strict=False))
 
 
 def _place_in(problem: Problem, visit: Visit, come_from: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -95,7 +95,7 @@ def draw_trajectories(
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
     paths = trajectories(problem, controls, members, 4)
-    ax = _shown_axes(_size(problem, controls, twin_controls)) if ax is None else ax
+    ax = _shown_axes(map_size(problem, controls, twin_controls)) if ax is None else ax
     draw_map(problem, ax, list(paths))
     if twin_controls is not None:
         _draw_twin(trajectories(problem, twin_controls, members[::2], 4), ax)
@@ -122,8 +122,8 @@ def _draw_twin(paths: Floats, ax: Axes) -> None:
 
 def draw_comparison(problem: Problem, panels: Sequence[tuple[str, Floats]]) -> Figure:
     """Trajectories of several plans of one problem side by side, each under its own title."""
-    width, height = _size(problem, panels[0][1])
-    figure = _new_figure((0.75 * width * len(panels), height))
+    width, height = map_size(problem, panels[0][1])
+    figure = new_figure((0.75 * width * len(panels), height))
     axes: Any = figure.subplots(1, len(panels), squeeze=False)[0]
     for ax, (title, controls) in zip(axes, panels, strict=True):
         draw_trajectories(problem, controls, ax).set_title(title)
@@ -133,7 +133,7 @@ def draw_comparison(problem: Problem, panels: Sequence[tuple[str, Floats]]) -> F
 def draw_controls(problem: Problem, controls: Floats) -> Figure:
     """The commands of every step over time, with their bounds dashed."""
     system, fleet = problem.fleet.system, problem.fleet
-    figure = _new_figure((7.2, 4.2))
+    figure = new_figure((7.2, 4.2))
     axes: Any = figure.subplots(len(system.controls), 1, sharex=True, squeeze=False)[:, 0]
     for i, (ax, name, unit) in enumerate(zip(axes, system.controls, system.control_units, strict=True)):
         ax.stairs(controls[:, i], problem.times, baseline=None, linewidth=1.4)
@@ -149,17 +149,33 @@ def draw_controls(problem: Problem, controls: Floats) -> Figure:
     return figure
 
 
-def write_figures(problem: Problem, controls: Floats, folder: Path, twin_controls: Floats | None = None) -> list[str]:
-    """Write ``trajectories.png`` and ``controls.png`` into `folder`; returns their names."""
-    trajectory_figure = _new_figure(_size(problem, controls, twin_controls))
+def write_figures(
+    problem: Problem,
+    controls: Floats,
+    folder: Path,
+    twin_controls: Floats | None = None,
+    routes: Sequence[Mapping[str, Any]] = (),
+) -> list[str]:
+    """Write ``trajectories.png``, ``controls.png`` and, of several routes, ``routes.png`` into `folder`.
+
+    Returns
+    -------
+    list of str
+        Their names.
+    """
+    from ensemble_ctrl.report.routes import draw_routes
+
+    trajectory_figure = new_figure(map_size(problem, controls, twin_controls))
     draw_trajectories(problem, controls, trajectory_figure.subplots(), twin_controls)
     figures = {"trajectories.png": trajectory_figure, "controls.png": draw_controls(problem, controls)}
+    if len(routes) > 1:
+        figures["routes.png"] = draw_routes(problem, controls, routes)
     for name, figure in figures.items():
         figure.savefig(folder / name, dpi=150)
     return list(figures)
 
 
-def _size(problem: Problem, controls: Floats, twin_controls: Floats | None = None) -> tuple[float, float]:
+def map_size(problem: Problem, controls: Floats, twin_controls: Floats | None = None) -> tuple[float, float]:
     """Inches for a map of its own proportions, with room for labels and the colour bar."""
     drawn = [controls] if twin_controls is None else [controls, twin_controls]
     ends = np.concatenate([trajectories(problem, c, problem.fleet.corners) for c in drawn])
@@ -169,7 +185,7 @@ def _size(problem: Problem, controls: Floats, twin_controls: Floats | None = Non
     return 7.2, 1.0 + 5.6 * ratio
 
 
-def _new_figure(size: tuple[float, float]) -> Figure:
+def new_figure(size: tuple[float, float]) -> Figure:
     """A figure of its own, outside pyplot, so that nothing has to be closed."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

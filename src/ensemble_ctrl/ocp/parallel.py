@@ -1,0 +1,240 @@
+"""Independent solves side by side, each in a process of its own: CasADi and IPOPT hold state of their whole process.
+
+A forked process starts with everything that is loaded here, so nothing is sent to it; it sends its iterations and
+last its result through a pipe.  Where there is nothing to gain or no safe fork, the solves run one after another.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import mmap
+import os
+import pickle
+import select
+import signal
+import struct
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Generic, TypeVar
+
+from ensemble_ctrl.ocp.solvers import Iteration, Watch
+
+T = TypeVar("T")
+Work = Callable[[int, Watch], T]
+"""Solves one candidate, by its number, under a watch."""
+Tell = Callable[[int, Iteration], bool]
+"""Called with a candidate and its iteration; returning True asks every candidate to stop."""
+
+GRACE = 5.0
+"""Seconds that a process is given to end by itself, once it should."""
+PARENT_DEATH_SIGNAL = 1
+"""The number of this option of Linux's ``prctl``."""
+LENGTH = struct.Struct("!Q")
+"""How the length of a message is written before it."""
+
+
+def each(work: Work[T], count: int, tell: Tell, left: Callable[[], float]) -> list[T | None]:
+    """The results of ``work(0, watch)`` ... ``work(count - 1, watch)``.
+
+    Parameters
+    ----------
+    work : callable
+        Its result can be pickled, and does not depend on what was solved before.
+    count : int
+        Number of candidates.
+    tell : callable
+        Told of every iteration; returning True asks all to stop with what they have, and no more are begun.
+    left : callable
+        Seconds that are left.
+
+    Returns
+    -------
+    list
+        In the order of the candidates, whichever ends first; None for one that was not begun, whose process ended
+        without a result, or (with several processes) that raised.
+
+    Notes
+    -----
+    *Guarantee*: no process that was started here is running any more on return, also by an exception.
+    """
+    most = workers(count)
+    if most > 1:
+        return _Pool(work, count, tell, left, most).run()
+    results: list[T | None] = [None] * count
+    stopped = False
+
+    def telling(candidate: int, iteration: Iteration) -> bool:
+        nonlocal stopped
+        stopped = tell(candidate, iteration) or stopped
+        return stopped
+
+    for i in range(count):
+        if i and (stopped or left() <= 0):
+            break
+        results[i] = work(i, partial(telling, i))
+    return results
+
+
+def workers(count: int) -> int:
+    """Processes for `count` candidates: no more than there are cores, and 1 where a fork is not safe.
+
+    A fork copies only the thread that asks for it, so there must be no other one that could hold a lock.
+    """
+    if sys.platform != "linux" or threading.active_count() > 1:
+        return 1
+    return max(1, min(count, len(os.sched_getaffinity(0))))
+
+
+@dataclass(eq=False)
+class _Child:
+    """A process that solves one candidate, with the pipe that it writes to."""
+
+    candidate: int
+    pid: int
+    pipe: int
+    waiting: bytearray = field(default_factory=bytearray)
+
+    def messages(self) -> Iterator[tuple[str, Any]]:
+        """What has arrived since the last time; ends with ``("ended", None)`` where the process closed its pipe."""
+        arrived = os.read(self.pipe, 1 << 16)
+        self.waiting += arrived
+        while len(self.waiting) >= LENGTH.size:
+            end = LENGTH.size + LENGTH.unpack(self.waiting[: LENGTH.size])[0]
+            if len(self.waiting) < end:
+                break
+            message = bytes(self.waiting[LENGTH.size : end])
+            del self.waiting[:end]
+            yield pickle.loads(message)
+        if not arrived:
+            yield "ended", None
+
+    def end(self) -> None:
+        """End the process, if it still runs, and clear up after it."""
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+        with suppress(ChildProcessError):
+            os.waitpid(self.pid, 0)
+        os.close(self.pipe)
+
+
+@dataclass(eq=False)
+class _Pool(Generic[T]):
+    """The processes that run, the candidates that wait, and the results so far."""
+
+    work: Work[T]
+    count: int
+    tell: Tell
+    left: Callable[[], float]
+    most: int
+    stop: mmap.mmap = field(default_factory=lambda: mmap.mmap(-1, 1))
+    children: dict[int, _Child] = field(default_factory=dict)
+    stopped_at: float | None = None
+
+    def run(self) -> list[T | None]:
+        """Run every candidate."""
+        results: list[T | None] = [None] * self.count
+        todo = list(range(self.count))
+        try:
+            while self.children or (todo and not self._over()):
+                while todo and len(self.children) < self.most and not self._over():
+                    self._start(todo.pop(0))
+                for child in self._ready():
+                    self._read(child, results)
+                if self._overdue():
+                    break
+        finally:
+            for child in self.children.values():
+                child.end()
+            self.stop.close()
+        return results
+
+    def _over(self) -> bool:
+        """Whether to begin no more candidates."""
+        return self.stopped_at is not None or self.left() <= 0
+
+    def _overdue(self) -> bool:
+        """Whether processes that should have ended by themselves still have not."""
+        late = self.stopped_at is not None and time.monotonic() - self.stopped_at > GRACE
+        return late or self.left() < -GRACE
+
+    def _ready(self) -> list[_Child]:
+        """The processes that have something to say; waits for a while."""
+        ready, _, _ = select.select(list(self.children), [], [], 0.2)
+        return [self.children[pipe] for pipe in ready]
+
+    def _read(self, child: _Child, results: list[T | None]) -> None:
+        """Take what a process says."""
+        for kind, what in child.messages():
+            if kind == "iteration" and self.stopped_at is None:
+                if self.tell(child.candidate, what):
+                    self.stop[0] = 1
+                    self.stopped_at = time.monotonic()
+            elif kind == "result":
+                results[child.candidate] = what
+            elif kind == "ended":
+                del self.children[child.pipe]
+                child.end()
+
+    def _start(self, candidate: int) -> None:
+        """Fork a process for one candidate."""
+        out, into = os.pipe()
+        parent = os.getpid()
+        with _signals_held():
+            pid = os.fork()
+            if pid == 0:
+                _live(self.work, candidate, into, self.stop, parent)
+        os.close(into)
+        self.children[out] = _Child(candidate, pid, out)
+
+
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """Within: signals wait, so that a new process is never asked to stop by the handlers of the old one."""
+    held = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, held)
+
+
+def _live(work: Work[Any], candidate: int, into: int, stop: mmap.mmap, parent: int) -> None:
+    """The life of a forked process; never returns, and runs nothing that its parent meant to run at its own end."""
+    try:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to both; the parent asks to stop
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
+        _end_with(parent)
+
+        def watch(iteration: Iteration) -> bool:
+            _send(into, "iteration", iteration)
+            return stop[0] != 0
+
+        _send(into, "result", work(candidate, watch))
+    finally:
+        os._exit(0)
+
+
+def _end_with(parent: int) -> None:
+    """Let the system end this process when its parent ends, however that happens."""
+    ctypes.CDLL(None).prctl(PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def _send(into: int, kind: str, what: Any) -> None:
+    """Write one message; a parent that is gone ends this process."""
+    message = pickle.dumps((kind, what))
+    rest = memoryview(LENGTH.pack(len(message)) + message)
+    while rest:
+        try:
+            rest = rest[os.write(into, rest) :]
+        except BrokenPipeError:
+            os._exit(1)
+
+
+__all__ = ["GRACE", "Tell", "Work", "each", "workers"]
