@@ -5,6 +5,8 @@
 3. The horizon's own grid and the order asked for, started from there.
 4. Where the truncated curve is too far from the true one, one more moment is carried and it is solved again.
 5. The result is certified; where the proof falls short, the margin grows by what is missing and it is solved again.
+6. With ``method: minlp`` the facets of the obstacles are chosen anew (`ensemble_ctrl.ocp.mixed`); each result is
+   certified in the same way, and takes the plan's place only if it costs less and no less is proven of it.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
@@ -65,6 +68,10 @@ class Solution:
         Work of all solves together.
     certificate : Certificate or None
         What is proven of the controls, if the problem asks for it.
+    nlp : Attempt or None
+        With ``method: minlp``, the plan that it started from.
+    rounds : tuple of Round
+        With ``method: minlp``, what was tried since.
     """
 
     problem: Problem
@@ -77,6 +84,8 @@ class Solution:
     build_seconds: float = 0.0
     solve_seconds: float = 0.0
     certificate: Certificate | None = None
+    nlp: Attempt | None = None
+    rounds: tuple[Round, ...] = ()
 
 
 @dataclass(eq=False)
@@ -166,6 +175,14 @@ def solve(
         final, certificate, more = _certified(search, final)
         work += more
         seconds["certify"] = time.perf_counter() - search.began - sum(seconds.values())
+    nlp: Attempt | None = None
+    chosen: list[Round] = []
+    if problem.solve.method == "minlp":
+        nlp = final
+        search.tell("minlp")
+        final, certificate, chosen, more = _chosen_facets(search, final, certificate)
+        work += more
+        seconds["minlp"] = time.perf_counter() - search.began - sum(seconds.values())
     routes = tuple((length, a.value.cost, a.value.keeps(0.0)) for length, a in tried)
     controls = _refined(final.controls, problem.steps)
     return Solution(
@@ -179,6 +196,8 @@ def solve(
         sum(a.build_seconds for a in work),
         sum(a.solve_seconds for a in work),
         certificate,
+        nlp,
+        tuple(chosen),
     )
 
 
@@ -237,6 +256,37 @@ def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate,
         ):
             attempt, certificate = tighter, again
     return attempt, certificate, work
+
+
+def _chosen_facets(
+    search: _Search, plan: Attempt, proof: Certificate | None
+) -> tuple[Attempt, Certificate | None, list[Round], list[Attempt]]:
+    """Let rounds of other facets improve the plan; what takes its place costs less, and no less is proven of it."""
+    done: list[Round] = []
+    work: list[Attempt] = []
+    tries = rounds(search.problem, plan, lambda: search.options(1e-3, 1e-3), search.watch)
+    while not search.over():
+        found = next(tries, None)
+        if found is None:
+            break
+        work.append(found.attempt)
+        kept = False
+        if _rank(found.attempt) < _rank(plan):
+            candidate, certificate = found.attempt, proof
+            if proof is not None:
+                candidate, certificate, more = _certified(search, found.attempt)
+                work += more
+            kept = _rank(candidate) < _rank(plan) and _no_less_proven(certificate, proof)
+            plan, proof = (candidate, certificate) if kept else (plan, proof)
+        done.append(replace(found, kept=kept))
+    return plan, proof, done, work
+
+
+def _no_less_proven(new: Certificate | None, old: Certificate | None) -> bool:
+    """Whether a certificate says at least as much as another."""
+    if new is None or old is None or new.proven == "yes":
+        return True
+    return old.proven != "yes" and min(new.clearance, new.robustness) >= min(old.clearance, old.robustness)
 
 
 def _fine(search: _Search, controls: Floats, problem: Problem) -> Attempt:

@@ -39,7 +39,7 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     yield from _whole(("solve", "seed"), solve.seed, 0, MAX_SEED)
     yield from _whole(("solve", "routes"), solve.routes, 1, 1000)
     yield from _whole(("solve", "max_iterations"), solve.max_iterations, 1, 1_000_000)
-    yield from _choice(("solve", "method"), solve.method, ("nlp",))
+    yield from _choice(("solve", "method"), solve.method, ("nlp", "minlp"))
     yield from _choice(("solve", "guarantee"), solve.guarantee, ("moment", "nodes", "hull"))
     yield from _whole(("verify", "members"), verify.members, 1, MAX_MEMBERS)
     yield from _whole(("verify", "substeps"), verify.substeps, 1, 1000)

@@ -31,8 +31,10 @@ from ensemble_ctrl.constraints.stl import Mean
 from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.lines import Lines
-from ensemble_ctrl.ocp.moment_form import moment_blocks
+from ensemble_ctrl.ocp.margins import bulge, curvature, keeping
+from ensemble_ctrl.ocp.moment_form import moment_blocks, region_blocks
 from ensemble_ctrl.ocp.program import Block, Program, assemble
+from ensemble_ctrl.ocp.switches import Choice, switch_blocks
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation, parameter_nodes, points
 from ensemble_ctrl.problem import Problem
@@ -45,8 +47,19 @@ PULL = 1e-3
 """Weight that pulls idle levels up to their bounds, so that none drifts away unbounded."""
 PRICE = 10.0
 """Price of a metre of slack: above the multipliers seen, so that slack is used only where it must be."""
-SMOOTH = 0.05
-"""``|v omega|`` is replaced by the larger ``sqrt((v omega)^2 + SMOOTH^2)``, which can be differentiated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Avoiding:
+    """Separating lines at the guess, and which pairs of a convex piece and a step are constrained by theirs."""
+
+    lines: Lines
+    pairs: Pairs
+
+    @property
+    def slacks(self) -> int:
+        """How many slacks the rows need."""
+        return int(self.pairs.sum())
 
 
 class CasadiArrays:
@@ -83,7 +96,7 @@ class Transcription:
 
 
 def transcribe(
-    problem: Problem, truncation: Truncation, controls: Floats, lines: Lines, pairs: Pairs, tail: float
+    problem: Problem, truncation: Truncation, controls: Floats, avoiding: Avoiding | Choice, tail: float
 ) -> Transcription:
     """Build the program around a guess.
 
@@ -95,10 +108,8 @@ def transcribe(
         Which moments are kept.
     controls : ndarray, shape (steps, 2)
         The guess; its length is the number of steps of the program.
-    lines : Lines
-        Separating lines at the guess.
-    pairs : ndarray of bool, shape (pieces, steps)
-        Which pairs of a convex piece and a step are constrained.
+    avoiding : Avoiding or Choice
+        How obstacles are kept out of: fixed separating lines, or facets chosen by switches.
     tail : float
         Truncation error in metres that the margins cover.
     """
@@ -106,22 +117,27 @@ def transcribe(
     layout = Layout(steps, count)
     step = problem.duration / steps
     level, short = layout.level(), layout.slack(1)
-    slack = layout.slack(int(pairs.sum()))
+    slack = layout.slack(avoiding.slacks)
     mean = truncation.to_moments[0] / np.sqrt(2.0)
     in_moments = problem.solve.guarantee == "moment"
     parts = [grounded(problem, Mean(part) if in_moments else part) for part in other_parts(problem)]
     curve = points(problem, controls, truncation)
     task = task_rows(parts, level, layout, step, mean, curve)
     blocks = [_turning(layout, step), _moving(problem, truncation, layout, step)]
-    if in_moments:
+    if isinstance(avoiding, Choice):
+        blocks += switch_blocks(problem, truncation, layout, avoiding, slack, tail)
+        blocks += region_blocks(problem, truncation, layout) if in_moments else []
+    elif in_moments:
         blocks += moment_blocks(problem, truncation, layout)
     else:
-        blocks += _avoiding(problem, layout, slack, lines, pairs, tail, truncation.hull)
+        blocks += _avoiding(problem, truncation, layout, slack, avoiding, tail)
     blocks += task.blocks
     blocks.append(_satisfying(level, short[0], problem.solve.margin if parts else 0.0))
     terms = _terms(problem, truncation, layout, level)
     lower, upper = _bounds(problem, layout, level)
     guess = _guess(layout, controls, curve, step, task)
+    if isinstance(avoiding, Choice):
+        _switching(avoiding, layout, guess, lower, upper)
     return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
 
 
@@ -154,26 +170,33 @@ def _moving(problem: Problem, truncation: Truncation, layout: Layout, step: floa
 
 
 def _avoiding(
-    problem: Problem, layout: Layout, slack: Ints, lines: Lines, pairs: Pairs, tail: float, hull: bool
+    problem: Problem, truncation: Truncation, layout: Layout, slack: Ints, avoiding: Avoiding, tail: float
 ) -> list[Block]:
     """Every point, at both ends of the step, on the fleet's side of the pair's line, or as far short as the slack."""
-    piece, at = np.nonzero(pairs)
+    lines = avoiding.lines
+    piece, at = np.nonzero(avoiding.pairs)
     if not len(piece):
         return []
-    n, fastest = layout.count, max(abs(problem.fleet.parameter.lower), abs(problem.fleet.parameter.upper))
-    step = problem.duration / layout.steps
-    curvature = problem.fleet.system.sagitta(1.0, 1.0, fastest, step) if hull else 0.0
-    keep = lines.radius[piece] + problem.solve.margin + (tail if hull else 0.0)
+    n, arc = layout.count, curvature(problem, truncation, layout.steps)
+    keep = lines.radius[piece] + keeping(problem, truncation, tail)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
-        bulge = curvature * ca.sqrt((z[0] * z[1]) ** 2 + SMOOTH**2)
         ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n :])]
-        return ca.vertcat(*ends) - d[2] - bulge + z[2]
+        rows: ca.SX = ca.vertcat(*ends) - d[2] - bulge(arc, z[0], z[1]) + z[2]
+        return rows
 
     data = np.column_stack([lines.normal[piece, at], lines.support[piece, at] + keep])
     columns = np.column_stack([layout.controls[at], slack, layout.points[at], layout.points[at + 1]])
     low, high = np.zeros((len(at), 2 * n)), np.full((len(at), 2 * n), np.inf)
     return [Block("avoiding", build, columns, data, low, high)]
+
+
+def _switching(choice: Choice, layout: Layout, guess: Floats, lower: Floats, upper: Floats) -> None:
+    """Start and bounds of the switches, and the workspace that their rows rely on."""
+    n, index = layout.count, layout.switches
+    guess[index], lower[index], upper[index] = choice.setting, 0.0, 1.0
+    for at, low, high in zip(layout.points[1:], choice.where.low[1:], choice.where.high[1:], strict=True):
+        lower[at], upper[at] = np.repeat(low, n), np.repeat(high, n)
 
 
 def _satisfying(level: int, slack: int, margin: float) -> Block:

@@ -1,0 +1,42 @@
+"""What the program adds to the distance from an obstacle, the same for lines and for switches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ensemble_ctrl.ocp.truncation import Truncation
+from ensemble_ctrl.problem import Problem
+
+SMOOTH = 0.05
+"""``|v omega|`` is replaced by the larger ``sqrt((v omega)^2 + SMOOTH^2)``, which can be differentiated."""
+
+
+def fastest(problem: Problem) -> float:
+    """Largest factor of speed and turn rate in the fleet."""
+    return max(abs(problem.fleet.parameter.lower), abs(problem.fleet.parameter.upper))
+
+
+def keeping(problem: Problem, truncation: Truncation, tail: float) -> float:
+    """Metres that every point has to keep, without the robot's radius and the arc; `tail` counts for hulls only."""
+    return problem.solve.margin + (tail if truncation.hull else 0.0)
+
+
+def curvature(problem: Problem, truncation: Truncation, steps: int) -> float:
+    """Metres by which an arc leaves its chord for ``|v omega| = 1``; none unless the points are hulls."""
+    if not truncation.hull:
+        return 0.0
+    return float(problem.fleet.system.sagitta(1.0, 1.0, fastest(problem), problem.duration / steps))
+
+
+def bulge(curvature: float, v: Any, omega: Any) -> Any:
+    """Metres for the arc of one step, an expression of its commands."""
+    return curvature * ca.sqrt((v * omega) ** 2 + SMOOTH**2)
+
+
+def largest_bulge(problem: Problem, truncation: Truncation, steps: int) -> float:
+    """The largest `bulge` that the inputs allow, metres."""
+    most = np.maximum(np.abs(problem.fleet.input_lower), np.abs(problem.fleet.input_upper)).prod()
+    return curvature(problem, truncation, steps) * float(np.hypot(most, SMOOTH))
