@@ -123,6 +123,11 @@ class _Search:
         if self.progress is not None:
             self.stopped = self.progress(phase, None) or self.stopped
 
+    def told(self, found: Round) -> None:
+        """Say how a round of facets ended."""
+        if self.progress is not None:
+            self.progress(found.name, Iteration(found.nodes, found.objective, 0.0, found.bound))
+
     def over(self) -> bool:
         """Whether to stop now with what there is."""
         return self.stopped or self.left() <= 0
@@ -264,20 +269,22 @@ def _chosen_facets(
     """Let rounds of other facets improve the plan; what takes its place costs less, and no less is proven of it."""
     done: list[Round] = []
     work: list[Attempt] = []
-    tries = rounds(search.problem, plan, lambda: search.options(1e-3, 1e-3), search.watch)
+    tries = rounds(search.problem, plan, coarse_steps(search.problem), lambda: search.options(1e-3, 1e-3), search.watch)
     while not search.over():
         found = next(tries, None)
         if found is None:
             break
-        work.append(found.attempt)
-        kept = False
-        if _rank(found.attempt) < _rank(plan):
-            candidate, certificate = found.attempt, proof
+        search.told(found)
+        new, kept = found.attempt, False
+        if new is not None:
+            work.append(new)
+        if new is not None and _rank(new) < _rank(plan):
+            certificate = proof
             if proof is not None:
-                candidate, certificate, more = _certified(search, found.attempt)
+                new, certificate, more = _certified(search, new)
                 work += more
-            kept = _rank(candidate) < _rank(plan) and _no_less_proven(certificate, proof)
-            plan, proof = (candidate, certificate) if kept else (plan, proof)
+            kept = _rank(new) < _rank(plan) and _no_less_proven(certificate, proof)
+            plan, proof = (new, certificate) if kept else (plan, proof)
         done.append(replace(found, kept=kept))
     return plan, proof, done, work
 

@@ -33,7 +33,10 @@ STATUS: dict[str, Status] = {"SUCCESS": "solved", "INFEASIBLE": "infeasible", "L
 """Bonmin's words to ours; any other word means `failed`."""
 NOTHING = 1e40
 """A cost or bound beyond this is Bonmin's way to say that it has none."""
-OWN_SHARE = 0.4
+INNER = {"algorithm": "B-BB", "warm_start": "optimum", "tol": 1e-4, "max_iter": 200}
+"""Branch and bound, since the other algorithms need a convex program; a node starts from its parent's solution, which
+makes it several times faster."""
+OWN_SHARE = 0.6
 """Bonmin's own limit as a share of the real one: it overruns it, and what it has found is lost if it is ended."""
 POLL = 0.05
 """Seconds between two looks at the child."""
@@ -181,7 +184,7 @@ def _job(
     nlp: dict[str, Any] = program.nlp
     functions = {name: program.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
     functions["nlp"] = ca.Function("nlp", [nlp["x"], nlp["p"]], [nlp["f"], nlp["g"]], ["x", "p"], ["f", "g"])
-    inner: dict[str, Any] = {"algorithm": "B-BB", "time_limit": OWN_SHARE * options.time_limit}
+    inner: dict[str, Any] = INNER | {"time_limit": OWN_SHARE * options.time_limit}
     if np.isfinite(options.cutoff):
         inner["cutoff"] = options.cutoff
     settings = {"discrete": discrete.tolist(), "print_time": False, "bonmin": inner}

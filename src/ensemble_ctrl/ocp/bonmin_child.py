@@ -16,6 +16,8 @@ from typing import Any
 
 GRACE = 2.0
 """Seconds after the time limit when the child ends by itself, should its parent not have ended it."""
+LINE_BUFFERED = 1
+"""``_IOLBF`` of the C library on Linux and macOS."""
 DIE_WITH_PARENT = 1
 """Linux: ``PR_SET_PDEATHSIG``."""
 
@@ -24,6 +26,7 @@ def main() -> None:
     """Solve the job and write the answer, a pickled dict, to what was stdout."""
     answer = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever the libraries print joins the log
+    _unbuffered()
     _never_orphaned(int(sys.argv[1]))
     job = pickle.load(sys.stdin.buffer)
     _limited(job["time_limit"], job["memory"])
@@ -31,6 +34,15 @@ def main() -> None:
     answer.close()
     sys.stdout.flush()
     os._exit(0)  # Bonmin's memory goes back to the system at once, without destructors that may crash
+
+
+def _unbuffered() -> None:
+    """Have C's stdout written line by line, so that the log says how far Bonmin is now."""
+    import ctypes
+
+    with suppress(OSError, AttributeError, ValueError):
+        library = ctypes.CDLL(None)
+        library.setvbuf(ctypes.c_void_p.in_dll(library, "stdout"), None, LINE_BUFFERED, 0)
 
 
 def _never_orphaned(parent: int) -> None:

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.ocp.bonmin import BonminOptions, Branching, MixedOutcome, bonmin
 from ensemble_ctrl.ocp.evaluate import evaluate
-from ensemble_ctrl.ocp.rounds import Attempt, improve
+from ensemble_ctrl.ocp.rounds import REACH, Attempt, improve, map_size, start
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Status, Watch, ipopt
 from ensemble_ctrl.ocp.switches import Choice, Facets, facets, switches, workspace
 from ensemble_ctrl.ocp.transcription import Transcription, transcribe
-from ensemble_ctrl.ocp.truncation import points, tail
+from ensemble_ctrl.ocp.truncation import Truncation, points, tail
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -40,8 +40,10 @@ BETTER = 1e-3
 """By how much less a solution of Bonmin's has to cost."""
 POLISH = 3
 """Rounds of separating lines after each change of facets."""
-LIMIT = 20.0
+LIMIT = 5.0
 """Seconds that one run of Bonmin may take, if there are twice as many left."""
+ENOUGH = 8.0
+"""Seconds after which no further neighbourhood is searched, however much of the time limit is left."""
 LEAST = 0.5
 """Seconds below which no further solve is begun."""
 TURN = 20
@@ -58,8 +60,8 @@ class Round:
     ----------
     name : str
         Which neighbourhood.
-    attempt : Attempt
-        The polished result, or what the round started from if it found nothing.
+    attempt : Attempt or None
+        The polished result, None if the round found nothing.
     status, message : str
         How the solver ended.
     cost : float
@@ -76,7 +78,7 @@ class Round:
     """
 
     name: str
-    attempt: Attempt
+    attempt: Attempt | None
     status: Status
     message: str
     cost: float = np.inf
@@ -97,11 +99,16 @@ class Round:
 
 @dataclass(eq=False)
 class _Search:
-    """One search around a plan: whom to ask for options and to tell, and the solution that Bonmin has to beat."""
+    """One search around a plan.
+
+    `centre` is the plan on the coarse grid around which facets are chosen, `objective` what Bonmin has to beat, and
+    `plan` the NLP's plan, whose grid and order a result is polished on.
+    """
 
     problem: Problem
     options: Options
     watch: Callable[[str], Watch | None]
+    plan: Attempt
     sides: Facets
     centre: Attempt
     objective: float = np.inf
@@ -114,7 +121,7 @@ class _Search:
 
 
 def rounds(
-    problem: Problem, attempt: Attempt, options: Options, watch: Callable[[str], Watch | None]
+    problem: Problem, attempt: Attempt, steps: int, options: Options, watch: Callable[[str], Watch | None]
 ) -> Iterator[Round]:
     """Improve `attempt` round by round, for as long as the caller asks for more and there is time.
 
@@ -123,7 +130,9 @@ def rounds(
     problem : Problem
         What to plan.
     attempt : Attempt
-        The NLP's plan, on the grid and order to stay on.
+        The NLP's plan, on the grid and order to end with.
+    steps : int
+        Of the grid on which facets are chosen; it divides the plan's.
     options : callable
         Gives the options of the next solve; their time limit is what is left of the whole.
     watch : callable
@@ -132,22 +141,25 @@ def rounds(
     Yields
     ------
     Round
-        First the separating lines chosen again; then the plan's own facets fixed; then Bonmin, among the facets that
-        hold in each step, and with the turns from one facet to the next moved.
+        First the separating lines chosen again, so that what lines alone can do is not counted as the facets' merit;
+        then the plan's own facets fixed; then Bonmin in each of `neighbourhoods`.
     """
-    search = _Search(problem, options, watch, facets(problem, len(attempt.controls)), attempt)
-    again = _polished(search, "lines again", attempt)
-    yield Round("lines chosen again", again, again.status, again.message, again.value.cost, seconds=search.seconds())
-    search.centre = again if _better(again, attempt) else attempt
-    if not search.sides.pieces:
+    began = time.perf_counter()
+    again = _lines(problem, attempt, options(), watch("lines chosen again"))
+    better = again if _better(again, attempt) else attempt
+    yield _by_lines("lines chosen again", again, began)
+    sides = facets(problem, steps)
+    if not sides.pieces or options().time_limit < LEAST:
         return
-    for name, neighbourhood in NEIGHBOURHOODS.items():
-        if options().time_limit < LEAST:
+    search = _Search(problem, options, watch, attempt, sides, better)
+    search.centre = start(problem, _averaged(better.controls, steps), _light(attempt.truncation))
+    search.centre = _lines(problem, search.centre, options(), watch("lines on the coarse grid"))
+    yield _by_lines("lines on the coarse grid", _polished(search, "coarse grid", search.centre), search.began)
+    search.seconds()
+    for name, neighbourhood in neighbourhoods(sides).items():
+        if options().time_limit < LEAST or _since(began) > ENOUGH:
             return
-        found = _round(search, name, neighbourhood)
-        yield found
-        if found.status == "interrupted":
-            return
+        yield _round(search, name, neighbourhood)
 
 
 def held(sides: Facets, gaps: Floats, least: float) -> Bools:
@@ -177,6 +189,9 @@ def program(problem: Problem, attempt: Attempt, sides: Facets, allowed: Bools) -
     """The program around `attempt` in which the `allowed` facets may be chosen, with its switches."""
     curve = points(problem, attempt.controls, attempt.truncation)
     where, error = workspace(problem, curve), tail(problem, attempt.controls, attempt.truncation)
+    near = sides.gaps(curve)
+    far = ~sides.of(near >= REACH * map_size(problem, curve))[sides.piece]
+    allowed = allowed & far
     block = -(-allowed.shape[1] // BLOCKS)
     rows = switches(problem, attempt.truncation, sides, where, allowed, error, block)
     choice = Choice(sides, where, rows, rows.setting(sides.gaps(curve)))
@@ -186,53 +201,56 @@ def program(problem: Problem, attempt: Attempt, sides: Facets, allowed: Bools) -
 Neighbourhood = Callable[[Facets, Floats, float], Bools]
 """``(facets, their gaps at the plan, margin) -> allowed``, shapes (facets, steps)."""
 
-NEIGHBOURHOODS: dict[str, Neighbourhood] = {
-    "facets fixed": lambda sides, gaps, margin: best(sides, gaps),
-    "facets that hold": held,
-    "turns moved": lambda sides, gaps, margin: widened(best(sides, gaps), max(1, gaps.shape[1] // TURN)),
-}
-"""In the order in which they are searched; the first leaves no choice."""
+
+def neighbourhoods(sides: Facets) -> dict[str, Neighbourhood]:
+    """In the order in which they are searched; the first leaves no choice."""
+
+    def turns_moved(sides: Facets, gaps: Floats, margin: float) -> Bools:
+        return widened(held(sides, gaps, margin), max(1, gaps.shape[1] // TURN))
+
+    def free(piece: int) -> Neighbourhood:
+        return lambda sides, gaps, margin: held(sides, gaps, margin) | (sides.piece == piece)[:, None]
+
+    return {
+        "facets fixed": lambda sides, gaps, margin: best(sides, gaps),
+        "facets that hold": held,
+        "turns moved": turns_moved,
+        **{f"piece {piece + 1} free": free(piece) for piece in range(sides.pieces)},
+    }
 
 
 def _round(search: _Search, name: str, neighbourhood: Neighbourhood) -> Round:
     """Search one neighbourhood of the centre, and move the centre to what it finds."""
+    search.seconds()
     problem, centre, sides = search.problem, search.centre, search.sides
     curve = points(problem, centre.controls, centre.truncation)
     allowed = neighbourhood(sides, sides.gaps(curve), problem.solve.margin)
     transcription, choice = program(problem, centre, sides, allowed)
     count = choice.rows.count
-    if count:
-        outcome = _branched(search, name, transcription)
-    elif np.isfinite(search.objective):
-        return Round(name, centre, "solved", "nothing to choose", seconds=search.seconds())
-    else:
-        outcome = _fixed(search, name, transcription)
-    if outcome.x is None:
-        work, seconds = outcome.branching, search.seconds()
-        return Round(
-            name, centre, outcome.status, outcome.message, np.inf, count, work.nodes, np.inf, work.bound, seconds
-        )
-    controls = transcription.controls(outcome.x)
-    facet_plan = replace(
-        centre,
-        controls=controls,
-        value=evaluate(problem, controls, centre.truncation),
-        status=outcome.status,
-        message=outcome.message,
-    )
-    search.centre, search.objective = facet_plan, outcome.branching.cost
-    polished = _polished(search, name, facet_plan)
-    return Round(
+    if not count and np.isfinite(search.objective):
+        return Round(name, None, "solved", "nothing to choose", seconds=search.seconds())
+    outcome = (_branched if count else _fixed)(search, name, transcription)
+    done = Round(
         name,
-        polished,
+        None,
         outcome.status,
         outcome.message,
-        facet_plan.value.cost,
-        count,
-        outcome.branching.nodes,
-        outcome.branching.cost,
-        outcome.branching.bound,
-        search.seconds(),
+        switches=count,
+        nodes=outcome.branching.nodes,
+        bound=outcome.branching.bound,
+    )
+    if outcome.x is None:
+        return replace(done, seconds=search.seconds())
+    controls = transcription.controls(outcome.x)
+    value = evaluate(problem, controls, centre.truncation)
+    found = replace(centre, controls=controls, value=value, status=outcome.status, message=outcome.message)
+    search.centre, search.objective = found, outcome.branching.cost
+    return replace(
+        done,
+        attempt=_polished(search, name, found),
+        cost=value.cost,
+        objective=outcome.branching.cost,
+        seconds=search.seconds(),
     )
 
 
@@ -272,8 +290,35 @@ def _branched(search: _Search, name: str, transcription: Transcription) -> Mixed
 
 
 def _polished(search: _Search, name: str, attempt: Attempt) -> Attempt:
-    """The attempt improved with separating lines, which may lie along any direction."""
-    return improve(search.problem, attempt.controls, attempt.truncation, POLISH, search.options(), search.watch(name))
+    """A result on the plan's own grid and order, improved with separating lines, which may lie along any direction."""
+    controls = np.repeat(attempt.controls, len(search.plan.controls) // len(attempt.controls), axis=0)
+    fine = start(search.problem, controls, search.plan.truncation)
+    return _lines(search.problem, fine, search.options(), search.watch(f"{name}, polish"))
+
+
+def _by_lines(name: str, attempt: Attempt, began: float) -> Round:
+    """A round in which no facet was chosen."""
+    return Round(name, attempt, attempt.status, attempt.message, attempt.value.cost, seconds=_since(began))
+
+
+def _lines(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Watch | None) -> Attempt:
+    """A few rounds with separating lines."""
+    return improve(problem, attempt.controls, attempt.truncation, POLISH, options, watch)
+
+
+def _averaged(controls: Floats, steps: int) -> Floats:
+    """Mean commands on a coarser grid that divides the given one."""
+    return np.asarray(controls.reshape(steps, -1, controls.shape[1]).mean(axis=1))
+
+
+def _light(truncation: Truncation) -> Truncation:
+    """Hulls of degree 2 choose a facet as well as others, in less time; the truncation error is in the margin."""
+    return Truncation(2, 2, True) if truncation.hull and truncation.degree > 2 else truncation
+
+
+def _since(began: float) -> float:
+    """Seconds since then."""
+    return time.perf_counter() - began
 
 
 def _better(one: Attempt, other: Attempt) -> bool:

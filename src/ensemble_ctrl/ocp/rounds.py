@@ -71,7 +71,7 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
     curve = points(problem, guess, truncation)
     lines, error = separate(curve, duties(problem), problem.duration), tail(problem, guess, truncation)
     in_moments = problem.solve.guarantee == "moment"
-    pairs = (lines.gap < REACH * _map_size(problem, curve)) & (not in_moments)
+    pairs = (lines.gap < REACH * map_size(problem, curve)) & (not in_moments)
     total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)
     for _ in range(4):
         began = time.perf_counter()
@@ -136,7 +136,7 @@ def _widened(pairs: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return wide
 
 
-def _map_size(problem: Problem, curve: Floats) -> float:
+def map_size(problem: Problem, curve: Floats) -> float:
     """Larger side of the box around the fleet's way and the obstacles, metres."""
     corners = [curve.reshape(-1, 2), *(piece.vertices for duty in duties(problem) for piece in duty.pieces)]
     return float(np.ptp(np.concatenate(corners), axis=0).max())
