@@ -40,14 +40,14 @@ BETTER = 1e-3
 """By how much less a solution of Bonmin's has to cost."""
 POLISH = 3
 """Rounds of separating lines after each change of facets."""
-LIMIT = 5.0
+LIMIT = 8.0
 """Seconds that one run of Bonmin may take, if there are twice as many left."""
-ENOUGH = 8.0
+ENOUGH = 6.0
 """Seconds after which no further neighbourhood is searched, however much of the time limit is left."""
 LEAST = 0.5
 """Seconds below which no further solve is begun."""
 TURN = 20
-"""A twentieth of the horizon: how far a change of facets may move."""
+"""Parts of the horizon by which the change from one facet to the next may move."""
 BLOCKS = 80
 """On a finer grid neighbouring steps share their switches, to about so many blocks."""
 
@@ -142,7 +142,7 @@ def rounds(
     ------
     Round
         First the separating lines chosen again, so that what lines alone can do is not counted as the facets' merit;
-        then the plan's own facets fixed; then Bonmin in each of `neighbourhoods`.
+        then the plan's own facets fixed; then Bonmin in the other `NEIGHBOURHOODS`.
     """
     began = time.perf_counter()
     again = _lines(problem, attempt, options(), watch("lines chosen again"))
@@ -156,7 +156,7 @@ def rounds(
     search.centre = _lines(problem, search.centre, options(), watch("lines on the coarse grid"))
     yield _by_lines("lines on the coarse grid", _polished(search, "coarse grid", search.centre), search.began)
     search.seconds()
-    for name, neighbourhood in neighbourhoods(sides).items():
+    for name, neighbourhood in NEIGHBOURHOODS.items():
         if options().time_limit < LEAST or _since(began) > ENOUGH:
             return
         yield _round(search, name, neighbourhood)
@@ -202,21 +202,22 @@ Neighbourhood = Callable[[Facets, Floats, float], Bools]
 """``(facets, their gaps at the plan, margin) -> allowed``, shapes (facets, steps)."""
 
 
-def neighbourhoods(sides: Facets) -> dict[str, Neighbourhood]:
-    """In the order in which they are searched; the first leaves no choice."""
+def _turns_moved(wider: int) -> Neighbourhood:
+    """The facets that hold, also so many twentieths of the horizon earlier and later."""
 
-    def turns_moved(sides: Facets, gaps: Floats, margin: float) -> Bools:
-        return widened(held(sides, gaps, margin), max(1, gaps.shape[1] // TURN))
+    def allowed(sides: Facets, gaps: Floats, margin: float) -> Bools:
+        return widened(held(sides, gaps, margin), max(wider, wider * gaps.shape[1] // TURN))
 
-    def free(piece: int) -> Neighbourhood:
-        return lambda sides, gaps, margin: held(sides, gaps, margin) | (sides.piece == piece)[:, None]
+    return allowed
 
-    return {
-        "facets fixed": lambda sides, gaps, margin: best(sides, gaps),
-        "facets that hold": held,
-        "turns moved": turns_moved,
-        **{f"piece {piece + 1} free": free(piece) for piece in range(sides.pieces)},
-    }
+
+NEIGHBOURHOODS: dict[str, Neighbourhood] = {
+    "facets fixed": lambda sides, gaps, margin: best(sides, gaps),
+    "facets that hold": held,
+    "turns moved": _turns_moved(1),
+    "turns moved further": _turns_moved(3),
+}
+"""In the order in which they are searched; the first leaves no choice."""
 
 
 def _round(search: _Search, name: str, neighbourhood: Neighbourhood) -> Round:
