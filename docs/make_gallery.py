@@ -28,7 +28,11 @@ PICTURES = DOCS / "_static" / "gallery"
 FACTS = PICTURES / "facts.json"
 LARGEST = 80_000
 """Bytes of one picture."""
-SECTIONS = {"": "Experiments of the paper", "stl": "Benchmarks of stlpy, for a fleet"}
+SECTIONS = {
+    "": "Experiments of the paper",
+    "minlp": "Facets chosen by Bonmin",
+    "stl": "Benchmarks of stlpy, for a fleet",
+}
 INTRO = """\
 # Gallery
 

@@ -20,6 +20,7 @@ from ensemble_ctrl.config import load, load_text
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.ocp.bonmin import Branching, MixedOutcome
 from ensemble_ctrl.ocp.evaluate import evaluate
+from ensemble_ctrl.ocp.rounds import start
 from ensemble_ctrl.ocp.solvers import Iteration
 from ensemble_ctrl.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
@@ -27,7 +28,7 @@ from ensemble_ctrl.replay import replay
 from ensemble_ctrl.report import summary_lines
 from ensemble_ctrl.results import summary, to_json
 
-CONFIG = Path(__file__).parents[1] / "configs" / "minlp" / "three_obstacles.yaml"
+CONFIG = Path(__file__).parents[1] / "configs" / "minlp" / "three_obstacles_minlp.yaml"
 SMALL = """
 name: small
 fleet:
@@ -119,7 +120,9 @@ def test_nothing_to_keep_out_of_is_just_the_nlp() -> None:
 
 
 def test_no_binaries_left_is_just_the_nlp(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "NEIGHBOURHOODS", dict.fromkeys(["facets fixed", "again"], lambda s, g, m: module.best(s, g)))
+    monkeypatch.setattr(
+        module, "NEIGHBOURHOODS", dict.fromkeys(["facets fixed", "again"], lambda s, g, m: module.best(s, g))
+    )
     solution = solve(small())
     check_no_worse(solution, by_nlp())
     assert solution.rounds[-1].message == "nothing to choose"
@@ -167,7 +170,9 @@ def test_an_answer_that_breaks_the_constraints_is_not_kept(monkeypatch: pytest.M
         return MixedOutcome("solved", wrong, Branching(1, -100.0, -100.0), "success", 0.0)
 
     monkeypatch.setattr(module, "bonmin", lies)
-    monkeypatch.setattr(module, "improve", lambda problem, controls, truncation, *_: module.start(problem, controls, truncation))
+    monkeypatch.setattr(
+        module, "improve", lambda problem, controls, truncation, *_: start(problem, controls, truncation)
+    )
     solution = solve(small())
     check_no_worse(solution, by_nlp())
     assert not any(r.kept for r in solution.rounds if r.switches)

@@ -36,7 +36,8 @@ def slow() -> Program:
     weight = np.sqrt(np.arange(2.0, N + 2))
 
     def knapsack(z: ca.SX, d: ca.SX) -> ca.SX:
-        return ca.dot(ca.DM(weight), z)
+        total: ca.SX = ca.dot(ca.DM(weight), z)
+        return total
 
     def wavy(z: ca.SX, d: ca.SX) -> ca.SX:
         return (ca.dot(ca.DM(weight), z) - 0.37 * weight.sum()) ** 2 + 0.01 * ca.sum1(ca.sin(9 * ca.DM(weight) * z))
@@ -56,7 +57,9 @@ def nothing(instances: int) -> Any:
     return [np.zeros((instances, 0))] * 3
 
 
-def run(program: Program, discrete: Any = None, options: BonminOptions = BonminOptions(), **kwargs: Any) -> MixedOutcome:
+def run(
+    program: Program, discrete: Any = None, options: BonminOptions = BonminOptions(), **kwargs: Any
+) -> MixedOutcome:
     """Solve from zero, variables in [0, 1] unless they are continuous."""
     n = program.nlp["x"].numel()
     mask = np.ones(n, dtype=bool) if discrete is None else np.array(discrete)
@@ -163,15 +166,19 @@ def test_no_child_outlives_its_parent(number: signal.Signals, tmp_path: Path) ->
     script.write_text(
         textwrap.dedent(f"""
         import sys
-        sys.path.insert(0, {str(Path(__file__).parents[2])!r})
-        from tests.ocp.test_bonmin import BonminOptions, run, slow
+        sys.path.insert(0, {str(Path(__file__).parents[1])!r})
+        from ocp.test_bonmin import BonminOptions, run, slow
         print("begun", flush=True)
         run(slow(), options=BonminOptions(time_limit=60.0), watch=lambda now: print("running", flush=True))
         """)
     )
     before = children()
     parent = subprocess.Popen(
-        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=dict(os.environ)
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=dict(os.environ),
     )
     assert parent.stdout is not None
     while "running" not in parent.stdout.readline():

@@ -19,8 +19,9 @@ from ensemble_ctrl.ocp.margins import keeping, largest_bulge
 from ensemble_ctrl.ocp.mixed import best, held, widened
 from ensemble_ctrl.ocp.switches import Choice, Facets, Workspace, facets, switch_blocks, switches, workspace
 from ensemble_ctrl.ocp.truncation import Truncation, points
-from ensemble_ctrl.problem import Problem
-from tests.ocp.problems import FLEET, five
+from ensemble_ctrl.problem import Guarantee, Problem
+
+from .problems import FLEET, five
 
 Floats = NDArray[np.float64]
 STEPS = 8
@@ -28,7 +29,7 @@ seeds = st.integers(0, 2**32 - 1)
 guarantees = pytest.mark.parametrize("guarantee", ["nodes", "hull", "moment"])
 
 
-def shapes(guarantee: str = "hull", **options: Any) -> Problem:
+def shapes(guarantee: Guarantee = "hull", **options: Any) -> Problem:
     """A triangle and a box on a short horizon."""
     problem = five(**options).with_(
         obstacles={
@@ -57,7 +58,9 @@ class Case:
         self.curve = points(problem, controls, self.truncation)
         self.where = workspace(problem, self.curve)
         self.tail = 0.01
-        allowed = (random.random((len(self.sides.piece), STEPS)) <= share) | best(self.sides, self.sides.gaps(self.curve))
+        allowed = (random.random((len(self.sides.piece), STEPS)) <= share) | best(
+            self.sides, self.sides.gaps(self.curve)
+        )
         self.rows = switches(problem, self.truncation, self.sides, self.where, allowed, self.tail, block)
         self.choice = Choice(self.sides, self.where, self.rows, self.rows.setting(self.sides.gaps(self.curve)))
         self.layout = Layout(STEPS, self.truncation.count)
@@ -87,7 +90,7 @@ class Case:
 @guarantees
 @settings(max_examples=30, deadline=None)
 @given(seed=seeds, block=st.integers(1, 3), share=st.floats(0.3, 1.0))
-def test_what_the_rows_admit_is_on_the_free_side(guarantee: str, seed: int, block: int, share: float) -> None:
+def test_what_the_rows_admit_is_on_the_free_side(guarantee: Guarantee, seed: int, block: int, share: float) -> None:
     """Every pair of a piece and a step has one facet with all points (for `moment`: the mean) on its free side."""
     case = Case(shapes(guarantee), np.random.default_rng(seed), block, share)
     mean = case.truncation.to_moments[0] / np.sqrt(2.0)
@@ -105,7 +108,7 @@ def test_what_the_rows_admit_is_on_the_free_side(guarantee: str, seed: int, bloc
 @guarantees
 @settings(max_examples=30, deadline=None)
 @given(seed=seeds)
-def test_a_plan_that_holds_facets_is_admitted(guarantee: str, seed: int) -> None:
+def test_a_plan_that_holds_facets_is_admitted(guarantee: Guarantee, seed: int) -> None:
     """Not vacuous: with the facets that the points hold with the margin, the rows hold; one switch fewer is no harm."""
     case = Case(shapes(guarantee), np.random.default_rng(seed))
     spare = keeping(case.problem, case.truncation, case.tail) + largest_bulge(case.problem, case.truncation, STEPS)
@@ -119,10 +122,12 @@ def test_a_plan_that_holds_facets_is_admitted(guarantee: str, seed: int) -> None
 @guarantees
 @settings(max_examples=30, deadline=None)
 @given(seed=seeds)
-def test_a_switch_at_zero_takes_nothing_away(guarantee: str, seed: int) -> None:
+def test_a_switch_at_zero_takes_nothing_away(guarantee: Guarantee, seed: int) -> None:
     """With every switch at 0, all of the workspace satisfies the rows that have one, whatever the commands."""
     case = Case(shapes(guarantee), np.random.default_rng(seed))
-    switched = [b for b in case.blocks if b.name.startswith("avoiding") and b.columns.shape[1] > 3 + 4 * case.layout.count]
+    switched = [
+        b for b in case.blocks if b.name.startswith("avoiding") and b.columns.shape[1] > 3 + 4 * case.layout.count
+    ]
     case.blocks = switched
     extreme = case.random.choice([-2.0, 2.0], (STEPS, 2))
     assert case.keeps(case.anywhere(), np.zeros(case.rows.count), extreme)
@@ -186,7 +191,9 @@ def test_members_stay_in_the_workspace(seed: int) -> None:
 def test_windows_and_reach_leave_rows_out() -> None:
     case = Case(shapes(), np.random.default_rng(1))
     assert set(case.rows.step[case.rows.piece == 1].tolist()) <= {2, 3, 4, 5}, "the box is kept out of from 1 s to 3 s"
-    away = shapes().with_(obstacles={"triangle": (Obstacle.box([[90, 91], [90, 91]]),), "box": shapes().obstacles["box"]})
+    away = shapes().with_(
+        obstacles={"triangle": (Obstacle.box([[90, 91], [90, 91]]),), "box": shapes().obstacles["box"]}
+    )
     low = np.tile([-1.0, -1.0], (STEPS + 1, 1))
     sides = facets(away, STEPS)
     everything = np.ones((len(sides.piece), STEPS), dtype=bool)

@@ -40,9 +40,9 @@ BETTER = 1e-3
 """By how much less a solution of Bonmin's has to cost."""
 POLISH = 3
 """Rounds of separating lines after each change of facets."""
-LIMIT = 8.0
+LIMIT = 7.0
 """Seconds that one run of Bonmin may take, if there are twice as many left."""
-ENOUGH = 6.0
+ENOUGH = 10.0
 """Seconds after which no further neighbourhood is searched, however much of the time limit is left."""
 LEAST = 0.5
 """Seconds below which no further solve is begun."""
@@ -299,7 +299,10 @@ def _polished(search: _Search, name: str, attempt: Attempt) -> Attempt:
 
 def _by_lines(name: str, attempt: Attempt, began: float) -> Round:
     """A round in which no facet was chosen."""
-    return Round(name, attempt, attempt.status, attempt.message, attempt.value.cost, seconds=_since(began))
+    status, message = attempt.status, attempt.message
+    if status == "failed" and attempt.value.keeps(0.0):  # `improve` returns what it was given
+        status, message = "solved", "nothing better"
+    return Round(name, attempt, status, message, attempt.value.cost, seconds=_since(began))
 
 
 def _lines(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Watch | None) -> Attempt:
