@@ -15,6 +15,7 @@ import pytest
 import ensemble_ctrl as ec
 import ensemble_ctrl.ocp.bonmin as bonmin_module
 import ensemble_ctrl.ocp.mixed as module
+import ensemble_ctrl.planner as planner
 from ensemble_ctrl.api import Plan, plan
 from ensemble_ctrl.config import load, load_text
 from ensemble_ctrl.constraints.stl import parse
@@ -176,6 +177,23 @@ def test_an_answer_that_breaks_the_constraints_is_not_kept(monkeypatch: pytest.M
     solution = solve(small())
     check_no_worse(solution, by_nlp())
     assert not any(r.kept for r in solution.rounds if r.switches)
+
+
+def test_a_cheaper_plan_of_which_less_is_proven_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    certified = planner._certified
+    seen: list[float] = []
+
+    def doubted(search: Any, attempt: Any) -> Any:
+        attempt, certificate, work = certified(search, attempt)
+        seen.append(attempt.value.cost)
+        return attempt, replace(certificate, proven="undecided") if len(seen) > 1 else certificate, work
+
+    monkeypatch.setattr(planner, "_certified", doubted)
+    solution = solve(small())
+    assert len(seen) > 1
+    assert min(seen[1:]) < seen[0]
+    assert not any(r.kept for r in solution.rounds)
+    check_no_worse(solution, by_nlp())
 
 
 def test_the_time_limit_counts_for_all_of_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,8 +42,8 @@ POLISH = 3
 """Rounds of separating lines after each change of facets."""
 LIMIT = 7.0
 """Seconds that one run of Bonmin may take, if there are twice as many left."""
-ENOUGH = 10.0
-"""Seconds after which no further neighbourhood is searched, however much of the time limit is left."""
+ENOUGH = 7.0
+"""Seconds of choosing facets after which no further neighbourhood is searched, however much of the limit is left."""
 LEAST = 0.5
 """Seconds below which no further solve is begun."""
 TURN = 20
@@ -156,6 +156,7 @@ def rounds(
     search.centre = _lines(problem, search.centre, options(), watch("lines on the coarse grid"))
     yield _by_lines("lines on the coarse grid", _polished(search, "coarse grid", search.centre), search.began)
     search.seconds()
+    began = search.began
     for name, neighbourhood in NEIGHBOURHOODS.items():
         if options().time_limit < LEAST or _since(began) > ENOUGH:
             return
