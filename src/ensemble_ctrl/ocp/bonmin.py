@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -142,9 +143,9 @@ def bonmin(
     began = time.perf_counter()
     job = _job(program, discrete, guess, lower, upper, options)
     with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as answer, tempfile.TemporaryFile() as log:
-        given.write(job)
-        given.seek(0)
         try:
+            given.write(job)
+            given.seek(0)
             child = _started(given, answer, log)
         except OSError as error:
             return MixedOutcome("failed", None, Branching(), f"bonmin could not be started: {error}", 0.0)
@@ -274,7 +275,7 @@ def _text(log: IO[bytes]) -> str:
 
 
 def _append(path: Path | None, text: str) -> None:
-    """Keep the log."""
+    """Keep the log; a full disk is no reason to lose a solution."""
     if path is not None:
-        with path.open("a", encoding="utf-8") as file:
+        with suppress(OSError), path.open("a", encoding="utf-8") as file:
             file.write(text)
