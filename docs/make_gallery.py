@@ -30,6 +30,7 @@ LARGEST = 80_000
 """Bytes of one picture."""
 SECTIONS = {
     "": "Experiments of the paper",
+    "minlp": "Facets chosen by Bonmin",
     "stl": "Benchmarks of stlpy, for a fleet",
     "laws": "Other laws of the parameter",
 }

@@ -295,11 +295,11 @@ CASES = {
         "unknown field",
         "did you mean 'twin'?",
     ),
-    "method of a later release": (
-        ("moments:", "solve: {method: minlp}\nmoments:"),
+    "an unknown method": (
+        ("moments:", "solve: {method: minpl}\nmoments:"),
         (7, 17, "solve.method"),
-        "'minlp' is not one of nlp",
-        "did you mean 'nlp'?",
+        "'minpl' is not one of nlp, minlp",
+        "did you mean 'minlp'?",
     ),
     "neither a number of routes nor all": (
         ("moments:", "solve: {routes: al}\nmoments:"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -261,4 +262,37 @@ def _details(solution: Solution) -> dict[str, Any]:
         "solve_seconds": solution.solve_seconds,
         "seconds": solution.seconds,
         "routes": [{**vars(route), "corners": route.corners.tolist()} for route in solution.routes],
+        **({} if solution.nlp is None else {"minlp": _mixed_details(solution.nlp.value.cost, solution)}),
+    }
+
+
+def _mixed_details(nlp_cost: float, solution: Solution) -> dict[str, Any]:
+    """What choosing facets anew did, as plain data; numbers that do not exist are None."""
+
+    def number(value: float) -> float | None:
+        return float(value) if isfinite(value) else None
+
+    return {
+        "nlp_cost": nlp_cost,
+        "cost": solution.attempt.value.cost,
+        "nodes": sum(r.nodes for r in solution.rounds),
+        "rounds": [
+            {
+                "name": r.name,
+                "status": r.status,
+                "message": r.message,
+                "cost_with_facets": number(r.cost),
+                "cost": None if r.attempt is None else number(r.attempt.value.cost),
+                "switches": r.switches,
+                "nodes": r.nodes,
+                "objective": number(r.objective),
+                "bound": number(r.bound),
+                "gap": number(r.gap),
+                "seconds": r.seconds,
+                "kept": r.kept,
+            }
+            for r in solution.rounds
+        ],
+        "note": "Bonmin's gap is no proof of optimality: the problem is not convex, each node is solved to a local "
+        "optimum, and only the offered facets were looked at.",
     }

@@ -1,4 +1,4 @@
-"""The same problem under each guarantee: what the paper's constraints let through, and what safety costs."""
+"""The same problem under each guarantee and method: what the paper's constraints let through, and what safety costs."""
 
 from __future__ import annotations
 
@@ -7,19 +7,28 @@ from dataclasses import dataclass, replace
 
 from ensemble_ctrl.api import Plan, plan
 from ensemble_ctrl.planner import Progress
-from ensemble_ctrl.problem import Guarantee, Problem
+from ensemble_ctrl.problem import Guarantee, Method, Problem
 
-GUARANTEES: tuple[Guarantee, ...] = ("moment", "nodes", "hull")
+VARIANTS: dict[str, tuple[Guarantee, Method]] = {
+    "moment": ("moment", "nlp"),
+    "moment, minlp": ("moment", "minlp"),
+    "nodes": ("nodes", "nlp"),
+    "hull": ("hull", "nlp"),
+    "hull, minlp": ("hull", "minlp"),
+}
+"""Guarantee and method of each row; ``moment, minlp`` has the paper's rows: moments, big-M and binaries."""
 SUBSTEPS = 10
 """Times a step at which the compared plans are replayed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """One guarantee's plan, replayed.
+    """One row: a guarantee's and method's plan, replayed.
 
     Attributes
     ----------
+    name : str
+        Of the variant, one of `VARIANTS`.
     guarantee : str
         Which constraints it was planned with.
     plan : Plan
@@ -36,6 +45,7 @@ class Compared:
         Metres by which the worst member fails; 0 if none does.
     """
 
+    name: str
     guarantee: Guarantee
     plan: Plan
     seconds: float
@@ -46,21 +56,22 @@ class Compared:
 
 
 def compare(
-    problem: Problem, guarantees: Sequence[Guarantee] = GUARANTEES, progress: Progress | None = None
+    problem: Problem, variants: Sequence[str] = tuple(VARIANTS), progress: Progress | None = None
 ) -> tuple[Compared, ...]:
-    """Plan `problem` once with each guarantee, without certified tightening, and replay the plans.
+    """Plan `problem` once in each of the `VARIANTS` named, without certified tightening, and replay the plans.
 
     Notes
     -----
     Nothing is tightened after the first solution, so that each row shows what its constraints alone give.
     """
-    return tuple(_compared(problem, guarantee, progress) for guarantee in guarantees)
+    return tuple(_compared(problem, name, progress) for name in variants)
 
 
-def _compared(problem: Problem, guarantee: Guarantee, progress: Progress | None) -> Compared:
+def _compared(problem: Problem, name: str, progress: Progress | None) -> Compared:
     """One row."""
+    guarantee, method = VARIANTS[name]
     variant = problem.with_(
-        solve=replace(problem.solve, guarantee=guarantee),
+        solve=replace(problem.solve, guarantee=guarantee, method=method),
         verify=replace(problem.verify, certificate=False, substeps=SUBSTEPS),
     )
     found = plan(variant, progress=progress, check=False)
@@ -68,6 +79,7 @@ def _compared(problem: Problem, guarantee: Guarantee, progress: Progress | None)
     assert run is not None
     shortest = min([run.worst[0], *(c.distance for c in run.clearances)])
     return Compared(
+        name,
         guarantee,
         found,
         sum(found.details["seconds"].values()),
@@ -81,13 +93,13 @@ def _compared(problem: Problem, guarantee: Guarantee, progress: Progress | None)
 def table(rows: Sequence[Compared]) -> list[str]:
     """The comparison as text, a line each."""
     lines = [
-        f"{'guarantee':<10}{'status':<12}{'time':>8}{'iterations':>12}{'cost':>10}{'violating':>18}{'worst depth':>13}"
+        f"{'guarantee':<15}{'status':<12}{'time':>8}{'iterations':>12}{'cost':>10}{'violating':>18}{'worst depth':>13}"
     ]
     for row in rows:
         members = row.plan.replayed.members if row.plan.replayed else 0
         share = f"{row.violating} ({100 * row.violating / max(members, 1):.1f} %)"
         lines.append(
-            f"{row.guarantee:<10}{row.plan.status:<12}{row.seconds:>6.2f} s{row.iterations:>12}{row.cost:>10.4f}"
+            f"{row.name:<15}{row.plan.status:<12}{row.seconds:>6.2f} s{row.iterations:>12}{row.cost:>10.4f}"
             f"{share:>18}{row.depth:>11.4f} m"
         )
     return lines

@@ -6,6 +6,8 @@
 3. The horizon's own grid and the order asked for, started from there.
 4. Where the truncated curve is too far from the true one, one more moment is carried and it is solved again.
 5. The result is certified; where the proof falls short, the margin grows by what is missing and it is solved again.
+6. With ``method: minlp`` the facets of the obstacles are chosen anew (`ensemble_ctrl.ocp.mixed`); each result is
+   certified in the same way, and takes the plan's place only if it costs less and no less is proven of it.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
+from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import Seed, seeds
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Watch
@@ -71,6 +74,10 @@ class Solution:
         Work of all solves together.
     certificate : Certificate or None
         What is proven of the controls, if the problem asks for it.
+    nlp : Attempt or None
+        With ``method: minlp``, the plan that it started from.
+    rounds : tuple of Round
+        With ``method: minlp``, what was tried since.
     """
 
     problem: Problem
@@ -83,6 +90,8 @@ class Solution:
     build_seconds: float = 0.0
     solve_seconds: float = 0.0
     certificate: Certificate | None = None
+    nlp: Attempt | None = None
+    rounds: tuple[Round, ...] = ()
 
 
 @dataclass(eq=False)
@@ -141,6 +150,11 @@ class _Search:
         join_logs(self.log, parts)
         return results
 
+    def told(self, found: Round) -> None:
+        """Say how a round of facets ended."""
+        if self.progress is not None:
+            self.progress(found.name, Iteration(found.nodes, found.objective, 0.0, found.bound))
+
     def over(self) -> bool:
         """Whether to stop now with what there is."""
         return self.stopped or self.left() <= 0
@@ -193,6 +207,14 @@ def solve(
     work = [*solved, *(attempt for end in finished for attempt in end.work)]
     fine = {i: end.attempt for i, end in zip(chosen, finished, strict=False) if end.work}
     routes = [tried(seed, solved[i], fine.get(i), i == chosen[which]) for i, seed in enumerate(starts)]
+    nlp: Attempt | None = None
+    turned: list[Round] = []
+    if problem.solve.method == "minlp":
+        nlp = final
+        search.tell("minlp")
+        final, certificate, turned, more = _chosen_facets(search, final, certificate)
+        work += more
+        seconds["minlp"] = time.perf_counter() - search.began - sum(seconds.values())
     return Solution(
         problem,
         _refined(final.controls, problem.steps),
@@ -204,6 +226,8 @@ def solve(
         sum(a.build_seconds for a in work),
         sum(a.solve_seconds for a in work),
         certificate,
+        nlp,
+        tuple(turned),
     )
 
 
@@ -308,6 +332,39 @@ def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate,
         ):
             attempt, certificate = tighter, again
     return attempt, certificate, work
+
+
+def _chosen_facets(
+    search: _Search, plan: Attempt, proof: Certificate | None
+) -> tuple[Attempt, Certificate | None, list[Round], list[Attempt]]:
+    """Let rounds of other facets improve the plan; what takes its place costs less, and no less is proven of it."""
+    done: list[Round] = []
+    work: list[Attempt] = []
+    tries = rounds(search.problem, plan, coarse_steps(search.problem), lambda: search.options(1e-3, 1e-3), search.watch)
+    while not search.over():
+        found = next(tries, None)
+        if found is None:
+            break
+        search.told(found)
+        new, kept = found.attempt, False
+        if new is not None:
+            work.append(new)
+        if new is not None and _rank(new) < _rank(plan):
+            certificate = proof
+            if proof is not None:
+                new, certificate, more = _certified(search, new)
+                work += more
+            kept = _rank(new) < _rank(plan) and _no_less_proven(certificate, proof)
+            plan, proof = (new, certificate) if kept else (plan, proof)
+        done.append(replace(found, kept=kept))
+    return plan, proof, done, work
+
+
+def _no_less_proven(new: Certificate | None, old: Certificate | None) -> bool:
+    """Whether a certificate says at least as much as another."""
+    if new is None or old is None or new.proven == "yes":
+        return True
+    return old.proven != "yes" and min(new.clearance, new.robustness) >= min(old.clearance, old.robustness)
 
 
 def _fine(search: _Search, controls: Floats, problem: Problem) -> Attempt:

@@ -17,7 +17,7 @@ from ensemble_ctrl.fleet import Fleet, frozen
 
 Floats = NDArray[np.float64]
 Guarantee = Literal["moment", "nodes", "hull"]
-Method = Literal["nlp"]
+Method = Literal["nlp", "minlp"]
 Routes = int | Literal["all"]
 
 MAX_ORDER = 50
@@ -61,8 +61,9 @@ class SolveOptions:
 
     Parameters
     ----------
-    method : {"nlp"}
-        Nonlinear program with IPOPT.
+    method : {"nlp", "minlp"}
+        ``nlp``: nonlinear programs with IPOPT.  ``minlp``: the same first; then the facets of the obstacles are chosen
+        anew with binaries and Bonmin, and the best certified plan is kept.
     guarantee : {"moment", "nodes", "hull"}
         For whom the program's constraints hold. ``moment``: the paper's rows on moments, necessary only, in effect the
         mean robot. ``nodes``: the robots at the Gauss nodes, at the grid times. ``hull``: every member of the truncated

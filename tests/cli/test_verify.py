@@ -114,13 +114,14 @@ def test_an_unproven_plan_ends_with_four(command: Command, results: Path) -> Non
 def test_compare_prints_one_row_a_guarantee(command: Command, place: Path) -> None:
     outcome = command("compare", "small.yaml", "-q")
     assert outcome.code == 0
-    rows = {line.split()[0]: line for line in outcome.out.splitlines()[2:5]}
-    assert set(rows) == {"moment", "nodes", "hull"}
-    assert " 0 (0.0 %)" in rows["hull"]
+    rows = {line[:15].strip(): line for line in outcome.out.splitlines()[2:7]}
+    assert set(rows) == {"moment", "moment, minlp", "nodes", "hull", "hull, minlp"}
+    assert all(" 0 (0.0 %)" in rows[name] for name in ("hull", "hull, minlp"))
     assert (place / "plans" / "small-compare" / "compare.png").read_bytes().startswith(b"\x89PNG")
     data = json.loads((place / "plans" / "small-compare" / "compare.json").read_text())
-    assert [row["guarantee"] for row in data["rows"]] == ["moment", "nodes", "hull"]
-    assert data["rows"][2]["violating"] == 0
+    assert [row["guarantee"] for row in data["rows"]] == ["moment", "moment", "nodes", "hull", "hull"]
+    assert [row["method"] for row in data["rows"]] == ["nlp", "minlp", "nlp", "nlp", "minlp"]
+    assert [row["violating"] for row in data["rows"][3:]] == [0, 0]
 
 
 def test_widest_names_the_range_and_what_blocks(command: Command, place: Path) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.ocp.transcription import CasadiArrays
+from ensemble_ctrl.ocp.arrays import CasadiArrays
 from ensemble_ctrl.systems import SYSTEMS, Unicycle, sinc
 
 Floats = NDArray[np.float64]

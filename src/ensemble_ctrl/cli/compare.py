@@ -1,4 +1,4 @@
-"""``ensemble-plan compare``: the same problem under each guarantee, in one table and one picture."""
+"""``ensemble-plan compare``: the same problem under each guarantee and method, in one table and one picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ensemble_ctrl.results import SCHEMA, to_json
 def compare_guarantees(
     config: str, output: Path | None, overrides: list[str], as_json: bool, quiet: bool, plots: bool, overwrite: bool
 ) -> int:
-    """Plan three times, print the table, and write it with the picture."""
+    """Plan once for each row, print the table, and write it with the picture."""
     progress = Progress(quiet)
     problem = read(config, overrides).problem
     folder = ResultsFolder(output, f"{problem.name}-compare", overwrite)
@@ -42,13 +42,15 @@ def compare_guarantees(
 
 def _title(row: Compared) -> str:
     """The heading of one panel."""
-    return f"{row.guarantee}: {row.violating} of {row.plan.replayed.members if row.plan.replayed else 0} violate"
+    return f"{row.name}: {row.violating} of {row.plan.replayed.members if row.plan.replayed else 0} violate"
 
 
 def _as_data(row: Compared) -> dict[str, object]:
     """One row as plain data."""
     return {
+        "name": row.name,
         "guarantee": row.guarantee,
+        "method": row.plan.problem.solve.method,
         "status": row.plan.status,
         "seconds": row.seconds,
         "iterations": row.iterations,

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from math import isfinite
 from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
@@ -43,9 +44,7 @@ class Progress:
         if iteration is None:
             self._begin(phase)
         else:
-            self._show(
-                f"{phase}: iteration {iteration.count}, cost {iteration.cost:.4f}, violation {iteration.violation:.1e}"
-            )
+            self._show(f"{phase}: {_how_far(iteration)}")
         return self.stop_signal is not None
 
     def finish(self) -> None:
@@ -124,6 +123,15 @@ def stoppable(progress: Progress, abandon: Callable[[], None]) -> Iterator[None]
 def rewritable(stream: TextIO) -> bool:
     """Whether a line may be rewritten: on a terminal that can, unless ``NO_COLOR`` is set."""
     return stream.isatty() and os.environ.get("TERM") != "dumb" and not os.environ.get("NO_COLOR")
+
+
+def _how_far(iteration: Iteration) -> str:
+    """An iteration of IPOPT, or how far Bonmin is, in words."""
+    if iteration.bound is None:
+        return f"iteration {iteration.count}, cost {iteration.cost:.4f}, violation {iteration.violation:.1e}"
+    cost = f"cost {iteration.cost:.4f}" if isfinite(iteration.cost) else "nothing better yet"
+    bound = f", bound {iteration.bound:.4f}" if isfinite(iteration.bound) else ""
+    return f"{iteration.count} nodes, {cost}{bound}"
 
 
 def _columns(stream: TextIO) -> int:

@@ -12,9 +12,9 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Index arrays into the decision vector ``(v, omega, turned, points, levels and slacks)``.
+    """Index arrays into the decision vector ``(v, omega, turned, points, levels, slacks, switches)``.
 
-    Levels (the task's robustness) and slacks are handed out while rows are made.
+    Levels (the task's robustness), slacks and switches (0 or 1) are handed out while rows are made.
 
     Parameters
     ----------
@@ -28,6 +28,7 @@ class Layout:
     count: int
     _levels: list[int] = field(default_factory=list)
     _slacks: list[int] = field(default_factory=list)
+    _switches: list[int] = field(default_factory=list)
 
     @property
     def controls(self) -> Ints:
@@ -49,7 +50,7 @@ class Layout:
     def size(self) -> int:
         """Length of the decision vector so far."""
         states = 3 * self.steps + 1 + (self.steps + 1) * 2 * self.count
-        return states + len(self._levels) + len(self._slacks)
+        return states + len(self._levels) + len(self._slacks) + len(self._switches)
 
     @property
     def levels(self) -> Ints:
@@ -61,6 +62,11 @@ class Layout:
         """Indices of the slacks handed out so far."""
         return np.array(self._slacks, dtype=np.int64)
 
+    @property
+    def switches(self) -> Ints:
+        """Indices of the switches handed out so far."""
+        return np.array(self._switches, dtype=np.int64)
+
     def level(self) -> int:
         """Hand out the index of a new robustness level."""
         self._levels.append(self.size)
@@ -70,4 +76,10 @@ class Layout:
         """Hand out the indices of `count` new slacks."""
         new = self.size + np.arange(count)
         self._slacks.extend(new.tolist())
+        return new
+
+    def switch(self, count: int) -> Ints:
+        """Hand out the indices of `count` new switches."""
+        new = self.size + np.arange(count)
+        self._switches.extend(new.tolist())
         return new

@@ -33,7 +33,7 @@ def moment_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> l
     return [
         *_free_side_blocks(problem, truncation, layout),
         *_obstacle_moment_blocks(problem, truncation, layout),
-        *_region_blocks(problem, truncation, layout),
+        *region_blocks(problem, truncation, layout),
     ]
 
 
@@ -90,7 +90,7 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: La
     return [Block("avoiding (moments)", build, layout.points[at], data, -high, high)]
 
 
-def _region_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+def region_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
     """``eq:polyhedron_moment`` for every ``G[a,b] in(region)``, all orders and all faces."""
     blocks = []
     for part in other_parts(problem):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ensemble_ctrl.duties import duties
 from ensemble_ctrl.ocp.evaluate import Value, evaluate
 from ensemble_ctrl.ocp.lines import Lines, separate
-from ensemble_ctrl.ocp.solvers import SOLVERS, IpoptOptions, Outcome, Status, Watch
-from ensemble_ctrl.ocp.transcription import Transcription, transcribe
+from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Status, Watch, ipopt
+from ensemble_ctrl.ocp.transcription import Avoiding, Transcription, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
 from ensemble_ctrl.problem import Problem
 
@@ -72,15 +72,13 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
     lines = separate(curve, duties(problem), problem.duration, problem.fleet.shift)
     error = tail(problem, guess, truncation)
     in_moments = problem.solve.guarantee == "moment"
-    pairs = (lines.gap < REACH * _map_size(problem, curve)) & (not in_moments)
+    pairs = (lines.gap < REACH * map_size(problem, curve)) & (not in_moments)
     total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)
     for _ in range(4):
         began = time.perf_counter()
-        program = transcribe(problem, truncation, guess, lines, pairs, error)
+        program = transcribe(problem, truncation, guess, Avoiding(lines, pairs), error)
         built = time.perf_counter()
-        outcome = SOLVERS[problem.solve.method](
-            program.program, program.guess, program.lower, program.upper, options, watch
-        )
+        outcome = ipopt(program.program, program.guess, program.lower, program.upper, options, watch)
         controls = program.controls(outcome.x)
         total = _after(problem, total, program, outcome, controls, built - began, time.perf_counter() - built)
         missing = _violated(problem, lines, points(problem, controls, truncation)) & ~pairs
@@ -139,7 +137,7 @@ def _widened(pairs: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return wide
 
 
-def _map_size(problem: Problem, curve: Floats) -> float:
+def map_size(problem: Problem, curve: Floats) -> float:
     """Larger side of the box around the fleet's way and the obstacles, metres."""
     corners = [curve.reshape(-1, 2), *(piece.vertices for duty in duties(problem) for piece in duty.pieces)]
     return float(np.ptp(np.concatenate(corners), axis=0).max())

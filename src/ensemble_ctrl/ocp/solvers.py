@@ -32,11 +32,24 @@ STATUS: dict[str, Status] = {
 
 @dataclass(frozen=True)
 class Iteration:
-    """What a watcher sees after each iteration: count, cost (as minimised) and largest constraint violation."""
+    """What a watcher sees of a solve that goes on.
+
+    Attributes
+    ----------
+    count : int
+        Iterations of IPOPT, or nodes of Bonmin.
+    cost : float
+        As minimised; of Bonmin's best solution, infinite without one.
+    violation : float
+        Largest violation of a constraint.
+    bound : float or None
+        Bonmin's bound, minus infinity without one; None for IPOPT.
+    """
 
     count: int
     cost: float
     violation: float
+    bound: float | None = None
 
 
 Watch = Callable[[Iteration], bool]
@@ -92,10 +105,6 @@ def ipopt(
         iterations=int(stats["iter_count"]),
         message=word.replace("_", " ").lower(),
     )
-
-
-SOLVERS = {"nlp": ipopt}
-"""Solver by the `method` of a problem."""
 
 
 def _settings(options: IpoptOptions) -> dict[str, object]:

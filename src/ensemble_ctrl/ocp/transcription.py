@@ -21,7 +21,6 @@ Slacks have a price at which they are zero wherever a plan is possible.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -29,10 +28,13 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Mean
 from ensemble_ctrl.duties import grounded, other_parts
+from ensemble_ctrl.ocp.arrays import CasadiArrays
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.lines import Lines
-from ensemble_ctrl.ocp.moment_form import moment_blocks
+from ensemble_ctrl.ocp.margins import bulge, curvature, keeping
+from ensemble_ctrl.ocp.moment_form import moment_blocks, region_blocks
 from ensemble_ctrl.ocp.program import Block, Program, assemble
+from ensemble_ctrl.ocp.switches import Choice, switch_blocks
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation, node_drives, points
 from ensemble_ctrl.problem import Problem
@@ -45,28 +47,19 @@ PULL = 1e-3
 """Weight that pulls idle levels up to their bounds, so that none drifts away unbounded."""
 PRICE = 10.0
 """Price of a metre of slack: above the multipliers seen, so that slack is used only where it must be."""
-SMOOTH = 0.05
-"""``|v omega|`` is replaced by the larger ``sqrt((v omega)^2 + SMOOTH^2)``, which can be differentiated."""
 
 
-class CasadiArrays:
-    """The array operations of a system, on CasADi expressions."""
+@dataclass(frozen=True, eq=False)
+class Avoiding:
+    """Separating lines at the guess, and which pairs of a convex piece and a step are constrained by theirs."""
 
-    @staticmethod
-    def sin(x: Any) -> Any:
-        return ca.sin(x)
+    lines: Lines
+    pairs: Pairs
 
-    @staticmethod
-    def cos(x: Any) -> Any:
-        return ca.cos(x)
-
-    @staticmethod
-    def tan(x: Any) -> Any:
-        return ca.tan(x)
-
-    @staticmethod
-    def where(condition: Any, yes: Any, no: Any) -> Any:
-        return ca.if_else(condition, yes, no)
+    @property
+    def slacks(self) -> int:
+        """How many slacks the rows need."""
+        return int(self.pairs.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +80,7 @@ class Transcription:
 
 
 def transcribe(
-    problem: Problem, truncation: Truncation, controls: Floats, lines: Lines, pairs: Pairs, tail: float
+    problem: Problem, truncation: Truncation, controls: Floats, avoiding: Avoiding | Choice, tail: float
 ) -> Transcription:
     """Build the program around a guess.
 
@@ -99,10 +92,8 @@ def transcribe(
         Which moments are kept.
     controls : ndarray, shape (steps, 2)
         The guess; its length is the number of steps of the program.
-    lines : Lines
-        Separating lines at the guess.
-    pairs : ndarray of bool, shape (pieces, steps)
-        Which pairs of a convex piece and a step are constrained.
+    avoiding : Avoiding or Choice
+        How obstacles are kept out of: fixed separating lines, or facets chosen by switches.
     tail : float
         Truncation error in metres that the margins cover.
     """
@@ -110,21 +101,26 @@ def transcribe(
     layout = Layout(steps, count)
     step = problem.duration / steps
     level, short = layout.level(), layout.slack(1)
-    slack = layout.slack(int(pairs.sum()))
+    slack = layout.slack(avoiding.slacks)
     in_moments = problem.solve.guarantee == "moment"
     parts = [grounded(problem, Mean(part) if in_moments else part) for part in other_parts(problem)]
     curve = points(problem, controls, truncation)
     task = task_rows(parts, level, layout, step, truncation.mean, curve, problem.fleet.shift)
     blocks = [_turning(problem, layout, step), _moving(problem, truncation, layout, step)]
-    if in_moments:
+    if isinstance(avoiding, Choice):
+        blocks += switch_blocks(problem, truncation, layout, avoiding, slack, tail)
+        blocks += region_blocks(problem, truncation, layout) if in_moments else []
+    elif in_moments:
         blocks += moment_blocks(problem, truncation, layout)
     else:
-        blocks += _avoiding(problem, layout, slack, lines, pairs, tail, truncation.hull)
+        blocks += _avoiding(problem, truncation, layout, slack, avoiding, tail)
     blocks += task.blocks
     blocks.append(_satisfying(level, short[0], problem.solve.margin if parts else 0.0))
     terms = _terms(problem, truncation, layout, level)
     lower, upper = _bounds(problem, layout, level)
     guess = _guess(problem, layout, controls, curve, step, task)
+    if isinstance(avoiding, Choice):
+        _switching(avoiding, layout, guess, lower, upper)
     return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
 
 
@@ -161,27 +157,33 @@ def _moving(problem: Problem, truncation: Truncation, layout: Layout, step: floa
 
 
 def _avoiding(
-    problem: Problem, layout: Layout, slack: Ints, lines: Lines, pairs: Pairs, tail: float, hull: bool
+    problem: Problem, truncation: Truncation, layout: Layout, slack: Ints, avoiding: Avoiding, tail: float
 ) -> list[Block]:
     """Every point, at both ends of the step, on the fleet's side of the pair's line, or as far short as the slack."""
-    piece, at = np.nonzero(pairs)
+    lines = avoiding.lines
+    piece, at = np.nonzero(avoiding.pairs)
     if not len(piece):
         return []
-    n, system, step = layout.count, problem.fleet.system, problem.duration / layout.steps
-    curvature = system.sagitta(1.0, 1.0, *problem.fleet.fastest, step) if hull else 0.0
-    keep = lines.radius[piece] + problem.solve.margin + (tail if hull else 0.0)
+    n, arc = layout.count, curvature(problem, truncation, layout.steps)
+    keep = lines.radius[piece] + keeping(problem, truncation, tail)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
-        v, omega = system.rates(z[0], z[1], CasadiArrays)
-        bulge = curvature * ca.sqrt((v * omega) ** 2 + SMOOTH**2)
         ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n :])]
-        clear: ca.SX = ca.vertcat(*ends) - d[2] - bulge + z[2]
-        return clear
+        rows: ca.SX = ca.vertcat(*ends) - d[2] - bulge(problem, arc, z[0], z[1]) + z[2]
+        return rows
 
     data = np.column_stack([lines.normal[piece, at], lines.support[piece, at] + keep])
     columns = np.column_stack([layout.controls[at], slack, layout.points[at], layout.points[at + 1]])
     low, high = np.zeros((len(at), 2 * n)), np.full((len(at), 2 * n), np.inf)
     return [Block("avoiding", build, columns, data, low, high)]
+
+
+def _switching(choice: Choice, layout: Layout, guess: Floats, lower: Floats, upper: Floats) -> None:
+    """Start and bounds of the switches, and the workspace that their rows rely on."""
+    n, index = layout.count, layout.switches
+    guess[index], lower[index], upper[index] = choice.setting, 0.0, 1.0
+    for at, low, high in zip(layout.points[1:], choice.where.low[1:], choice.where.high[1:], strict=True):
+        lower[at], upper[at] = np.repeat(low, n), np.repeat(high, n)
 
 
 def _satisfying(level: int, slack: int, margin: float) -> Block:

@@ -82,6 +82,8 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     rows += proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
+    if "minlp" in d:
+        rows += _mixed(d["minlp"])
     if d.keys() >= {"seconds", "routes", "iterations", "build_seconds"}:
         rows.append(("work", _work(d)))
     if files:
@@ -179,6 +181,23 @@ def _cost(d: dict[str, Any]) -> str:
         f"{d['cost']:.4f} = effort {d['effort']:.4f} + terminal {d['terminal']:.4f}"
         f" - weighted robustness {d['effort'] + d['terminal'] - d['cost']:.4f}"
     )
+
+
+def _mixed(m: dict[str, Any]) -> list[tuple[str, str]]:
+    """What choosing facets anew did to the cost, and what Bonmin's gap is worth."""
+    kept = [f"{r['cost']:.4f} ({r['name']})" for r in m["rounds"] if r["kept"] and r["cost"] is not None]
+    steps = " -> ".join([f"{m['nlp_cost']:.4f} (nlp)", *kept])
+    nothing = "" if kept else ", nothing better was found"
+    bonmin = [r for r in m["rounds"] if r["switches"]]
+    rows = [
+        ("minlp", f"cost {steps}{nothing}; {len(bonmin)} run{'s' * (len(bonmin) != 1)} of Bonmin, {m['nodes']} nodes")
+    ]
+    for r in (r for r in bonmin if r["status"] not in ("solved", "infeasible")):
+        rows.append(("", f"{r['name']}: {r['message']}"))
+    gaps = [f"{100 * r['gap']:.2g} % ({r['name']})" for r in bonmin if r["gap"] is not None]
+    lead = f"Bonmin's gap: {', '.join(gaps)}; it" if gaps else "This"
+    rows.append(("", f"{lead} is no proof of optimality: the problem is not convex, and only nearby facets were tried"))
+    return rows
 
 
 def _work(d: dict[str, Any]) -> str:

@@ -1,0 +1,366 @@
+r"""The disjunction over facets with binaries: big-M rows, and which facets may be chosen where.
+
+An obstacle is avoided in a step if one of its facets has the whole fleet on its free side at both ends of the step.
+With a switch :math:`z_f \in \{0, 1\}` for each facet that may be chosen,
+
+.. math:: n_f \cdot P_i + \text{slack} + M_f (1 - z_f) \ge b_f + \text{radius} + \text{margin} + \text{tail}
+          + \text{sagitta} \quad \text{for every point } i, \qquad \sum_f z_f \ge 1 .
+
+``M_f`` is the most by which the row can fall short where the fleet can be at that time (`Workspace`), so a switch at 0
+takes nothing away, and no row is looser than it must be.  With the guarantee ``moment`` the rows are the paper's, on
+moments (``eq:setPolyObsArr`` of Arias et al., One Ring to Rule Them All).
+
+*Guarantee*: with ``hull``, a solution keeps every member of the truncated model out through the whole step, as with
+separating lines; with ``nodes`` the Gauss-node robots at the grid times; with ``moment`` in effect the mean robot.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.duties import duties
+from ensemble_ctrl.ocp.layout import Layout
+from ensemble_ctrl.ocp.margins import bulge, curvature, keeping, largest_bulge
+from ensemble_ctrl.ocp.program import Block
+from ensemble_ctrl.ocp.truncation import Truncation
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+ROOM = 0.1
+"""Share of the map's size that is added around it for the fleet to use."""
+
+
+@dataclass(frozen=True, eq=False)
+class Facets:
+    """Every facet of every convex piece to keep out of.
+
+    Attributes
+    ----------
+    piece : ndarray of int, shape (facets,)
+        Which piece a facet belongs to.
+    normal : ndarray, shape (facets, 2)
+        Unit normals, pointing out.
+    offset : ndarray, shape (facets,)
+        Metres; ``normal . p >= offset`` is the free side, robot's radius and the box of start positions included.
+    active : ndarray of bool, shape (facets, steps)
+        Whether the piece is to be kept out of during the step.
+    """
+
+    piece: Ints
+    normal: Floats
+    offset: Floats
+    active: Bools
+
+    @property
+    def pieces(self) -> int:
+        """How many convex pieces there are."""
+        return int(self.piece.max(initial=-1)) + 1
+
+    def gaps(self, curve: Floats) -> Floats:
+        """Smallest ``normal . p - offset`` over the points at both ends of each step, shape (facets, steps), metres."""
+        least = np.einsum("tpd,fd->ftp", curve, self.normal).min(axis=2) - self.offset[:, None]
+        return np.asarray(np.minimum(least[:, :-1], least[:, 1:]))
+
+    def of(self, per_facet: Bools) -> Bools:
+        """Whether any facet of a piece is marked, shape (facets, steps) to (pieces, steps)."""
+        any_of = np.zeros((self.pieces, per_facet.shape[1]), dtype=bool)
+        np.logical_or.at(any_of, self.piece, per_facet)
+        return any_of
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """Where the program lets the points be: a box for every grid time.
+
+    Attributes
+    ----------
+    low, high : ndarray, shape (steps + 1, 2)
+        Metres.
+    """
+
+    low: Floats
+    high: Floats
+
+    def least(self, normal: Floats) -> Floats:
+        """Smallest ``normal . p`` in the boxes at both ends of each step, shape (facets, steps)."""
+        at = np.where(normal[:, None, :] > 0, self.low[None], self.high[None])
+        values = np.einsum("fd,ftd->ft", normal, at)
+        return np.asarray(np.minimum(values[:, :-1], values[:, 1:]))
+
+    def most(self, normal: Floats) -> Floats:
+        """Largest ``normal . p`` in the boxes at both ends of each step, shape (facets, steps)."""
+        return -self.least(-normal)
+
+
+@dataclass(frozen=True, eq=False)
+class Switches:
+    """Rows to keep out, one for each facet that may be chosen in a step, and the switches they read.
+
+    Attributes
+    ----------
+    facet, step, piece : ndarray of int, shape (rows,)
+        Of each row.
+    big_m : ndarray, shape (rows,)
+        Metres by which the row may fall short while its switch is 0.
+    switch : ndarray of int, shape (rows,)
+        Which switch it reads; -1 where the facet is the only choice, so that the row always holds.
+    groups : tuple of tuple of int
+        Switches of which one at least is 1.
+    """
+
+    facet: Ints
+    step: Ints
+    piece: Ints
+    big_m: Floats
+    switch: Ints
+    groups: tuple[tuple[int, ...], ...]
+
+    @property
+    def count(self) -> int:
+        """How many switches there are."""
+        return int(self.switch.max(initial=-1)) + 1
+
+    @property
+    def pair(self) -> Ints:
+        """The number of each row's pair of a piece and a step, shape (rows,)."""
+        keys = self.piece * (int(self.step.max(initial=0)) + 1) + self.step
+        return np.asarray(np.unique(keys, return_inverse=True)[1], dtype=np.int64)
+
+    def setting(self, gaps: Floats) -> Floats:
+        """Switches at 1 exactly where a facet's rows hold, or fall short the least of their group, shape (count,)."""
+        worst = np.full(self.count, np.inf)
+        read = self.switch >= 0
+        np.minimum.at(worst, self.switch[read], gaps[self.facet[read], self.step[read]])
+        on = np.zeros(self.count)
+        for group in self.groups:
+            on[max(group, key=lambda s: worst[s])] = 1.0
+        return on
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A program's switches with all they refer to.
+
+    Attributes
+    ----------
+    sides : Facets
+        All facets.
+    where : Workspace
+        Where the program lets the points be; what `rows.big_m` relies on.
+    rows : Switches
+        Rows and switches.
+    setting : ndarray, shape (switches,)
+        The switches to start from.
+    """
+
+    sides: Facets
+    where: Workspace
+    rows: Switches
+    setting: Floats
+
+    @property
+    def slacks(self) -> int:
+        """How many slacks the rows need: one for each pair of a piece and a step."""
+        return int(self.rows.pair.max(initial=-1)) + 1
+
+
+def facets(problem: Problem, steps: int) -> Facets:
+    """Every facet that the task's duties speak of, on a grid of `steps`."""
+    pieces = [(piece, duty) for duty in duties(problem) for piece in duty.pieces]
+    rows = [(*piece.unit_rows(), duty) for piece, duty in pieces]
+    index = [np.full(len(h), i) for i, (_, h, _) in enumerate(rows)]
+    active = [np.tile(duty.steps(steps, problem.duration), (len(h), 1)) for _, h, duty in rows]
+    shift = np.zeros(2) if problem.solve.guarantee == "moment" else problem.fleet.shift
+    return Facets(
+        np.concatenate(index) if rows else np.zeros(0, np.int64),
+        np.concatenate([G for G, _, _ in rows]) if rows else np.zeros((0, 2)),
+        np.concatenate([h + duty.radius + np.abs(G) @ shift for G, h, duty in rows]) if rows else np.zeros(0),
+        np.concatenate(active) if rows else np.zeros((0, steps), dtype=bool),
+    )
+
+
+def workspace(problem: Problem, curve: Floats) -> Workspace:
+    """The map around start, obstacles, regions, target and a plan's points, as far as a member gets by each time.
+
+    Parameters
+    ----------
+    problem : Problem
+        Gives the map and the top speed.
+    curve : ndarray, shape (steps + 1, points, 2)
+        Points of a plan, metres; all of them are inside.
+    """
+    fleet = problem.fleet
+    corners = [fleet.start[None], curve.reshape(-1, 2), *(p.vertices for d in duties(problem) for p in d.pieces)]
+    corners += [r.vertices for r in problem.regions.values() if r.is_bounded and not r.is_empty]
+    corners += [] if problem.objective.target is None else [problem.objective.target[None]]
+    every = np.concatenate(corners)
+    low, high = every.min(axis=0), every.max(axis=0)
+    spare = ROOM * float((high - low).max()) + fleet.radius + problem.solve.margin
+    speed = max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0])) * fleet.fastest[0]
+    reach = speed * np.linspace(0.0, problem.duration, len(curve))[:, None]
+    return Workspace(
+        np.minimum(np.maximum(low - spare, fleet.start - reach), curve.min(axis=1)),
+        np.maximum(np.minimum(high + spare, fleet.start + reach), curve.max(axis=1)),
+    )
+
+
+def switches(
+    problem: Problem, truncation: Truncation, sides: Facets, where: Workspace, allowed: Bools, tail: float, block: int
+) -> Switches:
+    """The rows and switches needed for a choice among the `allowed` facets.
+
+    Parameters
+    ----------
+    problem : Problem
+        Gives margins and inputs.
+    truncation : Truncation
+        Says whether the points are hulls, which have margins for truncation and arcs.
+    sides : Facets
+        All facets.
+    where : Workspace
+        Where the points can be.
+    allowed : ndarray of bool, shape (facets, steps)
+        Which facets may be chosen; at least one of each active piece and step.
+    tail : float
+        Truncation error in metres.
+    block : int
+        Steps that share their switches where the same facets are allowed.
+
+    Notes
+    -----
+    A pair of a piece and a step gets no row where a facet of the piece holds wherever the points can be; a facet that
+    no point can get behind is not offered, unless no other is allowed.
+    """
+    keep = keeping(problem, truncation, tail) + largest_bulge(problem, truncation, allowed.shape[1])
+    needed = sides.offset[:, None] + keep
+    least, most = where.least(sides.normal), where.most(sides.normal)
+    touched = ~sides.of(least >= needed)[sides.piece] & sides.active
+    offered = allowed & touched
+    reachable = offered & (most >= sides.offset[:, None])
+    offered = np.where(sides.of(reachable)[sides.piece], reachable, offered)
+    facet, step = np.nonzero(offered)
+    options = np.zeros((sides.pieces, allowed.shape[1]), dtype=np.int64)
+    np.add.at(options, sides.piece, offered)
+    switch, groups = _shared(sides, offered, facet, step, options, block)
+    big_m = np.maximum(needed - least, 0.0)
+    if problem.solve.guarantee == "moment":  # the paper's M is also above |a x|
+        big_m = np.maximum.reduce([big_m, where.most(sides.normal), where.most(-sides.normal)])
+    return Switches(facet, step, sides.piece[facet], big_m[facet, step], switch, groups)
+
+
+def switch_blocks(
+    problem: Problem, truncation: Truncation, layout: Layout, choice: Choice, slack: Ints, tail: float
+) -> list[Block]:
+    """The rows of a choice with a `slack` for each pair, and the rows that demand a facet of each group."""
+    sides, chosen = choice.sides, choice.rows
+    index = layout.switch(chosen.count)
+    blocks = [_choosing(index, size, groups) for size, groups in _by_size(chosen.groups).items()]
+    build = _moment_rows if problem.solve.guarantee == "moment" else _point_rows
+    for read in (chosen.switch >= 0, chosen.switch < 0):
+        if read.any():
+            columns = [slack[chosen.pair[read], None], layout.controls[chosen.step[read]]]
+            columns += [layout.points[chosen.step[read]], layout.points[chosen.step[read] + 1]]
+            columns += [index[chosen.switch[read], None]] if chosen.switch[read][0] >= 0 else []
+            blocks.append(build(problem, truncation, sides, chosen, read, np.hstack(columns), tail))
+    return blocks
+
+
+def _shared(
+    sides: Facets, offered: Bools, facet: Ints, step: Ints, options: Ints, block: int
+) -> tuple[Ints, tuple[tuple[int, ...], ...]]:
+    """Number the switches: steps of one block in which a piece offers the same facets share theirs."""
+    switch = np.full(len(facet), -1, dtype=np.int64)
+    numbers: dict[tuple[int, int, bytes], int] = {}
+    groups: dict[tuple[int, int, bytes], list[int]] = defaultdict(list)
+    next_one = 0
+    for row, (f, k) in enumerate(zip(facet.tolist(), step.tolist(), strict=True)):
+        piece = int(sides.piece[f])
+        if options[piece, k] < 2:
+            continue
+        menu = offered[sides.piece == piece, k].tobytes()
+        key = (f, k // block, menu)
+        if key not in numbers:
+            numbers[key] = next_one
+            groups[piece, k // block, menu].append(next_one)
+            next_one += 1
+        switch[row] = numbers[key]
+    return switch, tuple(tuple(group) for group in groups.values())
+
+
+def _by_size(groups: tuple[tuple[int, ...], ...]) -> dict[int, list[tuple[int, ...]]]:
+    """Groups with the same number of switches together."""
+    found: dict[int, list[tuple[int, ...]]] = defaultdict(list)
+    for group in groups:
+        found[len(group)].append(group)
+    return dict(sorted(found.items()))
+
+
+def _choosing(index: Ints, size: int, groups: list[tuple[int, ...]]) -> Block:
+    """At least one switch of each group."""
+    one = np.ones((len(groups), 1))
+    columns = index[np.array(groups)]
+    return Block("choosing", lambda z, d: ca.sum1(z), columns, np.zeros((len(groups), 0)), one, one + size)
+
+
+def _point_rows(
+    problem: Problem,
+    truncation: Truncation,
+    sides: Facets,
+    chosen: Switches,
+    read: Bools,
+    columns: Ints,
+    tail: float,
+) -> Block:
+    """The rows on points, with a switch if there is a column for it."""
+    n, arc = truncation.count, curvature(problem, truncation, sides.active.shape[1])
+    switched = columns.shape[1] > 3 + 4 * n
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n : 3 + 4 * n])]
+        off = d[3] * (1 - z[3 + 4 * n]) if switched else 0.0
+        rows: ca.SX = ca.vertcat(*ends) - d[2] - bulge(problem, arc, z[1], z[2]) + z[0] + off
+        return rows
+
+    facet = chosen.facet[read]
+    offset = sides.offset[facet] + keeping(problem, truncation, tail)
+    data = np.column_stack([sides.normal[facet], offset, chosen.big_m[read]])
+    low = np.zeros((len(facet), 2 * n))
+    return Block("avoiding", build, columns, data, low, low + np.inf)
+
+
+def _moment_rows(
+    problem: Problem,
+    truncation: Truncation,
+    sides: Facets,
+    chosen: Switches,
+    read: Bools,
+    columns: Ints,
+    tail: float,
+) -> Block:
+    """The paper's rows on the moments of every order, at both ends of the step; without a switch, with z = 1."""
+    n, image = truncation.count, ca.DM(truncation.to_moments)
+    positive, negative = truncation.basis.signed_moments()
+    switched = columns.shape[1] > 3 + 4 * n
+    by_slack, by_switch = ca.DM(np.eye(len(positive))[0] * positive[0]), ca.DM(positive - negative)
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        along = [-d[0] * p[:n] - d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n : 3 + 4 * n])]
+        on = z[3 + 4 * n] if switched else 1.0
+        rows = [ca.mtimes(image, a) + d[2] * by_switch * on - by_slack * z[0] for a in along]
+        return ca.vertcat(*rows)
+
+    facet = chosen.facet[read]
+    offset = sides.offset[facet] + keeping(problem, truncation, tail)
+    m = chosen.big_m[read]
+    xi = m - offset  # b + M of a row a x <= b with a = -normal and b = -offset
+    lower, upper = (np.outer(-m, positive) - np.outer(xi, negative), np.outer(xi, positive) + np.outer(m, negative))
+    data = np.column_stack([sides.normal[facet], m])
+    return Block("avoiding (moments)", build, columns, data, np.tile(lower, 2), np.tile(upper, 2))

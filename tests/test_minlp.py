@@ -1,0 +1,220 @@
+"""``solve.method: minlp`` from end to end: never worse than the NLP, whatever becomes of Bonmin."""
+
+from __future__ import annotations
+
+import json
+import signal
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ensemble_ctrl as ec
+import ensemble_ctrl.ocp.bonmin as bonmin_module
+import ensemble_ctrl.ocp.mixed as module
+import ensemble_ctrl.planner as planner
+from ensemble_ctrl.api import Plan, plan
+from ensemble_ctrl.config import load, load_text
+from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.ocp.bonmin import Branching, MixedOutcome
+from ensemble_ctrl.ocp.evaluate import evaluate
+from ensemble_ctrl.ocp.rounds import start
+from ensemble_ctrl.ocp.solvers import Iteration
+from ensemble_ctrl.planner import Solution, solve
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import replay
+from ensemble_ctrl.report import summary_lines
+from ensemble_ctrl.results import summary, to_json
+
+CONFIG = Path(__file__).parents[1] / "configs" / "minlp" / "three_obstacles_minlp.yaml"
+SMALL = """
+name: small
+fleet:
+  model: unicycle
+  parameters: {traction: {range: [0.9, 1.1]}}
+  start: {position: [0, 0], heading: 0 deg}
+horizon: {duration: 8 s, steps: 20}
+moments: {order: auto}
+regions:
+  goal: {box: [[3, 4], [-0.5, 0.5]]}
+obstacles:
+  post: {box: [[1.4, 2], [-1, 0.3]]}
+task: F[6, 8] in(goal) and G avoid(post)
+objective: {terminal: {target: [3.5, 0]}}
+solve: {method: minlp}
+"""
+
+
+@cache
+def small() -> Problem:
+    return load_text(SMALL)
+
+
+def options(problem: Problem, **changes: Any) -> Problem:
+    """The problem with other solve options."""
+    return problem.with_(solve=replace(problem.solve, **changes))
+
+
+@cache
+def by_nlp(guarantee: str = "hull") -> Solution:
+    return solve(options(small(), method="nlp", guarantee=guarantee))
+
+
+def check_no_worse(solution: Solution, before: Solution) -> None:
+    """At most the NLP's cost, by the same account, no less proven, and no member violates."""
+    assert solution.status == before.status == "planned"
+    assert solution.nlp is not None
+    assert solution.nlp.value.cost == pytest.approx(before.attempt.value.cost, abs=1e-9)
+    own = evaluate(solution.problem, solution.controls, solution.attempt.truncation)
+    assert own.cost == pytest.approx(solution.attempt.value.cost, abs=1e-9)
+    assert own.cost <= before.attempt.value.cost + 1e-9
+    if before.certificate is not None and before.certificate.proven == "yes":
+        assert solution.certificate is not None
+        assert solution.certificate.proven == "yes"
+        assert not replay(solution.problem, solution.controls, members=500, substeps=10).violating.any()
+
+
+@pytest.mark.parametrize("guarantee", ["hull", "nodes", "moment"])
+def test_it_is_never_worse_than_the_nlp(guarantee: str) -> None:
+    solution = solve(options(small(), guarantee=guarantee))
+    check_no_worse(solution, by_nlp(guarantee))
+    names = [r.name for r in solution.rounds]
+    assert names[:3] == ["lines chosen again", "lines on the coarse grid", "facets fixed"]
+    assert any(r.switches for r in solution.rounds), "Bonmin had nothing to do"
+    kept = [r.attempt.value.cost for r in solution.rounds if r.kept and r.attempt is not None]
+    assert kept == sorted(kept, reverse=True)
+
+
+def test_three_obstacles_get_cheaper() -> None:
+    problem = load(CONFIG)
+    assert problem.solve.method == "minlp"
+    solution = solve(problem)
+    assert solution.nlp is not None
+    assert solution.attempt.value.cost < solution.nlp.value.cost - 0.05
+    assert solution.certificate is not None
+    assert solution.certificate.proven == "yes"
+
+
+def test_the_report_says_what_improved_and_what_a_gap_is_worth(tmp_path: Path) -> None:
+    found = plan(small())
+    facts = json.loads(to_json(summary(found)))["details"]["minlp"]
+    assert facts["cost"] <= facts["nlp_cost"]
+    assert {"name", "status", "nodes", "switches", "bound", "gap", "kept"} <= set(facts["rounds"][0])
+    assert "not convex" in facts["note"]
+    text = "\n".join(summary_lines(found))
+    assert "minlp      cost " in text
+    assert "(nlp)" in text
+    assert "no proof of optimality: the problem is not convex" in text
+    again = Plan.load(found.save(tmp_path / "plan"))
+    assert again.details["minlp"] == found.details["minlp"]
+    assert "minlp" not in "\n".join(summary_lines(ec.plan(options(small(), method="nlp"))))
+
+
+def test_nothing_to_keep_out_of_is_just_the_nlp() -> None:
+    free = small().with_(task=parse("F[6, 8] in(goal)"))
+    solution = solve(free)
+    assert solution.status == "planned"
+    assert [r.name for r in solution.rounds] == ["lines chosen again"]
+
+
+def test_no_binaries_left_is_just_the_nlp(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        module, "NEIGHBOURHOODS", dict.fromkeys(["facets fixed", "again"], lambda s, g, m: module.best(s, g))
+    )
+    solution = solve(small())
+    check_no_worse(solution, by_nlp())
+    assert solution.rounds[-1].message == "nothing to choose"
+    assert not any(r.switches for r in solution.rounds)
+
+
+def test_facets_that_no_plan_keeps_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the left of the post in one step and to its right in the next."""
+
+    def torn(sides: Any, gaps: Any, margin: float) -> Any:
+        odd = np.arange(gaps.shape[1]) % 2 == 1
+        return np.where(odd, sides.normal[:, :1] > 0.5, sides.normal[:, :1] < -0.5)
+
+    monkeypatch.setattr(module, "NEIGHBOURHOODS", {"impossible": torn})
+    solution = solve(small())
+    check_no_worse(solution, by_nlp())
+    assert solution.rounds[-1].status == "infeasible"
+    assert "fall short by" in solution.rounds[-1].message
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSEGV])
+def test_a_bonmin_that_dies_costs_nothing(end: signal.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
+    started = bonmin_module._started
+
+    def killed(*files: Any) -> Any:
+        child = started(*files)
+        child.send_signal(end)
+        return child
+
+    monkeypatch.setattr(bonmin_module, "_started", killed)
+    solution = solve(small())
+    check_no_worse(solution, by_nlp())
+    failed = [r for r in solution.rounds if r.switches]
+    assert failed
+    assert all(r.status == "failed" and end.name in r.message for r in failed)
+    assert end.name in "\n".join(summary_lines(plan(small())))
+
+
+def test_an_answer_that_breaks_the_constraints_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Straight through the post, for less: neither Bonmin's word nor its cost counts."""
+
+    def lies(program: Any, discrete: Any, guess: Any, *_: Any) -> MixedOutcome:
+        wrong = guess.copy()
+        wrong[: len(wrong) // 50] = 0.0
+        return MixedOutcome("solved", wrong, Branching(1, -100.0, -100.0), "success", 0.0)
+
+    monkeypatch.setattr(module, "bonmin", lies)
+    monkeypatch.setattr(
+        module, "improve", lambda problem, controls, truncation, *_: start(problem, controls, truncation)
+    )
+    solution = solve(small())
+    check_no_worse(solution, by_nlp())
+    assert not any(r.kept for r in solution.rounds if r.switches)
+
+
+def test_a_cheaper_plan_of_which_less_is_proven_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    certified = planner._certified
+    seen: list[float] = []
+
+    def doubted(search: Any, attempt: Any) -> Any:
+        attempt, certificate, work = certified(search, attempt)
+        seen.append(attempt.value.cost)
+        return attempt, replace(certificate, proven="undecided") if len(seen) > 1 else certificate, work
+
+    monkeypatch.setattr(planner, "_certified", doubted)
+    solution = solve(small())
+    assert len(seen) > 1
+    assert min(seen[1:]) < seen[0]
+    assert not any(r.kept for r in solution.rounds)
+    check_no_worse(solution, by_nlp())
+
+
+def test_the_time_limit_counts_for_all_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bonmin_module, "OWN_SHARE", 1000.0)
+    problem = options(small().with_(steps=160), time_limit=1.0)
+    solution = solve(problem)
+    assert np.isfinite(solution.controls).all()
+    assert sum(solution.seconds.values()) < 4.0
+    assert solution.status in ("planned", "limit")
+
+
+def test_it_can_be_interrupted_while_bonmin_runs() -> None:
+    seen: list[str] = []
+
+    def progress(phase: str, iteration: Iteration | None) -> bool:
+        if iteration is not None and iteration.bound is not None:
+            seen.append(phase)
+        return bool(seen)
+
+    solution = solve(small(), progress=progress)
+    assert solution.status == "interrupted"
+    assert solution.nlp is not None
+    assert solution.attempt.value.cost <= by_nlp().attempt.value.cost + 1e-9
+    assert solution.attempt.value.keeps(0.0)
