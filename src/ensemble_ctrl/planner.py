@@ -42,7 +42,7 @@ Progress = Callable[[str, Iteration | None], bool]
 
 COARSE_STEPS = 32
 """The coarse grid has at most this many steps, unless a window of the task needs a finer one."""
-COARSE_ROUNDS, FINE_ROUNDS = 1, 1
+COARSE_ROUNDS, FINE_ROUNDS = 3, 1
 CERTIFY_ROUNDS = 3
 FINALISTS = 3
 """Coarse solutions that are refined and certified where every route is tried."""

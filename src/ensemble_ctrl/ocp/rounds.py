@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 
 REACH = 0.15
 """Pairs closer than this share of the map's size are constrained from the start."""
+GAIN = 5e-3
+"""Rounds end when one lowers the cost by less."""
 TIGHT = 1e-6
 """Metres by which a pair may fall short before it counts as violated."""
 
@@ -51,7 +53,7 @@ def improve(
     attempt = start(problem, controls, truncation)
     for _ in range(rounds):
         better = _round(problem, attempt, options, watch)
-        finished = better.status in ("interrupted", "limit") or better.value.cost > attempt.value.cost - 1e-3
+        finished = better.status in ("interrupted", "limit") or better.value.cost > attempt.value.cost - GAIN
         worse = attempt.value.keeps(0.0) and not (better.value.keeps(0.0) and better.value.cost <= attempt.value.cost)
         attempt = _with_work(attempt if worse else better, attempt, better)
         if finished and attempt.value.keeps(0.0):
