@@ -32,6 +32,7 @@ SECTIONS = {
     "": "Experiments of the paper",
     "minlp": "Facets chosen by Bonmin",
     "stl": "Benchmarks of stlpy, for a fleet",
+    "fleets": "Several parameters, uncertain starts, bicycles",
     "laws": "Other laws of the parameter",
 }
 """Folders of `configs/` and their titles, in reading order."""
@@ -39,7 +40,7 @@ INTRO = """\
 # Gallery
 
 Every problem of `configs/`, run as it stands by `python docs/make_gallery.py`. *Certified* is the verdict of the
-[certificate](guarantees.md) for every traction in the range and every instant; *clearance* and *robustness* are the
+[certificate](guarantees.md) for every member of the fleet and every instant; *clearance* and *robustness* are the
 proven bounds in metres, of the obstacles and of the rest of the task. Where a picture has dashed paths, they are
 those of the same fleet with nothing in its way.
 """

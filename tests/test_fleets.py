@@ -10,15 +10,18 @@ import pytest
 
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.config import dump, load, load_text, read
+from ensemble_ctrl.duties import duties
 from ensemble_ctrl.errors import ConfigError
 from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.ocp.truncation import points
 from ensemble_ctrl.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.widest import widest
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "fleets"
-COSTS = {"bicycle": 0.41, "two_tractions": 1.02, "uncertain_start": 0.71, "wide": 3.92}
+COSTS = {"bicycle": 0.41, "cells": 4.10, "two_tractions": 1.02, "uncertain_start": 0.68, "wide": 3.83}
 fleets = pytest.mark.parametrize("name", sorted(COSTS))
 
 
@@ -65,6 +68,17 @@ def test_its_problem_file_is_written_and_read_again(name: str) -> None:
     assert again.fleet.parameters == problem(name).fleet.parameters
     assert again.fleet.system == problem(name).fleet.system
     np.testing.assert_array_equal(again.fleet.input_lower, problem(name).fleet.input_lower)
+
+
+def test_cells_do_what_no_single_line_can() -> None:
+    """At some step of the plan no line has an obstacle on one side and the whole fleet on the other."""
+    asked, found = problem("cells"), solution("cells")
+    truncation = found.attempt.truncation
+    curve = points(asked, found.controls, truncation)
+    whole, own = (separate(curve, duties(asked), asked.duration, parts=parts) for parts in (None, truncation.parts))
+    assert len(truncation.parts) == 4
+    assert whole.gap.min() < -0.05
+    assert own.gap.min() > 0
 
 
 def test_a_wider_start_is_refuted_by_a_member_that_really_collides() -> None:

@@ -81,6 +81,7 @@ MEANING = {
     "solve.margin": "What the program keeps to spare, from obstacles and in the robustness.",
     "solve.routes": "Routes tried on a coarse grid before the best is refined. `all`: see *Routes* below.",
     "solve.max_iterations": "Iterations of one solve.",
+    "solve.cells": "Parts of the first parameter's range with separating lines of their own; for wide fleets.",
     "verify.members": "Members replayed.",
     "verify.substeps": "Looks at the obstacles in each step of the replay.",
     "verify.certificate": "Prove the plan for all parameters and times, and tighten until that succeeds.",

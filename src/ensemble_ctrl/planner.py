@@ -260,7 +260,7 @@ def _windows(formula: Formula) -> list[tuple[float, float]]:
 def _coarse_all(search: _Search, guesses: list[Floats]) -> list[Attempt]:
     """Each seed improved on its own coarse grid at low order; one that could not be solved as it is."""
     problem = search.problem
-    truncation = coarse(problem.fleet, problem.solve.guarantee != "moment")
+    truncation = coarse(problem)
 
     def work(own: _Search, candidate: int) -> Attempt:
         options = own.options(1e-2, 1e-3)

@@ -79,6 +79,9 @@ class SolveOptions:
         without loops (`ensemble_ctrl.ocp.seeds.ALL` at most) and refines the best few.
     max_iterations : int
         Iterations of one solve.
+    cells : int
+        Equal parts of the (first) parameter's range that have separating lines of their own: more rows, and less is
+        asked of a wide fleet, whose members may be on different sides of a line at one time.
     """
 
     method: Method = "nlp"
@@ -88,6 +91,7 @@ class SolveOptions:
     margin: float = 0.01
     routes: Routes = 2
     max_iterations: int = 300
+    cells: int = 1
 
 
 @dataclass(frozen=True)

@@ -111,3 +111,26 @@ def test_fewer_carried_moments_are_the_lowest_ones() -> None:
     assert truncation.count == 4
     lowest = nodes_to_moments(LegendreBasis(8))[:4]
     np.testing.assert_allclose(truncation.to_moments @ truncation.to_points, lowest, atol=1e-13)
+
+
+@pytest.mark.parametrize("degrees", [(3,), (2, 1)])
+@pytest.mark.parametrize("cells", [2, 5])
+def test_members_of_a_cell_are_in_the_hull_of_its_points(degrees: tuple[int, ...], cells: int) -> None:
+    rng = np.random.default_rng(cells)
+    truncation = Truncation(degrees, degrees, True, cells=cells)
+    curve = rng.normal(size=(truncation.count, 2))
+    assert len(truncation.parts) == cells
+    for c, part in enumerate(truncation.parts):
+        s = rng.uniform(-1, 1, (200, len(degrees)))
+        s[:, 0] = -1 + 2 * (c + (s[:, 0] + 1) / 2) / cells
+        members, own = truncation.evaluation(s) @ curve, part @ curve
+        for angle in np.linspace(0, 2 * np.pi, 16):
+            normal = np.array([np.cos(angle), np.sin(angle)])
+            assert (members @ normal).max() <= (own @ normal).max() + 1e-12
+        assert np.ptp(own, axis=0).max() < np.ptp(curve, axis=0).max()
+
+
+def test_cells_of_nodes_share_them_out() -> None:
+    truncation = Truncation((4,), (4,), False, cells=2)
+    assert [part.shape for part in truncation.parts] == [(3, 5), (3, 5)]  # the middle node is in both
+    assert sum(part.sum(axis=0) for part in truncation.parts).tolist() == [1, 1, 2, 1, 1]

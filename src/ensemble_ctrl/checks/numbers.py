@@ -43,6 +43,7 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     if solve.routes != "all":
         yield from _whole(("solve", "routes"), solve.routes, 1, 1000, " (or all)")
     yield from _whole(("solve", "max_iterations"), solve.max_iterations, 1, 1_000_000)
+    yield from _whole(("solve", "cells"), solve.cells, 1, 64)
     yield from _choice(("solve", "method"), solve.method, ("nlp", "minlp"))
     yield from _choice(("solve", "guarantee"), solve.guarantee, ("moment", "nodes", "hull"))
     yield from _whole(("verify", "members"), verify.members, 1, MAX_MEMBERS)

@@ -112,6 +112,7 @@ class Solve(Model):
     margin: f.Margin = SolveOptions.margin
     routes: f.Routes = SolveOptions.routes
     max_iterations: Annotated[int, BeforeValidator(whole(1, 1_000_000))] = SolveOptions.max_iterations
+    cells: Annotated[int, BeforeValidator(whole(1, 64))] = SolveOptions.cells
 
 
 class Verify(Model):

@@ -64,10 +64,12 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     if in_moments:
         average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)
-    parts = [grounded(problem, part) for part in other_parts(problem)]
+    formulas = [grounded(problem, part) for part in other_parts(problem)]
     uniform = all(isinstance(law, Interval) for law in fleet.parameters.values())
     whole = signals if in_moments or uniform else _fleet(problem, controls)
-    worst = min((float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in parts), default=0.0)
+    worst = min(
+        (float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in formulas), default=0.0
+    )
     terminal = 0.0
     if aim.target is not None:
         off = ((spread[:, -1] - aim.target) ** 2).sum(axis=-1)
@@ -75,7 +77,8 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     effort = aim.effort * step * float((controls**2).sum())
     curve = average[:, None] if in_moments else points(problem, controls, truncation)
     shift = np.zeros(2) if in_moments else fleet.shift
-    lines = separate(curve, duties(problem), problem.duration, shift)
+    cells = None if in_moments else truncation.parts
+    lines = separate(curve, duties(problem), problem.duration, shift, cells)
     cost = -aim.robustness * worst + terminal + effort
     return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)))
 

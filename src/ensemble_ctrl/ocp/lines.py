@@ -24,32 +24,57 @@ DIRECTIONS = 72
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """For each pair of a convex piece and a step, the best line found.
+    """For each pair of a convex piece and a step, the best line found, or one for each cell of the fleet.
+
+    A *side* is a piece as seen by one cell; sides are numbered by cell, then piece.
 
     Attributes
     ----------
-    radius : ndarray, shape (pieces,)
+    parts : tuple of ndarray
+        For each cell the matrix from the fleet's points to its own.
+    radius : ndarray, shape (sides,)
         Metres by which each piece grows.
-    active : ndarray of bool, shape (pieces, steps)
+    active : ndarray of bool, shape (sides, steps)
         Whether the piece is to be kept out of during the step.
-    normal : ndarray, shape (pieces, steps, 2)
+    normal : ndarray, shape (sides, steps, 2)
         Unit normals, pointing to the fleet's side.
-    support : ndarray, shape (pieces, steps)
+    support : ndarray, shape (sides, steps)
         Largest ``n . vertex`` of the piece, and of half the box of start positions, metres.
-    gap : ndarray, shape (pieces, steps)
+    gap : ndarray, shape (sides, steps)
         Distance in metres, beyond the radius, between the points of the step and the piece along the normal; negative
         where no line separates them, infinite where the pair is not active.  *Guarantee*: never above the true
         distance between their convex hulls.
     """
 
+    parts: tuple[Floats, ...]
     radius: Floats
     active: NDArray[np.bool_]
     normal: Floats
     support: Floats
     gap: Floats
 
+    @property
+    def cell(self) -> Ints:
+        """The cell of each side, shape (sides,)."""
+        return np.repeat(np.arange(len(self.parts)), len(self.radius) // len(self.parts))
 
-def separate(points: Floats, duties: Sequence[Duty], duration: float, shift: Floats | None = None) -> Lines:
+    def nearest(self, points: Floats) -> Floats:
+        """Smallest ``n . p`` over a cell's points at both ends of each step, (sides, steps), for points as given."""
+        near = np.empty(self.support.shape)
+        for cell, part in enumerate(self.parts):
+            both = _both_ends(part @ points)
+            rows = self.cell == cell
+            near[rows] = np.einsum("tpd,otd->otp", both, self.normal[rows]).min(axis=2, initial=np.inf)
+        return near
+
+
+def separate(
+    points: Floats,
+    duties: Sequence[Duty],
+    duration: float,
+    shift: Floats | None = None,
+    parts: tuple[Floats, ...] | None = None,
+) -> Lines:
     """Best separating lines for every step, points at both its ends together.
 
     Parameters
@@ -62,20 +87,27 @@ def separate(points: Floats, duties: Sequence[Duty], duration: float, shift: Flo
         Seconds from the first point to the last.
     shift : ndarray, shape (2,), optional
         Half the sides of a box of start positions, metres: it lies around every point.
+    parts : tuple of ndarray, optional
+        For each cell of the fleet the matrix from the points to its own; one cell if not given.
     """
     shift = np.zeros(2) if shift is None else shift
+    parts = (np.eye(points.shape[1]),) if parts is None else parts
     steps = len(points) - 1
-    both = np.concatenate([points[:-1], points[1:]], axis=1)
     pieces = [(piece, duty) for duty in duties for piece in duty.pieces]
     if not pieces:
         none = np.zeros((0, steps))
-        return Lines(np.zeros(0), none.astype(bool), np.zeros((0, steps, 2)), none, none)
-    normal, support, gap = (
-        np.stack(part) for part in zip(*(_best(both, piece.vertices, shift) for piece, _ in pieces), strict=True)
-    )
-    radius = np.array([duty.radius for _, duty in pieces])
-    active = np.stack([duty.steps(steps, duration) for _, duty in pieces])
-    return Lines(radius, active, normal, support, np.where(active, gap - radius[:, None], np.inf))
+        return Lines(parts, np.zeros(0), none.astype(bool), np.zeros((0, steps, 2)), none, none)
+    ends = [_both_ends(part @ points) for part in parts]
+    found = [_best(both, piece.vertices, shift) for both in ends for piece, _ in pieces]
+    normal, support, gap = (np.stack(column) for column in zip(*found, strict=True))
+    radius = np.tile([duty.radius for _, duty in pieces], len(parts))
+    active = np.tile([duty.steps(steps, duration) for _, duty in pieces], (len(parts), 1))
+    return Lines(parts, radius, active, normal, support, np.where(active, gap - radius[:, None], np.inf))
+
+
+def _both_ends(points: Floats) -> Floats:
+    """The points at both ends of each step together, shape (steps, 2 * points, 2)."""
+    return np.concatenate([points[:-1], points[1:]], axis=1)
 
 
 def _best(points: Floats, vertices: Floats, shift: Floats) -> tuple[Floats, Floats, Floats]:

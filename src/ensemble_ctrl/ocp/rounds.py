@@ -56,7 +56,7 @@ def improve(
         finished = better.status in ("interrupted", "limit") or better.value.cost > attempt.value.cost - GAIN
         worse = attempt.value.keeps(0.0) and not (better.value.keeps(0.0) and better.value.cost <= attempt.value.cost)
         attempt = _with_work(attempt if worse else better, attempt, better)
-        if finished and attempt.value.keeps(0.0):
+        if (finished and attempt.value.keeps(0.0)) or options.left <= 0:
             break
     return attempt
 
@@ -71,7 +71,7 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
     """One choice of lines: solve, and solve again with the pairs that the solution violates."""
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
-    lines = separate(curve, duties(problem), problem.duration, problem.fleet.shift)
+    lines = separate(curve, duties(problem), problem.duration, problem.fleet.shift, truncation.parts)
     error = tail(problem, guess, truncation)
     in_moments = problem.solve.guarantee == "moment"
     pairs = (lines.gap < REACH * map_size(problem, curve)) & (not in_moments)
@@ -84,7 +84,7 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
         controls = program.controls(outcome.x)
         total = _after(problem, total, program, outcome, controls, built - began, time.perf_counter() - built)
         missing = _violated(problem, lines, points(problem, controls, truncation)) & ~pairs
-        if outcome.status != "solved" or in_moments or not missing.any():
+        if outcome.status != "solved" or in_moments or not missing.any() or options.left <= 0:
             break
         pairs |= _widened(missing)
     return replace(total, pairs=int(pairs.sum()))
@@ -123,10 +123,8 @@ def _with_work(kept: Attempt, before: Attempt, after: Attempt) -> Attempt:
 
 
 def _violated(problem: Problem, lines: Lines, curve: Floats) -> NDArray[np.bool_]:
-    """Pairs whose line the new points cross, shape (pieces, steps)."""
-    both = np.concatenate([curve[:-1], curve[1:]], axis=1)
-    near = np.einsum("tpd,otd->otp", both, lines.normal).min(axis=2, initial=np.inf)
-    short = near - lines.support - lines.radius[:, None] < problem.solve.margin - TIGHT
+    """Pairs whose line the new points cross, shape (sides, steps)."""
+    short = lines.nearest(curve) - lines.support - lines.radius[:, None] < problem.solve.margin - TIGHT
     return np.asarray(short & lines.active)
 
 

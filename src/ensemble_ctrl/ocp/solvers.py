@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -65,6 +66,12 @@ class IpoptOptions:
     tolerance: float = 1e-4
     barrier: float = 1e-3
     log: Path | None = None
+    began: float = field(default_factory=time.perf_counter)
+
+    @property
+    def left(self) -> float:
+        """Seconds of the time limit that are left, counted from when the options were made."""
+        return self.time_limit - (time.perf_counter() - self.began)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +120,7 @@ def _settings(options: IpoptOptions) -> dict[str, object]:
         "print_level": 0,
         "sb": "yes",
         "max_iter": options.max_iterations,
-        "max_wall_time": max(options.time_limit, 1e-3),
+        "max_wall_time": max(options.left, 1e-3),
         "tol": options.tolerance,
         "mu_init": options.barrier,
     }

@@ -33,7 +33,7 @@ from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.lines import Lines
 from ensemble_ctrl.ocp.margins import bulge, curvature, keeping
 from ensemble_ctrl.ocp.moment_form import moment_blocks, region_blocks
-from ensemble_ctrl.ocp.program import Block, Program, assemble
+from ensemble_ctrl.ocp.program import Block, Build, Program, assemble
 from ensemble_ctrl.ocp.switches import Choice, switch_blocks
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation, node_drives, points
@@ -51,7 +51,7 @@ PRICE = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Avoiding:
-    """Separating lines at the guess, and which pairs of a convex piece and a step are constrained by theirs."""
+    """Separating lines at the guess, and which pairs of a side and a step are constrained by theirs."""
 
     lines: Lines
     pairs: Pairs
@@ -159,23 +159,35 @@ def _moving(problem: Problem, truncation: Truncation, layout: Layout, step: floa
 def _avoiding(
     problem: Problem, truncation: Truncation, layout: Layout, slack: Ints, avoiding: Avoiding, tail: float
 ) -> list[Block]:
-    """Every point, at both ends of the step, on the fleet's side of the pair's line, or as far short as the slack."""
+    """Every point of a cell, at both ends of the step, on the free side of the pair's line, or short by the slack."""
     lines = avoiding.lines
-    piece, at = np.nonzero(avoiding.pairs)
-    if not len(piece):
-        return []
-    n, arc = layout.count, curvature(problem, truncation, layout.steps)
-    keep = lines.radius[piece] + keeping(problem, truncation, tail)
+    side, at = np.nonzero(avoiding.pairs)
+    keep = lines.radius[side] + keeping(problem, truncation, tail)
+    data = np.column_stack([lines.normal[side, at], lines.support[side, at] + keep])
+    columns = np.column_stack([layout.controls[at], slack, layout.points[at], layout.points[at + 1]])
+    arc = curvature(problem, truncation, layout.steps)
+    blocks = []
+    for cell, part in enumerate(lines.parts):
+        rows = lines.cell[side] == cell
+        if rows.any():
+            low = np.zeros((int(rows.sum()), 2 * len(part)))
+            build = _on_its_side(problem, arc, part)
+            blocks.append(Block("avoiding", build, columns[rows], data[rows], low, low + np.inf))
+    return blocks
+
+
+def _on_its_side(problem: Problem, arc: float, part: Floats) -> Build:
+    """The rows of one pair, for the points that `part` makes of the fleet's."""
+    image, n = ca.DM(part), part.shape[1]
+    same = part.shape[0] == n and bool((part == np.eye(n)).all())
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
-        ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n :])]
+        along = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n :])]
+        ends = along if same else [ca.mtimes(image, a) for a in along]
         rows: ca.SX = ca.vertcat(*ends) - d[2] - bulge(problem, arc, z[0], z[1]) + z[2]
         return rows
 
-    data = np.column_stack([lines.normal[piece, at], lines.support[piece, at] + keep])
-    columns = np.column_stack([layout.controls[at], slack, layout.points[at], layout.points[at + 1]])
-    low, high = np.zeros((len(at), 2 * n)), np.full((len(at), 2 * n), np.inf)
-    return [Block("avoiding", build, columns, data, low, high)]
+    return build
 
 
 def _switching(choice: Choice, layout: Layout, guess: Floats, lower: Floats, upper: Floats) -> None:

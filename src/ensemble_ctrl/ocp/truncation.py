@@ -17,22 +17,23 @@ and rows pay for them with a constant.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import (
     Interval,
     Law,
     LegendreBasis,
     TensorBasis,
+    bernstein_to_moments,
     change_of_basis,
     inner_products,
     kron,
+    moments_to_bernstein,
 )
 from ensemble_ctrl.problem import MAX_ORDER, Problem
 
@@ -60,12 +61,15 @@ class Truncation:
         True for Bernstein coefficients, whose convex hull contains the curve; False for the Gauss-node robots.
     laws : tuple of Law, optional
         What moments are taken against, one law for each bent parameter; all uniform if not given.
+    cells : int
+        Equal parts of the first bent parameter's range that have separating lines of their own.
     """
 
     orders: tuple[int, ...]
     degrees: tuple[int, ...]
     hull: bool
     laws: tuple[Law, ...] | None = None
+    cells: int = 1
 
     @cached_property
     def collocation(self) -> TensorBasis:
@@ -92,6 +96,23 @@ class Truncation:
     def count(self) -> int:
         """How many points represent the curve."""
         return len(self.to_points)
+
+    @cached_property
+    def parts(self) -> tuple[Floats, ...]:
+        """For each cell the matrix from points to the points of its members alone, shape (points of the cell, points).
+
+        Bernstein coefficients on the cell for hulls, the Gauss-node robots in it otherwise.
+        """
+        if self.cells == 1 or not self.orders:
+            return (np.eye(self.count),)
+        ends = list(pairwise(np.linspace(-1.0, 1.0, self.cells + 1).tolist()))
+        if not self.hull:
+            at = self.nodes[:, 0]
+            inside = [np.flatnonzero((at >= a - 1e-12) & (at <= b + 1e-12)) for a, b in ends]
+            return tuple(np.eye(self.count)[rows] for rows in inside if len(rows))
+        first, rest = LegendreBasis(self.degrees[0]), np.eye(self.count // (self.degrees[0] + 1))
+        back = bernstein_to_moments(first)
+        return tuple(np.asarray(np.kron(moments_to_bernstein(first, a, b) @ back, rest)) for a, b in ends)
 
     @cached_property
     def to_moments(self) -> Floats:
@@ -180,28 +201,28 @@ def choose(problem: Problem, controls: Floats) -> Truncation:
     hull, laws = problem.solve.guarantee == "hull", problem.fleet.bent_laws
     bent = len(laws)
     if not hull and problem.order is not None:
-        return plain((problem.order,) * bent, hull, laws)
+        return plain((problem.order,) * bent, hull, laws, problem.solve.cells)
     degrees = _degrees(problem, controls, hull, problem.order or MAX_ORDER)
     orders = degrees if problem.order is None else (problem.order,) * bent
-    return Truncation(orders, degrees, hull, laws)
+    return Truncation(orders, degrees, hull, laws, problem.solve.cells)
 
 
-def plain(orders: tuple[int, ...], hull: bool, laws: tuple[Law, ...] | None = None) -> Truncation:
+def plain(orders: tuple[int, ...], hull: bool, laws: tuple[Law, ...] | None = None, cells: int = 1) -> Truncation:
     """A truncation that carries all its moments."""
-    return Truncation(orders, orders, hull, laws)
+    return Truncation(orders, orders, hull, laws, cells)
 
 
-def coarse(fleet: Fleet, hull: bool) -> Truncation:
+def coarse(problem: Problem) -> Truncation:
     """A low truncation for first solves: parabolas, or straight lines where there are many parameters."""
-    bent = len(fleet.bent)
-    return plain((2 if bent < 3 else 1,) * bent, hull, fleet.bent_laws)
+    laws, hull = problem.fleet.bent_laws, problem.solve.guarantee != "moment"
+    return plain((2 if len(laws) < 3 else 1,) * len(laws), hull, laws, problem.solve.cells)
 
 
 def raised(truncation: Truncation) -> Truncation:
     """The same truncation with one more moment carried in each parameter."""
     degrees = tuple(min(degree + 1, MAX_ORDER) for degree in truncation.degrees)
     orders = tuple(max(pair) for pair in zip(truncation.orders, degrees, strict=True))
-    return Truncation(orders, degrees if truncation.hull else orders, truncation.hull, truncation.laws)
+    return replace(truncation, orders=orders, degrees=degrees if truncation.hull else orders)
 
 
 def _degrees(problem: Problem, controls: Floats, hull: bool, ceiling: int) -> tuple[int, ...]:
