@@ -177,7 +177,7 @@ def test_the_draw_is_reproducible_and_has_the_ends_first() -> None:
     first, again, other = (replay(problem, controls, members=50, seed=s).parameters for s in (3, 3, 4))
     np.testing.assert_array_equal(first, again)
     assert (first[2:] != other[2:]).all()
-    np.testing.assert_array_equal(first[:2], [0.9, 1.1])
+    np.testing.assert_array_equal(first[:2, 0], [0.9, 1.1])
     assert ((first >= 0.9) & (first <= 1.1)).all()
     by_default = replay(problem, controls, members=50)
     np.testing.assert_array_equal(by_default.parameters, replay(problem, controls, members=50, seed=0).parameters)
