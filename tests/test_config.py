@@ -104,8 +104,8 @@ def test_the_example() -> None:
     assert problem.obstacles["o2"][0].vertices.min(axis=0).tolist() == [3.6, 0.2]
     assert problem.regions["goal"].upper.tolist() == [7.0, 6.0]
     assert problem.task == parse("F[14, 16] in(goal) and G[0, 16] avoid(obstacles)")
-    assert problem.objective.target is not None
-    assert (problem.objective.target.tolist(), problem.objective.terminal) == ([6.5, 5.5], 10.0)
+    assert problem.objective.place is not None
+    assert (problem.objective.place.tolist(), problem.objective.terminal) == ([6.5, 5.5], 10.0)
     assert config.read(FIVE).warnings == ()
 
 

@@ -91,8 +91,8 @@ def test_the_box_of_the_paper() -> None:
     box = problem("box")
     assert (box.duration, box.steps, box.order, str(box.task)) == (2.0, 200, 4, "G in(room)")
     assert box.fleet.position.tolist() == [0, 0]
-    assert box.objective.target is not None
-    assert box.objective.target.tolist() == [3, 2]
+    assert box.objective.place is not None
+    assert box.objective.place.tolist() == [3, 2]
 
 
 def test_the_polyhedron_of_the_paper() -> None:

@@ -162,6 +162,18 @@ class Fleet:
         return np.asarray(half @ np.abs(self.directions[:, 3:]))
 
     @cached_property
+    def shift_covariance(self) -> Floats:
+        """Covariance of the start positions, shape (2, 2), square metres: no control can change it."""
+        total = np.zeros((2, 2))
+        for direction, law in zip(self.directions, self.parameters.values(), strict=True):
+            if not direction[:3].any():
+                s, weights = law.rule(2)
+                psi = law.to_parameter(s)
+                variance = float(weights @ psi**2 / 2 - (weights @ psi / 2) ** 2)
+                total += variance * np.outer(direction[3:], direction[3:])
+        return total
+
+    @cached_property
     def fastest(self) -> tuple[float, float]:
         """Largest linear and angular factor of any member."""
         corners = self.drives(self.corners)

@@ -14,6 +14,7 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet, frozen
+from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target
 
 Floats = NDArray[np.float64]
 Guarantee = Literal["moment", "nodes", "hull"]
@@ -34,25 +35,39 @@ class Objective:
     ----------
     robustness : float
         Weight of the task's robustness, per metre.
-    target : array_like of shape (2,), optional
-        Desired final position in metres; without it there is no terminal term.
+    target : array_like of shape (2,), Formation, MomentTarget or SpreadTarget, optional
+        Where the fleet should end: at one place (metres), each member at its own, or with given moments, or mean and
+        covariance (`ensemble_ctrl.target`); without it there is no terminal term.
     terminal : float
-        Weight of the terminal moment error, per square metre.
+        Weight of the terminal error, per square metre.
     effort : float
         Weight of the control effort.
     """
 
     robustness: float = 1.0
-    target: Floats | None = None
+    target: Floats | Target | None = None
     terminal: float = 10.0
     effort: float = 0.1
 
     def __post_init__(self) -> None:
-        if self.target is not None:
+        if self.target is not None and not isinstance(self.target, Formation | MomentTarget | SpreadTarget):
             object.__setattr__(self, "target", frozen(self.target, (2,), "objective.terminal.target"))
         weights = [self.robustness, self.terminal, self.effort]
         if not np.isfinite(weights).all() or min(weights) < 0:
             raise ProblemError(f"objective: expected finite weights >= 0, got {weights}")
+
+    @property
+    def place(self) -> Floats | None:
+        """Where the middle of the fleet should end, shape (2,), metres."""
+        if isinstance(self.target, Formation | MomentTarget | SpreadTarget):
+            return self.target.middle
+        return self.target
+
+    def places(self, fleet: Fleet, members: Floats) -> Floats:
+        """Where each member should end, shape (members, 2), metres: for targets without places, at `place`."""
+        if isinstance(self.target, Formation):
+            return self.target.at(members[:, fleet.names.index(self.target.parameter)])
+        return np.broadcast_to(np.asarray(self.place), (len(members), 2))
 
 
 @dataclass(frozen=True)

@@ -102,8 +102,8 @@ def test_the_terminal_cost_is_the_mean_over_the_law(name: str) -> None:
     problem, controls = under(LAWS[name]), planned(name).controls
     value = evaluate(problem, controls, choose(problem, controls))
     members = LAWS[name].sample(20_000, seed=3)[:, None]
-    assert problem.objective.target is not None
-    off = positions(problem, controls, members)[:, -1] - problem.objective.target
+    assert problem.objective.place is not None
+    off = positions(problem, controls, members)[:, -1] - problem.objective.place
     each = 2 * problem.objective.terminal * (off**2).sum(axis=-1)
     assert value.terminal == pytest.approx(each.mean(), abs=5 * each.std() / np.sqrt(len(each)))
 

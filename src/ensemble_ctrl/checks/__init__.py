@@ -19,6 +19,7 @@ from ensemble_ctrl.checks.numbers import (
 )
 from ensemble_ctrl.checks.places import area_findings, start_findings
 from ensemble_ctrl.checks.reach import reach_findings
+from ensemble_ctrl.checks.target import target_findings
 from ensemble_ctrl.checks.task import STATES, task_findings, unused_findings
 from ensemble_ctrl.errors import ProblemError
 
@@ -72,7 +73,7 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
     *Guarantee*: every error is certain: no plan can satisfy the task and keep clear of the obstacles (at all
     times, whether or not the task mentions them). The converse does not hold.
     """
-    numbers = (*number_findings(problem), *name_findings(problem))
+    numbers = (*number_findings(problem), *name_findings(problem), *target_findings(problem))
     if numbers:
         return numbers
     checks = (area_findings, task_findings, start_findings, reach_findings, unused_findings)

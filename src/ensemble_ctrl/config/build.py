@@ -76,4 +76,5 @@ def _objective(section: ObjectiveSection) -> Objective:
     terminal = section.terminal
     if terminal is None:
         return Objective(robustness=section.robustness, effort=section.effort)
-    return Objective(section.robustness, np.array(terminal.target), terminal.weight, section.effort)
+    target = np.array(terminal.target) if isinstance(terminal.target, tuple) else terminal.target
+    return Objective(section.robustness, target, terminal.weight, section.effort)

@@ -10,6 +10,7 @@ import yaml
 from numpy.typing import NDArray
 
 from ensemble_ctrl.config.laws import law_data
+from ensemble_ctrl.config.targets import target_data
 from ensemble_ctrl.config.tree import SCALARS
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Predicate
@@ -89,7 +90,7 @@ def _objective(objective: Objective) -> Data:
     """The section on the objective."""
     data: Data = {"robustness": float(objective.robustness), "effort": float(objective.effort)}
     if objective.target is not None:
-        data["terminal"] = {"target": objective.target.tolist(), "weight": float(objective.terminal)}
+        data["terminal"] = {"target": target_data(objective.target), "weight": float(objective.terminal)}
     return data
 
 

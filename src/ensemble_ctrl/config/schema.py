@@ -11,6 +11,7 @@ from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.laws import LawSection, OffsetSection, TurnSection
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
+from ensemble_ctrl.config.targets import Terminal as TerminalTarget
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.problem import Guarantee, Method, Objective, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.systems import SYSTEMS, Bicycle
@@ -90,7 +91,7 @@ class Moments(Model):
 class Terminal(Model):
     """Where the fleet should end."""
 
-    target: f.Point
+    target: TerminalTarget
     weight: f.Weight = Objective.terminal
 
 

@@ -11,6 +11,7 @@ from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, r
 from ensemble_ctrl.duties import duties, grounded, other_parts
 from ensemble_ctrl.moments import Interval, LegendreBasis, TensorBasis, tensor_rule
 from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Truncation, points, positions
 from ensemble_ctrl.problem import Problem
 
@@ -55,13 +56,13 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     order = QUADRATURE.get(bent, 2)
     basis = TensorBasis((LegendreBasis(order),) * bent)
     inner = positions(problem, controls, fleet.bent_members(basis.nodes))
-    nodes, weights = tensor_rule(fleet.bent_laws, order + 1)
-    spread = positions(problem, controls, fleet.bent_members(nodes))
     shifts = fleet.shift * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]] if fleet.shift.any() else [[0, 0]])
     paths = np.concatenate([positions(problem, controls, fleet.corners), *(inner + shift for shift in shifts)])
     signals, ops = StateSignals(paths, ("x", "y"), step), ExactOps()
     in_moments = problem.solve.guarantee == "moment"
     if in_moments:
+        nodes, weights = tensor_rule(fleet.bent_laws, order + 1)
+        spread = positions(problem, controls, fleet.bent_members(nodes))
         average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)
     formulas = [grounded(problem, part) for part in other_parts(problem)]
@@ -70,10 +71,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     worst = min(
         (float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in formulas), default=0.0
     )
-    terminal = 0.0
-    if aim.target is not None:
-        off = ((spread[:, -1] - aim.target) ** 2).sum(axis=-1)
-        terminal = aim.terminal * float(weights @ off)
+    terminal = terminal_cost(problem, controls, order)
     effort = aim.effort * step * float((controls**2).sum())
     curve = average[:, None] if in_moments else points(problem, controls, truncation)
     shift = np.zeros(2) if in_moments else fleet.shift

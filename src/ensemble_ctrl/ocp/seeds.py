@@ -117,7 +117,7 @@ class _Trips:
             goal = _place_in(self.problem, skeleton.visits[index], place)
             legs.append(self._leg(place, goal, closed, skeleton.corridor))
             place = goal
-        target = self.problem.objective.target
+        target = self.problem.objective.place
         if target is not None and np.linalg.norm(place - target) > 1e-6:
             closed = frozenset(door.name for door in skeleton.doors if door.until not in order)
             legs.append(self._leg(place, target, closed, skeleton.corridor))
@@ -194,7 +194,7 @@ def _name(problem: Problem, trip: _Trip) -> str:
 
 def _place_in(problem: Problem, visit: Visit, come_from: Floats) -> Floats:
     """Where in a region to go: the terminal target if it is there, else its middle, or for half-planes the way in."""
-    target = problem.objective.target
+    target = problem.objective.place
     if target is not None and bool(visit.region.contains(target)):
         return np.asarray(target)
     if visit.region.is_bounded:

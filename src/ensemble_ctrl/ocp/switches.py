@@ -200,7 +200,7 @@ def workspace(problem: Problem, curve: Floats) -> Workspace:
     fleet = problem.fleet
     corners = [fleet.start[None], curve.reshape(-1, 2), *(p.vertices for d in duties(problem) for p in d.pieces)]
     corners += [r.vertices for r in problem.regions.values() if r.is_bounded and not r.is_empty]
-    corners += [] if problem.objective.target is None else [problem.objective.target[None]]
+    corners += [] if problem.objective.place is None else [problem.objective.place[None]]
     every = np.concatenate(corners)
     low, high = every.min(axis=0), every.max(axis=0)
     spare = ROOM * float((high - low).max()) + fleet.radius + problem.solve.margin

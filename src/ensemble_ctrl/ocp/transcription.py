@@ -36,6 +36,7 @@ from ensemble_ctrl.ocp.moment_form import moment_blocks, region_blocks
 from ensemble_ctrl.ocp.program import Block, Build, Program, assemble
 from ensemble_ctrl.ocp.switches import Choice, switch_blocks
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
+from ensemble_ctrl.ocp.terminal import terminal_blocks
 from ensemble_ctrl.ocp.truncation import Truncation, node_drives, points
 from ensemble_ctrl.problem import Problem
 
@@ -207,7 +208,7 @@ def _satisfying(level: int, slack: int, margin: float) -> Block:
 
 def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int) -> list[Block]:
     """Robustness, terminal moment error, effort, the price of slack, and the pull on idle levels."""
-    aim, n, step = problem.objective, layout.count, problem.duration / layout.steps
+    aim, step = problem.objective, problem.duration / layout.steps
     none = np.zeros((1, 0))
 
     def effort(z: ca.SX, d: ca.SX) -> ca.SX:
@@ -231,17 +232,7 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int)
 
     if other_parts(problem):
         terms.append(Block("robustness", reward, levels[None, :], none, none, none))
-    if aim.target is not None:
-        target = aim.target
-        weight = ca.DM(truncation.square)
-
-        def terminal(z: ca.SX, d: ca.SX) -> ca.SX:
-            off = [z[:n] - target[0], z[n:] - target[1]]
-            x: ca.SX = ca.bilin(weight, off[0], off[0])
-            y: ca.SX = ca.bilin(weight, off[1], off[1])
-            return aim.terminal * (x + y)
-
-        terms.append(Block("terminal", terminal, layout.points[-1:], none, none, none))
+    terms += terminal_blocks(problem, truncation, layout)
     return terms
 
 

@@ -36,6 +36,7 @@ from ensemble_ctrl.moments import (
     moments_to_bernstein,
 )
 from ensemble_ctrl.problem import MAX_ORDER, Problem
+from ensemble_ctrl.target import MomentTarget
 
 Floats = NDArray[np.float64]
 
@@ -215,7 +216,9 @@ def plain(orders: tuple[int, ...], hull: bool, laws: tuple[Law, ...] | None = No
 def coarse(problem: Problem) -> Truncation:
     """A low truncation for first solves: parabolas, or straight lines where there are many parameters."""
     laws, hull = problem.fleet.bent_laws, problem.solve.guarantee != "moment"
-    return plain((2 if len(laws) < 3 else 1,) * len(laws), hull, laws, problem.solve.cells)
+    target = problem.objective.target
+    least = len(target.moments) - 1 if isinstance(target, MomentTarget) else 0
+    return plain((max(2 if len(laws) < 3 else 1, least),) * len(laws), hull, laws, problem.solve.cells)
 
 
 def raised(truncation: Truncation) -> Truncation:
@@ -227,7 +230,9 @@ def raised(truncation: Truncation) -> Truncation:
 
 def _degrees(problem: Problem, controls: Floats, hull: bool, ceiling: int) -> tuple[int, ...]:
     """The lowest degrees whose tail is small enough."""
-    degrees = (min(1, ceiling),) * len(problem.fleet.bent)
+    target = problem.objective.target
+    least = max(1, len(target.moments) - 1) if isinstance(target, MomentTarget) else 1
+    degrees = (min(least, ceiling),) * len(problem.fleet.bent)
     error = tail(problem, controls, plain(degrees, hull))
     while error >= TAIL_TOLERANCE and min(degrees, default=ceiling) < ceiling:
         tried = [(tail(problem, controls, plain(d, hull)), d) for d in _one_more(degrees, ceiling)]

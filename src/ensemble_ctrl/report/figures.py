@@ -13,6 +13,7 @@ from ensemble_ctrl.drawing import outlines
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.text import ranges_text
+from ensemble_ctrl.target import Formation, SpreadTarget
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,6 +54,7 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
         top = (corners[:, 0].mean(), corners[:, 1].max())
         ax.annotate(name, top, (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
     _draw_start(problem, ax)
+    _draw_target(problem, ax)
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     ax.margins(0.08)
     return ax
@@ -66,6 +68,20 @@ def _draw_start(problem: Problem, ax: Axes) -> None:
     ax.plot(x, y, marker=marker, color="black", markersize=9, zorder=5, linestyle="none")
     behind = (-17 * np.cos(fleet.heading), -17 * np.sin(fleet.heading))
     ax.annotate("start", (x, y), behind, textcoords="offset points", fontsize=8, ha="center", va="center")
+
+
+def _draw_target(problem: Problem, ax: Axes) -> None:
+    """The places of a formation as a line, mean and covariance as the ellipse of one standard deviation."""
+    target = problem.objective.target
+    style: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": ":", "zorder": 4.5}
+    if isinstance(target, Formation):
+        ax.plot(target.places[:, 0], target.places[:, 1], marker="x", markersize=5, **style)
+    elif isinstance(target, SpreadTarget):
+        values, vectors = np.linalg.eigh(target.covariance)
+        turn = np.linspace(0, 2 * np.pi, 65)
+        round_ = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.sqrt(np.maximum(values, 0.0))
+        ellipse = target.mean + round_ @ vectors.T
+        ax.plot(ellipse[:, 0], ellipse[:, 1], **style)
 
 
 def draw_trajectories(

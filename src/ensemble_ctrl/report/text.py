@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -82,6 +82,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     rows += proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
+    rows += [("arrival", text) for text in _arrival(d.get("arrival", {}))]
     if "minlp" in d:
         rows += _mixed(d["minlp"])
     if d.keys() >= {"seconds", "routes", "iterations", "build_seconds"}:
@@ -198,6 +199,19 @@ def _mixed(m: dict[str, Any]) -> list[tuple[str, str]]:
     lead = f"Bonmin's gap: {', '.join(gaps)}; it" if gaps else "This"
     rows.append(("", f"{lead} is no proof of optimality: the problem is not convex, and only nearby facets were tried"))
     return rows
+
+
+def _arrival(found: dict[str, Any]) -> Iterator[str]:
+    """How close the fleet comes to its target."""
+    if "rms" in found:
+        yield f"{found['rms']:.4f} m RMS from the target, {found['largest']:.4f} m at most"
+    elif "distance" in found:
+        x, y = found["mean"]
+        sx, sy = (found["covariance"][k][k] ** 0.5 for k in (0, 1))
+        spread = f"mean ({x:.3f}, {y:.3f}), deviation {sx:.3f} m by {sy:.3f} m"
+        yield f"{spread}; {found['distance']:.4f} m from the target law"
+    elif "moments" in found:
+        yield "moments " + ", ".join(f"({x:.4f}, {y:.4f})" for x, y in found["moments"])
 
 
 def _work(d: dict[str, Any]) -> str:

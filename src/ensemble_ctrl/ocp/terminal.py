@@ -1,0 +1,139 @@
+r"""The price of where the fleet ends, in the program and exactly.
+
+With the fleet's final positions :math:`p(q)` and :math:`E` the mean over the parameters' laws, the terminal term is
+``objective.terminal`` times
+
+- :math:`2\,E|p - r|^2` for one place r, or a place r(q) for each member (`Formation`): the paper's ``|m(T) - m_F|^2``;
+- :math:`\sum_k w_k |m_k(T) - m_{F,k}|^2` for some moments (`MomentTarget`);
+- :math:`2\,W_2^2` for a mean and a covariance (`SpreadTarget`), twice the squared Wasserstein distance between normal
+  laws: :math:`W_2^2 = |\mu - \mu_F|^2 + \mathrm{tr}\, C + \mathrm{tr}\, C_F - 2\, \mathrm{tr}\sqrt A` with
+  :math:`A = C_F^{1/2} C\, C_F^{1/2}`; in two dimensions
+  :math:`\mathrm{tr}\sqrt A = \sqrt{\mathrm{tr} A + 2\sqrt{\det A}}`.
+
+Start positions that differ shift all of this by a constant, which is left out but for the covariance, where it belongs.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.moments import tensor_rule
+from ensemble_ctrl.ocp.layout import Layout
+from ensemble_ctrl.ocp.program import Block
+from ensemble_ctrl.ocp.truncation import Truncation, positions
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, wasserstein
+
+Floats = NDArray[np.float64]
+
+ROUND = 1e-6
+"""Added to a determinant (m^4) under a square root, which has no slope at zero."""
+FINE = 24
+"""Order of the rule with which a formation is projected on the moments carried."""
+
+
+def terminal_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+    """The terminal term of the program; none without a target."""
+    aim = problem.objective
+    if aim.target is None:
+        return []
+    match aim.target:
+        case MomentTarget() as target:
+            price = _moments_price(target, truncation)
+        case SpreadTarget() as target:
+            price = _spread_price(target, truncation, problem.fleet.shift_covariance)
+        case _:
+            price = _places_price(_places(problem, truncation), truncation)
+    n = layout.count
+
+    def terminal(z: ca.SX, d: ca.SX) -> ca.SX:
+        cost: ca.SX = aim.terminal * price(z[:n], z[n:])
+        return cost
+
+    none = np.zeros((1, 0))
+    return [Block("terminal", terminal, layout.points[-1:], none, none, none)]
+
+
+def terminal_cost(problem: Problem, controls: Floats, order: int) -> float:
+    """The terminal term under `controls`, exactly but for a Gauss rule of this order over the parameters."""
+    aim, fleet = problem.objective, problem.fleet
+    if aim.target is None:
+        return 0.0
+    nodes, weights = tensor_rule(fleet.bent_laws, order + 1)
+    members = fleet.bent_members(nodes)
+    final = positions(problem, controls, members)[:, -1]
+    match aim.target:
+        case MomentTarget() as target:
+            basis = fleet.bent_laws[0].basis(len(target.moments) - 1)
+            off = (weights[:, None] * basis.evaluate(nodes[:, 0])).T @ final - target.moments
+            cost = float(target.weights @ (off**2).sum(axis=1))
+        case SpreadTarget() as target:
+            mean = weights @ final / 2
+            spread = (weights[:, None] / 2 * (final - mean)).T @ (final - mean) + fleet.shift_covariance
+            cost = 2 * wasserstein(mean, spread, target)
+        case _:
+            cost = float(weights @ ((final - aim.places(fleet, members)) ** 2).sum(axis=1))
+    return aim.terminal * cost
+
+
+def _places(problem: Problem, truncation: Truncation) -> Floats:
+    """The points whose curve is closest to the places wanted, under the laws, shape (points, 2)."""
+    if not isinstance(problem.objective.target, Formation):
+        return np.tile(np.asarray(problem.objective.place), (truncation.count, 1))
+    nodes, weights = tensor_rule(problem.fleet.bent_laws, FINE)
+    root = np.sqrt(weights)[:, None]
+    fleet = problem.fleet
+    wanted = problem.objective.places(fleet, fleet.bent_members(nodes))
+    return np.asarray(np.linalg.lstsq(root * truncation.evaluation(nodes), root * wanted, rcond=None)[0])
+
+
+def _places_price(wanted: Floats, truncation: Truncation) -> Any:
+    """Twice the mean square distance from places, which are points too."""
+    weight, at = ca.DM(truncation.square), ca.DM(wanted)
+
+    def price(x: ca.SX, y: ca.SX) -> ca.SX:
+        off = [x - at[:, 0], y - at[:, 1]]
+        cost: ca.SX = ca.bilin(weight, off[0], off[0]) + ca.bilin(weight, off[1], off[1])
+        return cost
+
+    return price
+
+
+def _moments_price(target: MomentTarget, truncation: Truncation) -> Any:
+    """Weighted squares of the errors of some moments."""
+    count = len(target.moments)
+    image, wanted, weights = (
+        ca.DM(truncation.to_moments[:count]),
+        ca.DM(target.moments),
+        ca.DM(np.asarray(target.weights)),
+    )
+
+    def price(x: ca.SX, y: ca.SX) -> ca.SX:
+        off = [ca.mtimes(image, x) - wanted[:, 0], ca.mtimes(image, y) - wanted[:, 1]]
+        cost: ca.SX = ca.dot(weights, off[0] ** 2 + off[1] ** 2)
+        return cost
+
+    return price
+
+
+def _spread_price(target: SpreadTarget, truncation: Truncation, start: Floats) -> Any:
+    """Twice the squared Wasserstein distance."""
+    average, square, F = ca.DM(truncation.mean), ca.DM(truncation.square / 2), target.covariance
+    det_f = max(float(np.linalg.det(F)), 0.0)
+
+    def price(x: ca.SX, y: ca.SX) -> ca.SX:
+        mean = [ca.dot(average, x), ca.dot(average, y)]
+        xx = ca.bilin(square, x, x) - mean[0] ** 2 + start[0, 0]
+        yy = ca.bilin(square, y, y) - mean[1] ** 2 + start[1, 1]
+        xy = ca.bilin(square, x, y) - mean[0] * mean[1] + start[0, 1]
+        both = F[0, 0] * xx + 2 * F[0, 1] * xy + F[1, 1] * yy
+        inner = both + 2 * ca.sqrt(det_f * (xx * yy - xy**2) + ROUND**2)
+        off = (mean[0] - target.mean[0]) ** 2 + (mean[1] - target.mean[1]) ** 2
+        cost: ca.SX = 2 * (off + xx + yy + float(np.trace(F)) - 2 * ca.sqrt(inner + ROUND))
+        return cost
+
+    return price
