@@ -71,7 +71,7 @@ MEANING = {
     "obstacles.<name>": "A named area to keep out of, one shape or a list of shapes; see *Areas* below.",
     "task": "What every member has to do; see [the task language](task_language.md).",
     "objective.robustness": "Reward for each metre of the task's robustness.",
-    "objective.terminal.target": "Where the fleet should end; without it there is no terminal term.",
+    "objective.terminal.target": "Where the fleet should end; see [targets](targets.md). Without it there is no terminal term.",
     "objective.terminal.weight": "Price of the squared terminal moment error, per m².",
     "objective.effort": "Price of the integral of the squared commands.",
     "solve.method": "`nlp`: nonlinear program, IPOPT.",

@@ -22,15 +22,18 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
     from ensemble_ctrl.replay import Replay
     from ensemble_ctrl.systems import Bicycle, Unicycle
+    from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget
     from ensemble_ctrl.twin import unconstrained
 
 _HOMES = {
     "Bicycle": "systems",
     "Fleet": "fleet",
+    "Formation": "target",
     "Beta": "moments",
     "Interval": "moments",
     "LegendreBasis": "moments",
     "Mixture": "moments",
+    "MomentTarget": "target",
     "Objective": "problem",
     "Obstacle": "constraints",
     "Plan": "api",
@@ -40,6 +43,7 @@ _HOMES = {
     "ReportOptions": "problem",
     "Samples": "moments",
     "SolveOptions": "problem",
+    "SpreadTarget": "target",
     "TruncatedNormal": "moments",
     "Unicycle": "systems",
     "VerifyOptions": "problem",
@@ -56,9 +60,11 @@ __all__ = [
     "ConfigError",
     "EnsembleError",
     "Fleet",
+    "Formation",
     "Interval",
     "LegendreBasis",
     "Mixture",
+    "MomentTarget",
     "Objective",
     "Obstacle",
     "Plan",
@@ -70,6 +76,7 @@ __all__ = [
     "Samples",
     "SolveError",
     "SolveOptions",
+    "SpreadTarget",
     "TruncatedNormal",
     "Unicycle",
     "UnsupportedError",
