@@ -18,7 +18,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
     for layer in (
         "errors _version",
         "moments systems",
-        "constraints fleet target",
+        "constraints fleet motion target",
         "problem checks drawing",
         "duties",
         "ocp",

@@ -34,8 +34,8 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
     -------
     dict
         Empty without a target. For places ``rms`` and ``largest``, metres; for mean and covariance these of the fleet
-        and ``distance``, the Wasserstein distance of normal laws in metres; for moments ``moments``, the fleet's. Means are
-        exact up to the rule; the largest distance is that of about 2,000 members.
+        and ``distance``, the Wasserstein distance of normal laws in metres; for moments ``moments``, the fleet's. Means
+        are exact up to the rule; the largest distance is that of about 2,000 members.
     """
     fleet, target = problem.fleet, problem.objective.target
     if target is None:

@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, Not, ground, resolve
+from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
 
 ALL = "obstacles"
 """The name that stands for every obstacle."""
@@ -34,6 +37,8 @@ class Duty:
         Metres by which it grows: the robot's radius for ``avoid``, none for ``not in``.
     begin, end : float
         Seconds.
+    motion : Motion or None
+        How it moves from where its pieces are.
     """
 
     name: str
@@ -41,6 +46,15 @@ class Duty:
     radius: float
     begin: float
     end: float
+    motion: Motion | None = None
+
+    def offsets(self, times: Floats) -> Floats:
+        """Its displacement at some times, shape (times, 2), metres."""
+        return np.zeros((len(times), 2)) if self.motion is None else self.motion.at(times)
+
+    def bends(self, times: Floats) -> Floats:
+        """How far it leaves a straight line between successive times, shape (times - 1,), metres."""
+        return np.zeros(len(times) - 1) if self.motion is None else self.motion.bend(times[:-1], times[1:])
 
     def steps(self, steps: int, duration: float) -> NDArray[np.bool_]:
         """Which of `steps` equal steps overlap the window, shape (steps,)."""
@@ -100,7 +114,7 @@ def _duties(problem: Problem, part: Formula) -> Iterator[Duty]:
         if isinstance(leaf, Avoid):
             names = list(problem.obstacles) if leaf.name == ALL and ALL not in problem.obstacles else [leaf.name]
             for name in names:
-                yield Duty(name, named_pieces(problem, name), problem.fleet.radius, *window)
+                yield Duty(name, named_pieces(problem, name), problem.fleet.radius, *window, problem.motions.get(name))
         elif isinstance(leaf, Not) and isinstance(leaf.child, Inside):
             yield Duty(leaf.child.name, named_pieces(problem, leaf.child.name), 0.0, *window)
 

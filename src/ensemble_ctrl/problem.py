@@ -14,6 +14,7 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet, frozen
+from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target
 
 Floats = NDArray[np.float64]
@@ -161,6 +162,8 @@ class Problem:
         Named areas the task speaks of.
     obstacles : mapping of str to tuple of Obstacle
         Named obstacles, each a union of convex pieces.
+    motions : mapping of str to Motion
+        How some of the obstacles move from where they are drawn.
     objective : Objective
         What to trade off.
     order : int or None
@@ -185,6 +188,7 @@ class Problem:
     task: Formula
     regions: Mapping[str, Polyhedron] = field(default_factory=dict)
     obstacles: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
+    motions: Mapping[str, Motion] = field(default_factory=dict)
     objective: Objective = field(default_factory=Objective)
     order: int | None = None
     solve: SolveOptions = field(default_factory=SolveOptions)
@@ -196,6 +200,7 @@ class Problem:
 
         object.__setattr__(self, "regions", MappingProxyType(dict(self.regions)))
         object.__setattr__(self, "obstacles", MappingProxyType(dict(self.obstacles)))
+        object.__setattr__(self, "motions", MappingProxyType(dict(self.motions)))
         require_sound(self)
 
     @property

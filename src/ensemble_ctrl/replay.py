@@ -212,7 +212,7 @@ def _run(
     found = []
     for o, duty in enumerate(kept):
         when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
-        closest, at = _approach(paths, box, when, duty)
+        closest, at = _approach(paths, box, times, when, duty)
         member = int(closest.argmin())
         found.append((float(closest[member]), float(times[at[member]]), problem.fleet.named(parameters[member])))
         inside[o] = closest < 0
@@ -230,7 +230,7 @@ def _robustness(problem: Problem, paths: Floats) -> Floats:
 
 
 def _approach(
-    paths: Floats, box: tuple[Floats, Floats], when: NDArray[np.int64], duty: Duty
+    paths: Floats, box: tuple[Floats, Floats], times: Floats, when: NDArray[np.int64], duty: Duty
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Each member's smallest distance from a duty's pieces, and the time index of it.
 
@@ -238,13 +238,14 @@ def _approach(
     smallest distance so far, or overlaps.
     """
     closest, at = np.full(len(paths), np.inf), np.zeros(len(paths), dtype=np.int64)
-    members = np.arange(len(paths))
+    members, moved = np.arange(len(paths)), duty.offsets(times)
     for piece in duty.pieces:
-        bound = _box_distance(box[0][when], box[1][when], piece) - duty.radius
+        bound = _box_distance(box[0][when] - moved[when], box[1][when] - moved[when], piece) - duty.radius
         for group in _nearest_first(bound):
             if bound[group[0]] > max(float(closest.max()), 0.0):
                 break
-            distance = piece.distance(paths[:, when[group]]) - duty.radius
+            seen = paths[:, when[group]]
+            distance = piece.distance(seen if duty.motion is None else seen - moved[when[group]]) - duty.radius
             k = distance.argmin(axis=1)
             least = distance[members, k]
             at = np.where(least < closest, when[group][k], at)

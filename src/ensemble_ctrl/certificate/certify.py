@@ -174,6 +174,7 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
             for name, region in problem.regions.items()
         ],
         [(name, piece.A.tolist(), piece.b.tolist()) for name, piece in problem.pieces],
+        [(name, motion.times.tolist(), motion.offsets.tolist()) for name, motion in problem.motions.items()],
     ]
     digest.update(repr(numbers).encode())
     digest.update(np.ascontiguousarray(controls, dtype="<f8").tobytes())
@@ -183,7 +184,7 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     """The worst piece of one duty."""
     steps = np.flatnonzero(duty.steps(prover.flow.steps, problem.duration))
-    found = [prover.bound(duty.name, piece, steps, duty.radius) for piece in duty.pieces]
+    found = [prover.bound(duty.name, piece, steps, duty.radius, duty.motion) for piece in duty.pieces]
     worst = min(found, key=lambda b: b.sampled)
     return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.enclosure import START, Flow, Track, first_cells, signs_of
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.fleet import Member
+from ensemble_ctrl.motion import Motion
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -118,8 +119,8 @@ class Prover:
         self.error = self.whole.rounding()
         self.signs = signs_of(count)
 
-    def bound(self, name: str, obstacle: Obstacle, steps: Ints, radius: float) -> Bound:
-        """Proven and sampled clearance of every member from `obstacle` during `steps`."""
+    def bound(self, name: str, obstacle: Obstacle, steps: Ints, radius: float, motion: Motion | None = None) -> Bound:
+        """Proven and sampled clearance of every member from `obstacle`, which may move, during `steps`."""
         piece = grown(obstacle, self.shift) if self.shift.any() else obstacle
         centre, step = (i.ravel() for i in np.meshgrid(np.arange(len(self.half)), steps, indexing="ij"))
         boxes = Boxes(centre, self.half[centre], step, np.zeros(len(centre)), np.ones(len(centre)))
@@ -129,7 +130,7 @@ class Prover:
             if not len(boxes):
                 break
             self.boxes += len(boxes)
-            low, best, sides = self._bounds(boxes, piece, best)
+            low, best, sides = self._bounds(boxes, piece, motion, best)
             open_ = low < best[0] - TIGHT
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
             if self.boxes - spent > self.limit:
@@ -137,11 +138,11 @@ class Prover:
                 break
             boxes = self._halved(boxes.where(open_), sides[open_].argmax(axis=1))
         else:
-            proven = min(proven, float(self._bounds(boxes, piece, best)[0].min(initial=np.inf)))
-        sampled, member = self._closest(obstacle, best) if len(steps) else (np.inf, {})
+            proven = min(proven, float(self._bounds(boxes, piece, motion, best)[0].min(initial=np.inf)))
+        sampled, member = self._closest(obstacle, motion, best) if len(steps) else (np.inf, {})
         return Bound(name, proven - radius - self.error, sampled - radius, member, best[2])
 
-    def _closest(self, obstacle: Obstacle, best: Sample) -> tuple[float, Member]:
+    def _closest(self, obstacle: Obstacle, motion: Motion | None, best: Sample) -> tuple[float, Member]:
         """The distance of a real member near the best sample, and its parameters: shifts are tried on a grid."""
         flow, (_, centre, time) = self.whole, best
         bends: NDArray[np.bool_] = np.asarray(flow.directions[:, :3].any(axis=1))
@@ -156,21 +157,25 @@ class Prover:
         move, _ = self.flow.moved(np.array([n]), share, self.flow.drives(self.centres[[centre]]))
         middle = self.track.position[centre, n] + move[0]
         offset = flow.drives(members)[:, START] - self.flow.origin[START]
-        distance = obstacle.distance(middle + offset)
+        distance = obstacle.distance(middle + offset - _moved(motion, np.array(time)))
         k = int(distance.argmin())
         return float(distance[k]), dict(zip(self.names, members[k].tolist(), strict=True))
 
-    def _bounds(self, boxes: Boxes, piece: Obstacle, best: Sample) -> tuple[Floats, Sample, Floats]:
+    def _bounds(
+        self, boxes: Boxes, piece: Obstacle, motion: Motion | None, best: Sample
+    ) -> tuple[Floats, Sample, Floats]:
         """Lower bounds, the best sample so far, and what time and each parameter add to every box's size."""
         drives = self.flow.drives(self.centres[boxes.centre])
         (here, slope), (there, slope_there) = (self._at(boxes, share, drives) for share in (boxes.begin, boxes.end))
+        begin, end = ((boxes.step + share) * self.flow.step for share in (boxes.begin, boxes.end))
+        here, there = here - _moved(motion, begin), there - _moved(motion, end)
         distance = piece.distance(here)
         k = int(distance.argmin())
         seen = float(distance[k]), int(boxes.centre[k]), float((boxes.step[k] + boxes.begin[k]) * self.flow.step)
         best = min(best, seen, key=lambda sample: sample[0])
         curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)
         growth = self.flow.growth(boxes.step, (boxes.end - boxes.begin) * self.flow.step, drives, boxes.half)
-        radius = curvature + growth
+        radius = curvature + growth + (0.0 if motion is None else motion.bend(begin, end))
         arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
         corners = np.concatenate(
             [p[:, None] + self.signs @ a for p, a in zip((here, there), arms, strict=True)], axis=1
@@ -224,6 +229,11 @@ class Prover:
         self.track = self.track.joined(Track.of(self.flow, new))
         twice = [np.concatenate([part, part]) for part in (half, boxes.step, boxes.begin, boxes.end)]
         return Boxes(index, *twice)
+
+
+def _moved(motion: Motion | None, times: Floats) -> Floats:
+    """Displacement of an obstacle at some times, shape (..., 2): members are looked at from where it is."""
+    return np.zeros((*times.shape, 2)) if motion is None else motion.at(times)
 
 
 def grown(obstacle: Obstacle, shift: Floats) -> Obstacle:

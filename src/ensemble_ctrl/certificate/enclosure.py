@@ -267,6 +267,7 @@ def _extent(problem: Problem) -> float:
     """Largest coordinate of an obstacle's corner, or level of a region's face, in absolute value."""
     sizes = [float(np.abs(piece.vertices).max()) for _, piece in problem.pieces]
     levels = (np.abs(region.unit_rows()[1]) for region in problem.regions.values())
+    sizes += [float(np.abs(motion.offsets).max()) for motion in problem.motions.values()]
     return max([0.0, *sizes, *(float(level[np.isfinite(level)].max(initial=0.0)) for level in levels)])
 
 

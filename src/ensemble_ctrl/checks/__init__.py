@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ensemble_ctrl.checks.finding import Finding, Path, Severity, path_text
+from ensemble_ctrl.checks.motion import motion_findings
 from ensemble_ctrl.checks.numbers import (
     ALL_OBSTACLES,
     MAX_MEMBERS,
@@ -76,5 +77,5 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
     numbers = (*number_findings(problem), *name_findings(problem), *target_findings(problem))
     if numbers:
         return numbers
-    checks = (area_findings, task_findings, start_findings, reach_findings, unused_findings)
+    checks = (area_findings, task_findings, motion_findings, start_findings, reach_findings, unused_findings)
     return tuple(finding for check in checks for finding in check(problem))

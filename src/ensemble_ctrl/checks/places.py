@@ -56,7 +56,8 @@ def _is_covered(region: Polyhedron, problem: Problem) -> bool:
     """Whether no point of a region is clear of the obstacles, grown by the radius."""
     if len(region.vertices) < 3:
         return False
-    near = [piece for name in _near(region, problem) for piece in problem.obstacles[name]]
+    still = [name for name in _near(region, problem) if name not in problem.motions]
+    near = [piece for name in still for piece in problem.obstacles[name]]
     if not near or any(_is_clear(point, near, problem.fleet.radius) for point in _probes(region)):
         return False
     from shapely import Polygon, union_all
@@ -82,7 +83,10 @@ def _is_clear(point: Floats, pieces: Iterable[Obstacle], radius: float) -> bool:
 def start_findings(problem: Problem) -> Iterator[Finding]:
     """The start is in an obstacle, or closer to it than the radius."""
     for name, pieces in problem.obstacles.items():
-        distances = [float(piece.distance(problem.fleet.position)) for piece in pieces]
+        start = problem.fleet.position
+        if name in problem.motions:
+            start = start - problem.motions[name].at(0.0)
+        distances = [float(piece.distance(start)) for piece in pieces]
         depth = problem.fleet.radius - min(distances, default=math.inf)
         if depth > SLACK:
             x, y = problem.fleet.position

@@ -35,6 +35,7 @@ def build(file: ProblemFile, name: str) -> Problem:
         obstacles={
             name: tuple(piece for shape in shapes for piece in shape.pieces) for name, shapes in file.obstacles.items()
         },
+        motions={name: section.motion(horizon.duration) for name, section in file.motions.items()},
         objective=_objective(file.objective),
         order=file.moments.order,
         solve=SolveOptions(**file.solve.model_dump()),

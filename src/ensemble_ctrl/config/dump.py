@@ -16,6 +16,7 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Predicate
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Objective, Problem
 from ensemble_ctrl.systems import Bicycle
 
@@ -60,6 +61,7 @@ def to_data(problem: Problem) -> Data:
         "moments": {"basis": "legendre", "order": "auto" if problem.order is None else int(problem.order)},
         "regions": {name: _region(region) for name, region in problem.regions.items()},
         "obstacles": {name: _obstacle(pieces) for name, pieces in problem.obstacles.items()},
+        **({"motions": {name: _motion(motion) for name, motion in problem.motions.items()}} if problem.motions else {}),
         "task": str(problem.task),
         "objective": _objective(problem.objective),
         "solve": asdict(problem.solve),
@@ -84,6 +86,12 @@ def _fleet(fleet: Fleet) -> Data:
         "input_bounds": dict(zip(system.controls, bounds, strict=True)),
         "radius": float(fleet.radius),
     }
+
+
+def _motion(motion: Motion) -> Data:
+    """A moving obstacle's path."""
+    pairs = zip(motion.times.tolist(), motion.offsets.tolist(), strict=True)
+    return {"path": [[time, offset] for time, offset in pairs]}
 
 
 def _objective(objective: Objective) -> Data:

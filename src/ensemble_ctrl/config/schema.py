@@ -10,6 +10,7 @@ from ensemble_ctrl.checks import MAX_MEMBERS, MAX_SEED, MAX_STEPS
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.laws import LawSection, OffsetSection, TurnSection
+from ensemble_ctrl.config.motions import MotionSection
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal as TerminalTarget
 from ensemble_ctrl.config.wrong import Wrong
@@ -148,6 +149,7 @@ class ProblemFile(Model):
     moments: Moments = Moments()
     regions: dict[f.Name, RegionShape] = Field(default_factory=dict)
     obstacles: dict[f.Name, Shapes] = Field(default_factory=dict)
+    motions: dict[f.Name, MotionSection] = Field(default_factory=dict)
     task: f.Task
     objective: ObjectiveSection = ObjectiveSection()
     solve: Solve = Solve()

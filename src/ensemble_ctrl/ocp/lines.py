@@ -39,7 +39,10 @@ class Lines:
     normal : ndarray, shape (sides, steps, 2)
         Unit normals, pointing to the fleet's side.
     support : ndarray, shape (sides, steps)
-        Largest ``n . vertex`` of the piece, and of half the box of start positions, metres.
+        Largest ``n . vertex`` of the piece, and of half the box of start positions, and what the piece bends from a
+        straight motion during the step, metres.
+    drift : ndarray, shape (sides, steps, 2)
+        How far the piece has moved along ``n`` at both ends of the step, metres.
     gap : ndarray, shape (sides, steps)
         Distance in metres, beyond the radius, between the points of the step and the piece along the normal; negative
         where no line separates them, infinite where the pair is not active.  *Guarantee*: never above the true
@@ -51,6 +54,7 @@ class Lines:
     active: NDArray[np.bool_]
     normal: Floats
     support: Floats
+    drift: Floats
     gap: Floats
 
     @property
@@ -59,12 +63,15 @@ class Lines:
         return np.repeat(np.arange(len(self.parts)), len(self.radius) // len(self.parts))
 
     def nearest(self, points: Floats) -> Floats:
-        """Smallest ``n . p`` over a cell's points at both ends of each step, (sides, steps), for points as given."""
+        """Smallest ``n . p`` over a cell's points, relative to the piece, at both ends of each step, (sides, steps)."""
         near = np.empty(self.support.shape)
         for cell, part in enumerate(self.parts):
-            both = _both_ends(part @ points)
-            rows = self.cell == cell
-            near[rows] = np.einsum("tpd,otd->otp", both, self.normal[rows]).min(axis=2, initial=np.inf)
+            own, rows = part @ points, self.cell == cell
+            ends = [
+                np.einsum("tpd,otd->otp", own[end : len(own) - 1 + end], self.normal[rows]).min(axis=2, initial=np.inf)
+                for end in (0, 1)
+            ]
+            near[rows] = np.minimum(*(least - self.drift[rows, :, end] for end, least in enumerate(ends)))
         return near
 
 
@@ -95,14 +102,22 @@ def separate(
     steps = len(points) - 1
     pieces = [(piece, duty) for duty in duties for piece in duty.pieces]
     if not pieces:
-        none = np.zeros((0, steps))
-        return Lines(parts, np.zeros(0), none.astype(bool), np.zeros((0, steps, 2)), none, none)
-    ends = [_both_ends(part @ points) for part in parts]
-    found = [_best(both, piece.vertices, shift) for both in ends for piece, _ in pieces]
+        none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
+        return Lines(parts, np.zeros(0), none.astype(bool), pairs, none, pairs, none)
+    times = np.linspace(0.0, duration, steps + 1)
+    moved = np.tile([duty.offsets(times) for _, duty in pieces], (len(parts), 1, 1))
+    bends = np.tile([duty.bends(times) for _, duty in pieces], (len(parts), 1))
+    found = [
+        _best(_both_ends(part @ points - duty.offsets(times)[:, None]), piece.vertices, shift)
+        for part in parts
+        for piece, duty in pieces
+    ]
     normal, support, gap = (np.stack(column) for column in zip(*found, strict=True))
+    drift = np.stack([np.einsum("otd,otd->ot", normal, end) for end in (moved[:, :-1], moved[:, 1:])], axis=-1)
     radius = np.tile([duty.radius for _, duty in pieces], len(parts))
     active = np.tile([duty.steps(steps, duration) for _, duty in pieces], (len(parts), 1))
-    return Lines(parts, radius, active, normal, support, np.where(active, gap - radius[:, None], np.inf))
+    gap = np.where(active, gap - bends - radius[:, None], np.inf)
+    return Lines(parts, radius, active, normal, support + bends, drift, gap)
 
 
 def _both_ends(points: Floats) -> Floats:

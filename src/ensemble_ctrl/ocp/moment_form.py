@@ -45,7 +45,9 @@ def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Layout) 
         times = _times(duty.steps(layout.steps, problem.duration))
         for piece in duty.pieces:
             G, h = piece.unit_rows()
-            by_facets[len(h)] += [(int(k), G, h + duty.radius) for k in times]
+            moved = duty.offsets(times * problem.duration / layout.steps)
+            pairs = zip(times.tolist(), moved @ G.T, strict=True)
+            by_facets[len(h)] += [(k, G, h + duty.radius + drift) for k, drift in pairs]
 
     def build(facets: int) -> Build:
         def rows(z: ca.SX, d: ca.SX) -> ca.SX:
@@ -76,7 +78,9 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: La
     for duty in duties(problem):
         for k in _times(duty.steps(layout.steps, problem.duration)).tolist():
             for piece in duty.pieces:
-                for (gx, gy), h in zip(*piece.unit_rows(), strict=True):
+                normals, levels = piece.unit_rows()
+                moved = levels + normals @ duty.offsets(np.array([k * problem.duration / layout.steps]))[0]
+                for (gx, gy), h in zip(normals, moved, strict=True):
                     sign = 1.0 if (gx, gy) > (0.0, 0.0) else -1.0
                     key = (k, round(sign * float(gx), 12), round(sign * float(gy), 12))
                     rows[key] = min(rows.get(key, np.inf), 2 * big - float(h))

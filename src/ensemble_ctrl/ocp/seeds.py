@@ -137,7 +137,7 @@ class _Trips:
         if corridor:
             found = corridor_route(start, goal, [self.problem.regions[name] for name in corridor])
             return [found or straight]
-        pieces = [piece for duty in duties(self.problem) for piece in duty.pieces]
+        pieces = [piece for duty in duties(self.problem) if duty.motion is None for piece in duty.pieces]
         pieces += [piece for name in sorted(closed) for piece in named_pieces(self.problem, name)]
         return self._kinds(start, goal, pieces) or [straight]
 

@@ -164,7 +164,8 @@ def _avoiding(
     lines = avoiding.lines
     side, at = np.nonzero(avoiding.pairs)
     keep = lines.radius[side] + keeping(problem, truncation, tail)
-    data = np.column_stack([lines.normal[side, at], lines.support[side, at] + keep])
+    level = lines.support[side, at] + keep
+    data = np.column_stack([lines.normal[side, at], level[:, None] + lines.drift[side, at]])
     columns = np.column_stack([layout.controls[at], slack, layout.points[at], layout.points[at + 1]])
     arc = curvature(problem, truncation, layout.steps)
     blocks = []
@@ -185,7 +186,8 @@ def _on_its_side(problem: Problem, arc: float, part: Floats) -> Build:
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
         along = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n :])]
         ends = along if same else [ca.mtimes(image, a) for a in along]
-        rows: ca.SX = ca.vertcat(*ends) - d[2] - bulge(problem, arc, z[0], z[1]) + z[2]
+        short = z[2] - bulge(problem, arc, z[0], z[1])
+        rows: ca.SX = ca.vertcat(*(end - d[2 + k] for k, end in enumerate(ends))) + short
         return rows
 
     return build

@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 
 MEMBERS = 21
 """Members drawn."""
+GHOSTS = 6
+"""Times at which a moving obstacle is outlined."""
 OBSTACLE, REGION, TWIN = "#8a8f98", "#2166ac", "#b2182b"
 
 
@@ -41,6 +43,7 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
     from matplotlib.patches import Polygon
     from matplotlib.patheffects import withStroke
 
+    _draw_motions(problem, ax)
     halo = [withStroke(linewidth=2, foreground="#5a5f68")]
     for name, pieces in problem.obstacles.items():
         for piece in pieces:
@@ -58,6 +61,21 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     ax.margins(0.08)
     return ax
+
+
+def _draw_motions(problem: Problem, ax: Axes) -> None:
+    """Where moving obstacles go: their outline at a few times, fainter the later, and the way of their middle."""
+    from matplotlib.patches import Polygon
+
+    for name, motion in problem.motions.items():
+        times = np.linspace(0.0, problem.duration, GHOSTS)
+        for piece in problem.obstacles[name]:
+            for k, offset in enumerate(motion.at(times)):
+                shape = Polygon(piece.vertices + offset, closed=True, fill=False, edgecolor=OBSTACLE)
+                shape.set(linewidth=0.8, linestyle="--", alpha=1.0 - 0.8 * k / GHOSTS)
+                ax.add_patch(shape)
+            way = piece.vertices.mean(axis=0) + motion.at(np.linspace(0.0, problem.duration, 101))
+            ax.plot(way[:, 0], way[:, 1], ":", color=OBSTACLE, linewidth=1.0)
 
 
 def _draw_start(problem: Problem, ax: Axes) -> None:
