@@ -33,6 +33,7 @@ SECTIONS = {
     "minlp": "Facets chosen by Bonmin",
     "stl": "Benchmarks of stlpy, for a fleet",
     "fleets": "Several parameters, uncertain starts, bicycles",
+    "moving": "Moving obstacles",
     "targets": "Targets of the whole fleet",
     "laws": "Other laws of the parameter",
 }
