@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Interval, Law, Samples
+from ensemble_ctrl.ocp.truncation import choose
 from ensemble_ctrl.systems import Unicycle
 
 
@@ -94,3 +98,57 @@ def test_samples_are_the_same_for_a_seed_and_differ_between_parameters() -> None
 def test_public_names() -> None:
     assert ec.Fleet is Fleet
     assert ec.Bicycle.name == "bicycle"
+
+
+def measured(robots: int = 40) -> tuple[Fleet, NDArray[np.float64]]:
+    """A fleet of measured robots whose two tractions belong together, with a third parameter of its own."""
+    values = 1.0 + np.random.default_rng(5).normal(size=(robots, 2)) @ np.array([[0.02, 0.018], [0.0, 0.004]])
+    cloud = {"linear_traction": values[:, 0], "angular_traction": values[:, 1]}
+    laws: dict[str, Law] = {name: Samples(column) for name, column in cloud.items()}
+    laws["start_heading"] = Interval(-0.1, 0.1)
+    return Fleet(Unicycle(), laws, np.zeros(2), 0.0, np.full(2, -2.0), np.full(2, 2.0), cloud=cloud), values
+
+
+def test_a_cloud_is_integrated_robot_by_robot() -> None:
+    fleet, values = measured()
+    scaled, weights = fleet.rule(3)
+    members = fleet.bent_members(scaled)
+    assert weights.sum() == pytest.approx(2.0)
+    assert len(members) == 40 * 3
+    product = weights @ (members[:, 0] * members[:, 1] * members[:, 2] ** 2) / 2
+    assert product == pytest.approx((values[:, 0] * values[:, 1]).mean() * 0.1**2 / 3, rel=1e-9)
+
+
+def test_draws_from_a_cloud_are_its_robots() -> None:
+    fleet, values = measured()
+    drawn = {tuple(row) for row in fleet.sample(500, 1)[:, :2].tolist()}
+    assert drawn <= {tuple(row) for row in values.tolist()}
+    assert len(drawn) > 35
+
+
+def test_means_and_squares_of_a_truncation_are_over_the_cloud() -> None:
+    fleet, _ = measured()
+    problem = five_with(fleet)
+    truncation = choose(problem, np.tile([[0.5, 0.1]], (32, 1)))
+    curve = np.random.default_rng(0).normal(size=truncation.count)
+    scaled, weights = fleet.rule(12)
+    states = truncation.evaluation(scaled) @ curve
+    assert truncation.mean @ curve == pytest.approx(weights @ states / 2, abs=1e-9)
+    assert curve @ truncation.square @ curve == pytest.approx(weights @ states**2, rel=1e-6)
+
+
+def five_with(fleet: Fleet) -> ec.Problem:
+    """A map for a fleet."""
+    problem = ec.load(Path(__file__).parents[1] / "configs" / "five_obstacles.yaml")
+    return problem.with_(fleet=fleet, order=None)
+
+
+def test_a_wrong_cloud_is_refused() -> None:
+    fleet, values = measured()
+    for cloud, message in (
+        ({"linear_traction": values[:, 0], "angular_traction": values[:5, 1]}, "expected columns of one length"),
+        ({"mass": values[:, 0]}, "expected parameters that bend trajectories, got 'mass'"),
+        ({"linear_traction": values[:, 1]}, "expected the law of linear_traction to be the samples of its column"),
+    ):
+        with pytest.raises(ProblemError, match=f"^fleet.cloud: {message}"):
+            replace(fleet, cloud=cloud)

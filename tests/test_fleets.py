@@ -21,7 +21,14 @@ from ensemble_ctrl.replay import replay
 from ensemble_ctrl.widest import widest
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "fleets"
-COSTS = {"bicycle": 0.41, "cells": 4.10, "two_tractions": 1.02, "uncertain_start": 1.62, "wide": 3.83}
+COSTS = {
+    "bicycle": 0.41,
+    "cells": 4.10,
+    "measured_pairs": 1.10,
+    "two_tractions": 1.02,
+    "uncertain_start": 1.62,
+    "wide": 3.83,
+}
 fleets = pytest.mark.parametrize("name", sorted(COSTS))
 
 
@@ -125,6 +132,10 @@ MISTAKES = [
         "fleet.parameters.angular_traction",
         "expected traction or angular_traction, got both",
     ),
+    ("cloud: {mass: [1, 2]}", "fleet.cloud.mass", "expected columns among traction, linear_traction"),
+    ("cloud: {linear_traction: [1], angular_traction: [1, 2]}", "fleet.cloud", "expected columns of one length, got"),
+    ("cloud: {traction: [1, -2]}", "fleet.cloud.traction[1]", "expected a number without a unit, above 0"),
+    ("cloud: nowhere.csv", "fleet.cloud", "nowhere.csv: no such file"),
     ("input_bounds: {delta: [-0.1, 0.1]}", "fleet.input_bounds.delta", "expected bounds of v and omega, got 'delta'"),
     ("wheelbase: 1 m", "fleet.wheelbase", "expected a wheelbase for the bicycle only, got one for the unicycle"),
     ("model: bicycle, wheelbase: 0 m", "fleet.wheelbase", "expected a length in m, cm, mm or km, above 0"),

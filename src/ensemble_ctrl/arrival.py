@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.moments import tensor_rule
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.target import MomentTarget, SpreadTarget, wasserstein
@@ -41,7 +40,7 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
     if target is None:
         return {}
     laws = fleet.bent_laws
-    nodes, weights = tensor_rule(laws, COUNT if len(laws) < 2 else COUNT // 4)
+    nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
     final = _final(problem, controls, fleet.bent_members(nodes))
     if isinstance(target, MomentTarget):
         phi = laws[0].basis(len(target.moments) - 1).evaluate(nodes[:, 0])

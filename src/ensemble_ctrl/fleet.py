@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.moments import Law
+from ensemble_ctrl.moments import Law, Samples, tensor_rule
 from ensemble_ctrl.systems import ArcSystem
 
 Floats = NDArray[np.float64]
@@ -59,6 +59,10 @@ class Fleet:
         Bounds of the commands (m/s and rad/s for a unicycle, m/s and rad for a bicycle).
     radius : float
         Radius of a robot in metres; obstacles grow by it.
+    cloud : mapping of str to array_like of shape (robots,), optional
+        Measured robots whose parameters belong together: for each of some parameters that bend trajectories the values
+        of all robots, in one order. Their laws have to be the `Samples` of these values. Means, moments and draws
+        follow the cloud; a plan still holds for all combinations in the ranges.
 
     Raises
     ------
@@ -73,6 +77,7 @@ class Fleet:
     input_lower: Floats
     input_upper: Floats
     radius: float = 0.0
+    cloud: Mapping[str, Floats] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.parameters, Mapping):
@@ -85,6 +90,23 @@ class Fleet:
         if (self.input_lower > self.input_upper).any():
             raise ProblemError(f"fleet.input_bounds: low above high: {self.input_lower}, {self.input_upper}")
         self._check_names()
+        if self.cloud is not None:
+            object.__setattr__(self, "cloud", MappingProxyType(self._checked_cloud(self.cloud)))
+
+    def _checked_cloud(self, cloud: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+        """Columns of one length, whose laws are their samples."""
+        columns = {name: np.array(values, dtype=float) for name, values in cloud.items()}
+        lengths = {column.shape for column in columns.values()}
+        if len(lengths) != 1 or any(len(shape) != 1 for shape in lengths):
+            raise ProblemError(f"fleet.cloud: expected columns of one length, got shapes {sorted(lengths)}")
+        bending = [self.names[k] for k in self.bent]
+        for name, column in columns.items():
+            if name not in bending:
+                raise ProblemError(f"fleet.cloud: expected parameters that bend trajectories, got {name!r}")
+            if self.parameters[name] != Samples(column):
+                raise ProblemError(f"fleet.cloud: expected the law of {name} to be the samples of its column")
+            column.setflags(write=False)
+        return columns
 
     def _check_names(self) -> None:
         """Known names, each factor told once."""
@@ -231,7 +253,36 @@ class Fleet:
         drawn = np.empty((count, len(self.parameters)))
         for k, law in enumerate(self.parameters.values()):
             drawn[:, k] = law.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
+        if self.cloud is not None:
+            robots = np.random.default_rng(seed).integers(0, len(next(iter(self.cloud.values()))), count)
+            for name, column in self.cloud.items():
+                drawn[:, self.names.index(name)] = column[robots]
         return drawn
+
+    def rule(self, count: int) -> tuple[Floats, Floats]:
+        """Points and weights that integrate over the bent parameters' laws, or over the cloud.
+
+        Parameters
+        ----------
+        count : int
+            Polynomials up to degree ``2 count - 1`` in each independent parameter are integrated exactly.
+
+        Returns
+        -------
+        scaled, weights : ndarray, shapes (points, bent parameters) and (points,)
+            Weights sum to 2.
+        """
+        if self.cloud is None:
+            return tensor_rule(self.bent_laws, count)
+        own = [self.names[k] in self.cloud for k in self.bent]
+        others, weights = tensor_rule([law for law, mine in zip(self.bent_laws, own, strict=True) if not mine], count)
+        robots = len(next(iter(self.cloud.values())))
+        scaled = np.empty((robots, len(others), len(own)))
+        scaled[:, :, [not mine for mine in own]] = others
+        for column, (k, law) in enumerate(zip(self.bent, self.bent_laws, strict=True)):
+            if own[column]:
+                scaled[:, :, column] = law.to_scaled(self.cloud[self.names[k]])[:, None]
+        return scaled.reshape(-1, len(own)), np.tile(weights / robots, robots)
 
     def members(self, parameters: ArrayLike | Sequence[Mapping[str, float]]) -> Floats:
         """Members from numbers or names.

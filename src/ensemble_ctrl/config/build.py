@@ -9,6 +9,7 @@ import numpy as np
 from ensemble_ctrl.config.laws import law_of
 from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemFile
 from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.moments import Law, Samples
 from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.systems import SYSTEMS, ArcSystem, Bicycle
 
@@ -55,13 +56,21 @@ def _fleet(section: FleetSection) -> Fleet:
     )
     return Fleet(
         system=system,
-        parameters={name: law_of(law, name) for name, law in section.parameters if law is not None},
+        parameters=_laws(section),
+        cloud={name: np.array(column) for name, column in section.robots.items()} or None,
         position=np.array(start.position),
         heading=start.heading if start.heading_from == "x" else math.pi / 2 - start.heading,
         input_lower=bounds[:, 0],
         input_upper=bounds[:, 1],
         radius=section.radius,
     )
+
+
+def _laws(section: FleetSection) -> dict[str, Law]:
+    """The law of each parameter; the default one only where nothing else is said."""
+    given = section.parameters if section.cloud is None or "parameters" in section.model_fields_set else ()
+    laws = {name: law_of(law, name) for name, law in given if law is not None}
+    return laws | {name: Samples(column) for name, column in section.robots.items()}
 
 
 def _system(section: FleetSection) -> ArcSystem:

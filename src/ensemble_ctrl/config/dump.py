@@ -73,11 +73,12 @@ def to_data(problem: Problem) -> Data:
 def _fleet(fleet: Fleet) -> Data:
     """The section on the fleet."""
     bounds = np.column_stack([fleet.input_lower, fleet.input_upper]).tolist()
-    system = fleet.system
+    system, cloud = fleet.system, fleet.cloud or {}
     return {
         "model": system.name,
         **({"wheelbase": float(system.wheelbase)} if isinstance(system, Bicycle) else {}),
-        "parameters": {name: law_data(law) for name, law in fleet.parameters.items()},
+        "parameters": {name: law_data(law) for name, law in fleet.parameters.items() if name not in cloud},
+        **({"cloud": {name: column.tolist() for name, column in cloud.items()}} if cloud else {}),
         "start": {
             "position": fleet.position.tolist(),
             "heading": float(fleet.own_heading),

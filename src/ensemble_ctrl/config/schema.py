@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from ensemble_ctrl.checks import MAX_MEMBERS, MAX_SEED, MAX_STEPS
 from ensemble_ctrl.config import fields as f
+from ensemble_ctrl.config.clouds import Cloud, read_cloud
 from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.laws import LawSection, OffsetSection, TurnSection
 from ensemble_ctrl.config.motions import MotionSection
+from ensemble_ctrl.config.samples import Columns
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal as TerminalTarget
 from ensemble_ctrl.config.wrong import Wrong
@@ -59,9 +62,26 @@ class FleetSection(Model):
     model: f.ModelName
     wheelbase: f.Wheelbase | None = None
     parameters: Parameters = Parameters(traction=LawSection())
+    cloud: Cloud | None = None
     start: Start
     input_bounds: InputBounds = InputBounds()
     radius: f.Margin = 0.0
+    _robots: Columns = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _read_cloud(self, info: ValidationInfo) -> Self:
+        """Read the table of measured robots; what it holds is not given by a law too."""
+        if self.cloud is not None:
+            self._robots = read_cloud(self.cloud, (info.context or {}).get("folder", Path()))
+            laws = {name for name, law in self.parameters if law is not None and "parameters" in self.model_fields_set}
+            for name in sorted(laws & set(self._robots)):
+                raise Wrong(f"expected {name} in the cloud or among the parameters, got both", path=("cloud",))
+        return self
+
+    @property
+    def robots(self) -> Columns:
+        """Columns of the measured robots."""
+        return self._robots
 
     @model_validator(mode="after")
     def _of_its_model(self) -> Self:

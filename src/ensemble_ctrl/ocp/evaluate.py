@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.duties import duties, grounded, other_parts
-from ensemble_ctrl.moments import Interval, LegendreBasis, TensorBasis, tensor_rule
+from ensemble_ctrl.moments import Interval, LegendreBasis, TensorBasis
 from ensemble_ctrl.ocp.lines import separate
 from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Truncation, points, positions
@@ -61,7 +61,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     signals, ops = StateSignals(paths, ("x", "y"), step), ExactOps()
     in_moments = problem.solve.guarantee == "moment"
     if in_moments:
-        nodes, weights = tensor_rule(fleet.bent_laws, order + 1)
+        nodes, weights = fleet.rule(order + 1)
         spread = positions(problem, controls, fleet.bent_members(nodes))
         average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)

@@ -24,7 +24,7 @@ from ensemble_ctrl.ocp.rounds import REACH, Attempt, improve, map_size, start
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Status, Watch, ipopt
 from ensemble_ctrl.ocp.switches import Choice, Facets, facets, switches, workspace
 from ensemble_ctrl.ocp.transcription import Transcription, transcribe
-from ensemble_ctrl.ocp.truncation import Truncation, plain, points, tail
+from ensemble_ctrl.ocp.truncation import Truncation, points, tail
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -321,7 +321,7 @@ def _light(truncation: Truncation) -> Truncation:
     if not truncation.hull or max(truncation.degrees, default=0) <= 2:
         return truncation
     lighter = tuple(min(degree, 2) for degree in truncation.degrees)
-    return plain(lighter, hull=True, laws=truncation.laws)
+    return replace(truncation, orders=lighter, degrees=lighter)
 
 
 def _since(began: float) -> float:

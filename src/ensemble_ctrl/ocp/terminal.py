@@ -21,7 +21,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.moments import tensor_rule
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation, positions
@@ -63,7 +62,7 @@ def terminal_cost(problem: Problem, controls: Floats, order: int) -> float:
     aim, fleet = problem.objective, problem.fleet
     if aim.target is None:
         return 0.0
-    nodes, weights = tensor_rule(fleet.bent_laws, order + 1)
+    nodes, weights = fleet.rule(order + 1)
     members = fleet.bent_members(nodes)
     final = positions(problem, controls, members)[:, -1]
     match aim.target:
@@ -84,7 +83,7 @@ def _places(problem: Problem, truncation: Truncation) -> Floats:
     """The points whose curve is closest to the places wanted, under the laws, shape (points, 2)."""
     if not isinstance(problem.objective.target, Formation):
         return np.tile(np.asarray(problem.objective.place), (truncation.count, 1))
-    nodes, weights = tensor_rule(problem.fleet.bent_laws, FINE)
+    nodes, weights = problem.fleet.rule(FINE)
     root = np.sqrt(weights)[:, None]
     fleet = problem.fleet
     wanted = problem.objective.places(fleet, fleet.bent_members(nodes))

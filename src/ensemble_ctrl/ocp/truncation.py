@@ -64,6 +64,9 @@ class Truncation:
         What moments are taken against, one law for each bent parameter; all uniform if not given.
     cells : int
         Equal parts of the first bent parameter's range that have separating lines of their own.
+    joint : pair of ndarray, optional
+        Scaled members, shape (members, bent parameters), and weights that sum to 2, of a law that is no product; means
+        and squares are over it in place of `laws`.
     """
 
     orders: tuple[int, ...]
@@ -71,6 +74,7 @@ class Truncation:
     hull: bool
     laws: tuple[Law, ...] | None = None
     cells: int = 1
+    joint: tuple[Floats, Floats] | None = None
 
     @cached_property
     def collocation(self) -> TensorBasis:
@@ -134,6 +138,9 @@ class Truncation:
     @cached_property
     def square(self) -> Floats:
         """Matrix of the quadratic form that is twice the fleet's mean square, shape (points, points)."""
+        if self.joint is not None:
+            values = self.evaluation(self.joint[0])
+            return np.asarray(values.T @ (self.joint[1][:, None] * values))
         inner = np.eye(len(self.to_legendre))
         if not self._uniform:
             pairs = zip(self._laws, self.degrees, strict=True)
@@ -143,6 +150,8 @@ class Truncation:
     @cached_property
     def mean(self) -> Floats:
         """Weights of the points in the mean position, shape (points,)."""
+        if self.joint is not None:
+            return np.asarray(self.joint[1] @ self.evaluation(self.joint[0]) / 2)
         return np.asarray(self.to_moments[0] / np.sqrt(2.0))
 
     def evaluation(self, s: Floats) -> Floats:
@@ -199,18 +208,24 @@ def choose(problem: Problem, controls: Floats) -> Truncation:
     `TAIL_TOLERANCE`; in hull form the points carry no more moments than that either, since the tail of a smooth curve
     falls geometrically.
     """
-    hull, laws = problem.solve.guarantee == "hull", problem.fleet.bent_laws
-    bent = len(laws)
+    hull, bent = problem.solve.guarantee == "hull", len(problem.fleet.bent)
     if not hull and problem.order is not None:
-        return plain((problem.order,) * bent, hull, laws, problem.solve.cells)
+        return _whole(problem, (problem.order,) * bent, hull)
     degrees = _degrees(problem, controls, hull, problem.order or MAX_ORDER)
     orders = degrees if problem.order is None else (problem.order,) * bent
-    return Truncation(orders, degrees, hull, laws, problem.solve.cells)
+    return replace(_whole(problem, orders, hull), degrees=degrees)
 
 
-def plain(orders: tuple[int, ...], hull: bool, laws: tuple[Law, ...] | None = None, cells: int = 1) -> Truncation:
-    """A truncation that carries all its moments."""
-    return Truncation(orders, orders, hull, laws, cells)
+def plain(orders: tuple[int, ...], hull: bool) -> Truncation:
+    """A truncation that carries all its moments, under uniform laws."""
+    return Truncation(orders, orders, hull)
+
+
+def _whole(problem: Problem, orders: tuple[int, ...], hull: bool) -> Truncation:
+    """A truncation of a problem's fleet that carries all its moments."""
+    fleet = problem.fleet
+    joint = None if fleet.cloud is None else fleet.rule(max(orders, default=0) + 1)
+    return Truncation(orders, orders, hull, fleet.bent_laws, problem.solve.cells, joint)
 
 
 def coarse(problem: Problem) -> Truncation:
@@ -218,7 +233,7 @@ def coarse(problem: Problem) -> Truncation:
     laws, hull = problem.fleet.bent_laws, problem.solve.guarantee != "moment"
     target = problem.objective.target
     least = len(target.moments) - 1 if isinstance(target, MomentTarget) else 0
-    return plain((max(2 if len(laws) < 3 else 1, least),) * len(laws), hull, laws, problem.solve.cells)
+    return _whole(problem, (max(2 if len(laws) < 3 else 1, least),) * len(laws), hull)
 
 
 def raised(truncation: Truncation) -> Truncation:
