@@ -144,5 +144,5 @@ def tensor_rule(laws: Sequence[Law], count: int) -> tuple[FloatArray, FloatArray
         Scaled points, and weights, which sum to 2.
     """
     rules = [law.rule(count) for law in laws]
-    points = np.array(list(product(*(s for s, _ in rules))), dtype=float).reshape(-1, len(laws))
-    return points, np.asarray(2 * kron([weights[None, :] / 2 for _, weights in rules])[0])
+    points = list(product(*(s for s, _ in rules)))
+    return np.array(points, dtype=float).reshape(len(points), len(laws)), np.asarray(2 * kron([weights[None, :] / 2 for _, weights in rules])[0])

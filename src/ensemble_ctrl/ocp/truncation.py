@@ -270,4 +270,4 @@ def _basis(orders: tuple[int, ...]) -> TensorBasis:
 def _dense(bent: int) -> Floats:
     """A tensor grid of Chebyshev points."""
     axis = np.cos(np.linspace(0.0, np.pi, DENSE.get(bent, 5)))
-    return np.array(list(product(*[axis] * bent)), dtype=float).reshape(-1, bent)
+    return np.array(list(product(*[axis] * bent)), dtype=float).reshape(len(axis) ** bent, bent)
