@@ -49,6 +49,7 @@ MEANING = {
     "fleet.parameters.start_x.range": "Offset of the start from `start.position`, uniform.",
     "fleet.parameters.start_y.range": "Offset of the start from `start.position`, uniform.",
     "fleet.parameters.start_heading.range": "Offset of the heading from `start.heading`, counter-clockwise, uniform.",
+    "fleet.cloud": "Measured robots whose parameters belong together: a CSV file with a column for each, or columns.",
     "fleet.start.position": "Start of all members, but for `start_x` and `start_y`.",
     "fleet.start.heading": "Start heading of all members, but for `start_heading`.",
     "fleet.parameters.traction.law": "How it is spread over the range; see [laws](laws.md).",

@@ -145,4 +145,5 @@ def tensor_rule(laws: Sequence[Law], count: int) -> tuple[FloatArray, FloatArray
     """
     rules = [law.rule(count) for law in laws]
     points = list(product(*(s for s, _ in rules)))
-    return np.array(points, dtype=float).reshape(len(points), len(laws)), np.asarray(2 * kron([weights[None, :] / 2 for _, weights in rules])[0])
+    weights = 2 * kron([w[None, :] / 2 for _, w in rules])[0]
+    return np.array(points, dtype=float).reshape(len(points), len(laws)), np.asarray(weights)
