@@ -59,6 +59,8 @@ class Fleet:
         Bounds of the commands (m/s and rad/s for a unicycle, m/s and rad for a bicycle).
     radius : float
         Radius of a robot in metres; obstacles grow by it.
+    rate_bounds : array_like, shape (2,), optional
+        Largest change of each command per second, between successive steps; infinite if not given.
     cloud : mapping of str to array_like of shape (robots,), optional
         Measured robots whose parameters belong together: for each of some parameters that bend trajectories the values
         of all robots, in one order. Their laws have to be the `Samples` of these values. Means, moments and draws
@@ -78,6 +80,7 @@ class Fleet:
     input_upper: Floats
     radius: float = 0.0
     cloud: Mapping[str, Floats] | None = None
+    rate_bounds: Floats | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.parameters, Mapping):
@@ -89,6 +92,12 @@ class Fleet:
             raise ProblemError(f"fleet: expected a finite heading and a radius >= 0, got {self.heading}, {self.radius}")
         if (self.input_lower > self.input_upper).any():
             raise ProblemError(f"fleet.input_bounds: low above high: {self.input_lower}, {self.input_upper}")
+        if self.rate_bounds is not None:
+            rates = np.array(self.rate_bounds, dtype=float)
+            if rates.shape != (2,) or np.isnan(rates).any() or (rates <= 0).any():
+                raise ProblemError(f"fleet.rate_bounds: expected two numbers above 0, got {self.rate_bounds!r}")
+            rates.setflags(write=False)
+            object.__setattr__(self, "rate_bounds", rates)
         self._check_names()
         if self.cloud is not None:
             object.__setattr__(self, "cloud", MappingProxyType(self._checked_cloud(self.cloud)))

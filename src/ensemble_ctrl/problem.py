@@ -43,17 +43,20 @@ class Objective:
         Weight of the terminal error, per square metre.
     effort : float
         Weight of the control effort.
+    smoothness : float
+        Weight of the squared rates of the commands, the integral of ``|du/dt|^2``; counted with the effort.
     """
 
     robustness: float = 1.0
     target: Floats | Target | None = None
     terminal: float = 10.0
     effort: float = 0.1
+    smoothness: float = 0.0
 
     def __post_init__(self) -> None:
         if self.target is not None and not isinstance(self.target, Formation | MomentTarget | SpreadTarget):
             object.__setattr__(self, "target", frozen(self.target, (2,), "objective.terminal.target"))
-        weights = [self.robustness, self.terminal, self.effort]
+        weights = [self.robustness, self.terminal, self.effort, self.smoothness]
         if not np.isfinite(weights).all() or min(weights) < 0:
             raise ProblemError(f"objective: expected finite weights >= 0, got {weights}")
 

@@ -73,6 +73,8 @@ class Replay:
         Times looked at in each step.
     seconds : float
         What it took.
+    corners : int
+        How many of the first members are corners of the ranges, or were given; the others were drawn at random.
     """
 
     parameters: Floats
@@ -82,6 +84,7 @@ class Replay:
     violating: NDArray[np.bool_]
     substeps: int
     seconds: float
+    corners: int = 0
 
     @property
     def members(self) -> int:
@@ -92,6 +95,32 @@ class Replay:
     def satisfied(self) -> float:
         """Share of the members that do the task and enter no obstacle, 0 to 1."""
         return float(1.0 - self.violating.mean())
+
+    def share(self, z: float = 1.96) -> tuple[float, float]:
+        """Bounds of the whole fleet's share that does the task, from the members drawn at random.
+
+        Parameters
+        ----------
+        z : float
+            Standard deviations of the normal law: 1.96 for a confidence of 95 %.
+
+        Returns
+        -------
+        low, high : float
+            Wilson's interval, 0 to 1; (0, 1) if no member was drawn.
+
+        Notes
+        -----
+        Members at the corners of the ranges were not drawn and don't count. E. B. Wilson, Probable inference, the law
+        of succession, and statistical inference, 1927.
+        """
+        drawn = self.violating[self.corners :]
+        if not len(drawn):
+            return 0.0, 1.0
+        n, p = len(drawn), float(1.0 - drawn.mean())
+        middle, spread = (p + z**2 / (2 * n)), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+        scale = 1 + z**2 / n
+        return max(0.0, float((middle - spread) / scale)), min(1.0, float((middle + spread) / scale))
 
     @property
     def worst(self) -> tuple[float, Member]:
@@ -164,9 +193,9 @@ def replay(
         _closest(duty.name, [found[o] for _, _, found in results], int(inside[o].sum()))
         for o, duty in enumerate(duties(problem))
     )
-    return Replay(
-        drawn, problem.fleet.names, robustness, clearances, robustness < 0, substeps, time.perf_counter() - began
-    )
+    corners = min(len(problem.fleet.corners), len(drawn)) if parameters is None else len(drawn)
+    seconds = time.perf_counter() - began
+    return Replay(drawn, problem.fleet.names, robustness, clearances, robustness < 0, substeps, seconds, corners)
 
 
 def trajectories(

@@ -67,6 +67,7 @@ def replay_summary(run: Replay) -> dict[str, Any]:
         "substeps": run.substeps,
         "violating": int(run.violating.sum()),
         "satisfied_share": run.satisfied,
+        "share_95": list(run.share()),
         "worst_robustness": {"metres": value, "parameters": worst},
         "clearances": [vars(c) for c in run.clearances],
         "seconds": run.seconds,

@@ -108,7 +108,7 @@ def test_no_member_is_ever_closer_than_proven(
     if len(problem.fleet.bent) < 3 and (bound.sampled > 0 or not problem.fleet.shift.any()):
         assert bound.sampled - bound.proven < 2e-3
     witness = trajectories(problem, controls, problem.fleet.members([bound.parameters]), 1024)
-    assert piece.distance(witness).min() <= bound.sampled + 1e-9
+    assert piece.distance(witness).min() <= bound.sampled + 1e-3
 
 
 @settings(SLOW, max_examples=400)

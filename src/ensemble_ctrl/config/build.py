@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ensemble_ctrl.config.laws import law_of
 from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemFile
@@ -57,6 +58,7 @@ def _fleet(section: FleetSection) -> Fleet:
     return Fleet(
         system=system,
         parameters=_laws(section),
+        rate_bounds=_rates(section, system),
         cloud={name: np.array(column) for name, column in section.robots.items()} or None,
         position=np.array(start.position),
         heading=start.heading if start.heading_from == "x" else math.pi / 2 - start.heading,
@@ -64,6 +66,14 @@ def _fleet(section: FleetSection) -> Fleet:
         input_upper=bounds[:, 1],
         radius=section.radius,
     )
+
+
+def _rates(section: FleetSection, system: ArcSystem) -> NDArray[np.float64] | None:
+    """The rate bounds in the order of the commands."""
+    if section.rate_bounds is None:
+        return None
+    given = [getattr(section.rate_bounds, name) for name in system.controls]
+    return np.array([math.inf if rate is None else rate for rate in given])
 
 
 def _laws(section: FleetSection) -> dict[str, Law]:
@@ -85,6 +95,6 @@ def _objective(section: ObjectiveSection) -> Objective:
     """What the plan trades off."""
     terminal = section.terminal
     if terminal is None:
-        return Objective(robustness=section.robustness, effort=section.effort)
+        return Objective(robustness=section.robustness, effort=section.effort, smoothness=section.smoothness)
     target = np.array(terminal.target) if isinstance(terminal.target, tuple) else terminal.target
-    return Objective(section.robustness, target, terminal.weight, section.effort)
+    return Objective(section.robustness, target, terminal.weight, section.effort, section.smoothness)

@@ -61,7 +61,7 @@ def to_data(problem: Problem) -> Data:
         "moments": {"basis": "legendre", "order": "auto" if problem.order is None else int(problem.order)},
         "regions": {name: _region(region) for name, region in problem.regions.items()},
         "obstacles": {name: _obstacle(pieces) for name, pieces in problem.obstacles.items()},
-        **({"motions": {name: _motion(motion) for name, motion in problem.motions.items()}} if problem.motions else {}),
+        "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
         "task": str(problem.task),
         "objective": _objective(problem.objective),
         "solve": asdict(problem.solve),
@@ -85,8 +85,15 @@ def _fleet(fleet: Fleet) -> Data:
             "heading_from": system.heading_from,
         },
         "input_bounds": dict(zip(system.controls, bounds, strict=True)),
+        **({} if fleet.rate_bounds is None else {"rate_bounds": _rates(fleet)}),
         "radius": float(fleet.radius),
     }
+
+
+def _rates(fleet: Fleet) -> Data:
+    """The rate bounds that are finite."""
+    pairs = zip(fleet.system.controls, np.asarray(fleet.rate_bounds).tolist(), strict=True)
+    return {name: rate for name, rate in pairs if np.isfinite(rate)}
 
 
 def _motion(motion: Motion) -> Data:
@@ -98,6 +105,8 @@ def _motion(motion: Motion) -> Data:
 def _objective(objective: Objective) -> Data:
     """The section on the objective."""
     data: Data = {"robustness": float(objective.robustness), "effort": float(objective.effort)}
+    if objective.smoothness:
+        data["smoothness"] = float(objective.smoothness)
     if objective.target is not None:
         data["terminal"] = {"target": target_data(objective.target), "weight": float(objective.terminal)}
     return data

@@ -127,6 +127,7 @@ def steering(bounds: tuple[float, float]) -> tuple[float, float]:
 
 
 Number = Annotated[float, BeforeValidator(quantity("number")), NUMERIC]
+Positive = Annotated[float, BeforeValidator(quantity("number", above=0)), NUMERIC]
 Weight = Annotated[float, BeforeValidator(quantity("number", 0)), NUMERIC]
 Length = Annotated[float, BeforeValidator(quantity("length")), NUMERIC]
 Margin = Annotated[float, BeforeValidator(quantity("length", 0)), NUMERIC]

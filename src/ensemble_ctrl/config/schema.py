@@ -56,6 +56,14 @@ class InputBounds(Model):
     delta: f.SteeringBounds | None = None
 
 
+class RateBounds(Model):
+    """Largest change of each command per second."""
+
+    v: f.Positive | None = None
+    omega: f.Positive | None = None
+    delta: f.Positive | None = None
+
+
 class FleetSection(Model):
     """Who moves."""
 
@@ -65,6 +73,7 @@ class FleetSection(Model):
     cloud: Cloud | None = None
     start: Start
     input_bounds: InputBounds = InputBounds()
+    rate_bounds: RateBounds | None = None
     radius: f.Margin = 0.0
     _robots: Columns = PrivateAttr(default_factory=dict)
 
@@ -90,6 +99,9 @@ class FleetSection(Model):
         for name in self.input_bounds.model_fields_set - set(system.controls):
             controls = " and ".join(system.controls)
             raise Wrong(f"expected bounds of {controls}, got {name!r}", path=("input_bounds", name))
+        for name in (self.rate_bounds.model_fields_set if self.rate_bounds else set()) - set(system.controls):
+            controls = " and ".join(system.controls)
+            raise Wrong(f"expected rates of {controls}, got {name!r}", path=("rate_bounds", name))
         if self.wheelbase is not None and self.model != Bicycle.name:
             raise Wrong(f"expected a wheelbase for the bicycle only, got one for the {self.model}", path=("wheelbase",))
         return self
@@ -122,6 +134,7 @@ class ObjectiveSection(Model):
     robustness: f.Weight = Objective.robustness
     terminal: Terminal | None = None
     effort: f.Weight = Objective.effort
+    smoothness: f.Weight = Objective.smoothness
 
 
 class Solve(Model):

@@ -36,6 +36,8 @@ class Value:
     gap : float
         Smallest distance in metres, beyond the robot's radius, between an obstacle and the fleet's hull (of the mean
         robot, for the guarantee ``moment``).
+    excess : float
+        By how much a command changes faster than it may, per second; negative where all rates are kept.
     """
 
     cost: float
@@ -43,10 +45,11 @@ class Value:
     terminal: float
     effort: float
     gap: float
+    excess: float = -np.inf
 
     def keeps(self, margin: float) -> bool:
-        """Whether the task holds and every obstacle is at least `margin` metres away."""
-        return self.robustness >= 0 and self.gap >= margin
+        """Whether the task holds, every obstacle is at least `margin` metres away, and rates are kept."""
+        return self.robustness >= 0 and self.gap >= margin and self.excess <= 0
 
 
 def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Value:
@@ -72,13 +75,16 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
         (float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in formulas), default=0.0
     )
     terminal = terminal_cost(problem, controls, order)
-    effort = aim.effort * step * float((controls**2).sum())
+    change = np.diff(controls, axis=0) / step
+    effort = step * (aim.effort * float((controls**2).sum()) + aim.smoothness * float((change**2).sum()))
+    rates = np.full(2, np.inf) if fleet.rate_bounds is None else fleet.rate_bounds
+    excess = float((np.abs(change) - rates).max(initial=-np.inf))
     curve = average[:, None] if in_moments else points(problem, controls, truncation)
     shift = np.zeros(2) if in_moments else fleet.shift
     cells = None if in_moments else truncation.parts
     lines = separate(curve, duties(problem), problem.duration, shift, cells)
     cost = -aim.robustness * worst + terminal + effort
-    return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)))
+    return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)), excess)
 
 
 def _fleet(problem: Problem, controls: Floats) -> StateSignals:

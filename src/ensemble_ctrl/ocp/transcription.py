@@ -46,6 +46,8 @@ Pairs = NDArray[np.bool_]
 
 PULL = 1e-3
 """Weight that pulls idle levels up to their bounds, so that none drifts away unbounded."""
+SPARE = 1e-2
+"""Share of the rate bounds that the program leaves to spare."""
 PRICE = 10.0
 """Price of a metre of slack: above the multipliers seen, so that slack is used only where it must be."""
 
@@ -116,6 +118,7 @@ def transcribe(
     else:
         blocks += _avoiding(problem, truncation, layout, slack, avoiding, tail)
     blocks += task.blocks
+    blocks += _rates(problem, layout, step)
     blocks.append(_satisfying(level, short[0], problem.solve.margin if parts else 0.0))
     terms = _terms(problem, truncation, layout, level)
     lower, upper = _bounds(problem, layout, level)
@@ -201,6 +204,16 @@ def _switching(choice: Choice, layout: Layout, guess: Floats, lower: Floats, upp
         lower[at], upper[at] = np.repeat(low, n), np.repeat(high, n)
 
 
+def _rates(problem: Problem, layout: Layout, step: float) -> list[Block]:
+    """Commands change no faster than they may; a little less, so that a solver's tolerance does no harm."""
+    bounds = problem.fleet.rate_bounds
+    if bounds is None or layout.steps < 2:
+        return []
+    most = np.tile((1 - SPARE) * bounds * step, (layout.steps - 1, 1))
+    columns = np.column_stack([layout.controls[:-1], layout.controls[1:]])
+    return [Block("rates", lambda z, d: z[2:] - z[:2], columns, np.zeros((layout.steps - 1, 0)), -most, most)]
+
+
 def _satisfying(level: int, slack: int, margin: float) -> Block:
     """The task holds with the margin, or falls short by the slack."""
     low = np.full((1, 1), margin)
@@ -217,6 +230,13 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int)
         return aim.effort * step * ca.sumsqr(z)
 
     terms = [Block("effort", effort, layout.controls, np.zeros((layout.steps, 0)), none, none)]
+    if aim.smoothness and layout.steps > 1:
+
+        def smoothness(z: ca.SX, d: ca.SX) -> ca.SX:
+            return aim.smoothness / step * ca.sumsqr(z[2:] - z[:2])
+
+        columns = np.column_stack([layout.controls[:-1], layout.controls[1:]])
+        terms.append(Block("smoothness", smoothness, columns, np.zeros((layout.steps - 1, 0)), none, none))
     terms.append(
         Block(
             "slack",
