@@ -20,7 +20,7 @@ TEXT = """
 fleet:
   model: unicycle
   start: {position: [0, 0], heading: 0}
-  rate_bounds: {v: 0.5, omega: 0.8}
+  rate_bounds: {v: 0.3, omega: 0.5}
 horizon: {duration: 6 s, steps: 30}
 regions: {goal: {box: [[2, 3.5], [-0.6, 0.6]]}}
 obstacles: {post: {box: [[1.2, 1.6], [-0.4, 0.2]]}}
@@ -45,8 +45,8 @@ def test_rates_are_kept_and_bind() -> None:
     found = solve(problem)
     free = solve(unbound(problem, 0.0))
     assert (found.status, free.status) == ("planned", "planned")
-    assert (fastest_change(problem, found.controls) <= [0.5, 0.8]).all()
-    assert (fastest_change(problem, free.controls) > [0.5, 0.8]).any(), "the bounds would not bind"
+    assert (fastest_change(problem, found.controls) <= [0.3, 0.5]).all()
+    assert (fastest_change(problem, free.controls) > [0.3, 0.5]).any(), "the bounds would not bind"
     assert found.certificate is not None
     assert found.certificate.proven == "yes"
 
@@ -60,10 +60,10 @@ def test_smoothness_makes_commands_smoother() -> None:
 
 def test_they_are_written_and_read_again() -> None:
     again = load_text(dump(load_text(TEXT)))
-    np.testing.assert_array_equal(again.fleet.rate_bounds, [0.5, 0.8])
+    np.testing.assert_array_equal(again.fleet.rate_bounds, [0.3, 0.5])
     assert again.objective.smoothness == 0.01
-    one = load_text(TEXT.replace("{v: 0.5, omega: 0.8}", "{v: 0.5}"))
-    np.testing.assert_array_equal(one.fleet.rate_bounds, [0.5, np.inf])
+    one = load_text(TEXT.replace("{v: 0.3, omega: 0.5}", "{v: 0.3}"))
+    np.testing.assert_array_equal(one.fleet.rate_bounds, [0.3, np.inf])
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_they_are_written_and_read_again() -> None:
 )
 def test_wrong_rates_are_named(written: str, place: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        load_text(TEXT.replace("{v: 0.5, omega: 0.8}", written))
+        load_text(TEXT.replace("{v: 0.3, omega: 0.5}", written))
     (error,) = caught.value.diagnostics
     assert (error.path, error.message[: len(message)]) == (place, message)
     with pytest.raises(ProblemError, match=r"^fleet.rate_bounds: expected two numbers above 0"):
