@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, Not, ground, resolve
+from ensemble_ctrl.constraints.stl import Avoid, Formula, Inside, Not, conjuncts, ground, kept_out, resolve
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
 
@@ -66,11 +66,6 @@ class Duty:
         return np.asarray(overlap)
 
 
-def conjuncts(task: Formula) -> tuple[Formula, ...]:
-    """The parts of a task that must all hold."""
-    return task.parts if isinstance(task, And) else (task,)
-
-
 def duties(problem: Problem) -> tuple[Duty, ...]:
     """Every duty of the task, one for each obstacle or region and window."""
     return tuple(duty for part in conjuncts(problem.task) for duty in _duties(problem, part))
@@ -78,7 +73,7 @@ def duties(problem: Problem) -> tuple[Duty, ...]:
 
 def other_parts(problem: Problem) -> tuple[Formula, ...]:
     """The conjuncts that are not duties, as they were written."""
-    return tuple(part for part in conjuncts(problem.task) if not _kept_out(part))
+    return tuple(part for part in conjuncts(problem.task) if not kept_out(part))
 
 
 def grounded(problem: Problem, part: Formula) -> Formula:
@@ -94,22 +89,9 @@ def window_of(problem: Problem, part: Formula) -> tuple[float, float]:
     return float(begin or 0.0), problem.duration if end is None else float(end)
 
 
-def _kept_out(part: Formula) -> tuple[Formula, ...]:
-    """The leaves of ``G (avoid(a) and not in(b) and ...)``, none for any other formula."""
-    if not isinstance(part, Always):
-        return ()
-    leaves = conjuncts(part.child)
-    return leaves if all(isinstance(leaf, Avoid) or _is_not_in(leaf) for leaf in leaves) else ()
-
-
-def _is_not_in(leaf: Formula) -> bool:
-    """Whether a formula is ``not in(region)``."""
-    return isinstance(leaf, Not) and isinstance(leaf.child, Inside)
-
-
 def _duties(problem: Problem, part: Formula) -> Iterator[Duty]:
     """The duties of one conjunct."""
-    for leaf in _kept_out(part):
+    for leaf in kept_out(part):
         window = window_of(problem, part)
         if isinstance(leaf, Avoid):
             names = list(problem.obstacles) if leaf.name == ALL and ALL not in problem.obstacles else [leaf.name]

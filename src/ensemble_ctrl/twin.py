@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
-from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, Not, Or, resolve
-from ensemble_ctrl.duties import conjuncts
+from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, Not, Or, conjuncts, resolve
 from ensemble_ctrl.problem import Problem, ReportOptions
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ensemble_ctrl.checks.finding import Finding
 from ensemble_ctrl.checks.numbers import ALL_OBSTACLES
-from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, Not, leaves
+from ensemble_ctrl.constraints.stl import Avoid, Formula, conjuncts, kept_out, leaves
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -27,8 +27,8 @@ def motion_findings(problem: Problem) -> Iterator[Finding]:
             yield Finding(path, f"expected times from 0 to {problem.duration:g} s, got {times}", on_key=True)
     if problem.motions and problem.solve.method == "minlp":
         yield Finding(("solve", "method"), "minlp is for obstacles that stand still", "use nlp")
-    for part in _conjuncts(problem.task):
-        if not _is_duty(part):
+    for part in conjuncts(problem.task):
+        if not kept_out(part):
             yield from _inside(problem, part)
 
 
@@ -42,16 +42,3 @@ def _inside(problem: Problem, part: Formula) -> Iterator[Finding]:
                     message = f"{name!r} moves, and what moves can only be avoided throughout a window"
                     offset = leaf.column - 1 if leaf.column else None
                     yield Finding(("task",), message, f"write G[a,b] avoid({name}) as a part of its own", offset=offset)
-
-
-def _conjuncts(task: Formula) -> tuple[Formula, ...]:
-    """The parts of a task that must all hold."""
-    return task.parts if isinstance(task, And) else (task,)
-
-
-def _is_duty(part: Formula) -> bool:
-    """Whether a part says to keep out throughout a window."""
-    if not isinstance(part, Always):
-        return False
-    kept = _conjuncts(part.child)
-    return all(isinstance(leaf, Avoid) or (isinstance(leaf, Not) and isinstance(leaf.child, Inside)) for leaf in kept)

@@ -15,7 +15,15 @@ from ensemble_ctrl.constraints.stl.formula import (
 )
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
 from ensemble_ctrl.constraints.stl.operations import Backend, ExactOps, NumpyBackend, Ops, SmoothOps
-from ensemble_ctrl.constraints.stl.rewrite import ground, leaves, negation_normal_form, reads_fleet, resolve
+from ensemble_ctrl.constraints.stl.rewrite import (
+    conjuncts,
+    ground,
+    kept_out,
+    leaves,
+    negation_normal_form,
+    reads_fleet,
+    resolve,
+)
 from ensemble_ctrl.constraints.stl.robustness import member_robustness, robustness
 from ensemble_ctrl.constraints.stl.signals import Signals, StateSignals
 from ensemble_ctrl.constraints.stl.text import FormulaError, parse
@@ -44,8 +52,10 @@ __all__ = [
     "Until",
     "check_names",
     "check_windows",
+    "conjuncts",
     "ground",
     "horizon",
+    "kept_out",
     "leaves",
     "member_robustness",
     "name_errors",

@@ -36,6 +36,20 @@ def leaves(formula: Formula) -> Iterator[Formula]:
         yield from leaves(part)
 
 
+def conjuncts(formula: Formula) -> tuple[Formula, ...]:
+    """The parts of a formula that must all hold."""
+    return formula.parts if isinstance(formula, And) else (formula,)
+
+
+def kept_out(part: Formula) -> tuple[Formula, ...]:
+    """The leaves of ``G (avoid(a) and not in(b) and ...)``, none for any other formula."""
+    if not isinstance(part, Always):
+        return ()
+    kept = conjuncts(part.child)
+    outside = (isinstance(leaf, Avoid) or (isinstance(leaf, Not) and isinstance(leaf.child, Inside)) for leaf in kept)
+    return kept if all(outside) else ()
+
+
 def reads_fleet(formula: Formula) -> bool:
     """Whether a formula speaks of the fleet as a whole, by ``mean`` or ``share``."""
     return isinstance(formula, Mean | Share) or any(reads_fleet(part) for part in formula.parts)
