@@ -140,7 +140,7 @@ def measured(run: Replay | None) -> list[tuple[str, str]]:
         (
             "replay",
             f"{run.members} members, {run.substeps} look{'s' if run.substeps > 1 else ''} a step: {bad} violate, "
-            f"{_percent(run.satisfied)} % satisfy{_share(run)} ({run.seconds:.2f} s)",
+            f"{_percent(run.satisfied)} % satisfy{_share(run)}",
         )
     )
     return rows
@@ -149,7 +149,7 @@ def measured(run: Replay | None) -> list[tuple[str, str]]:
 def _share(run: Replay) -> str:
     """What the drawn members say of the whole fleet, if any were drawn."""
     low, _ = run.share()
-    return f", of the whole fleet >= {100 * low:.4g} % with 95 % confidence" if run.corners < run.members else ""
+    return f" (>= {100 * low:.4g} % of all, 95 % confidence)" if run.corners < run.members else ""
 
 
 def conflict_text(c: Conflict) -> str:
