@@ -155,7 +155,7 @@ class Polyhedron:
 
     @cached_property
     def vertices(self) -> Array:
-        """Corners of a bounded polyhedron in 1 to 3 dimensions, in the plane counter-clockwise, (corners, n), metres."""
+        """Corners of a bounded polyhedron, n up to 3, counter-clockwise in the plane, shape (corners, n), metres."""
         if self.A.shape[1] > 3:
             raise ProblemError(f"Polyhedron.vertices: expected at most 3 dimensions, got {self.A.shape[1]}")
         if self.is_empty or not self.is_bounded:

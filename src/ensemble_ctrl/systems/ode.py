@@ -135,7 +135,7 @@ class OdeSystem:
         """
         if self.has_exact:
             return self._stacked(self.exact(list(x), u, psi, step), x, "exact")
-        return rk4(lambda at: self.rates(at, u, psi), x, step, substeps)
+        return np.asarray(rk4(lambda at: self.rates(at, u, psi), x, step, substeps))
 
     def rates(self, x: Floats, u: Any, psi: Mapping[str, Any]) -> Floats:
         """`xdot` as one array of the shape of `x`, (n_x, members), checked for its shape.
