@@ -131,8 +131,14 @@ class Plan:
         return path
 
     @classmethod
-    def load(cls, path: str | Path) -> Plan:
+    def load(cls, path: str | Path, *, trust: bool = False) -> Plan:
         """Read a plan that `save` wrote: a file, or a results folder that holds ``plan.npz``.
+
+        Parameters
+        ----------
+        path : path
+        trust : bool
+            Whether to run the Python file of a user's own system, which has to lie next to the plan.
 
         Raises
         ------
@@ -143,7 +149,7 @@ class Plan:
         """
         path = planfile.path_of(path)
         saved = planfile.read(path)
-        problem = load_text(saved.problem, f"{path}: problem")
+        problem = load_text(saved.problem, f"{path}: problem", trust=trust)
         try:
             return cls(problem, saved.controls, cast("Status", saved.status), saved.details)
         except ProblemError as error:
