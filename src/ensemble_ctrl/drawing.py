@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 
 WIDTH = 320
 """Width of the drawing in pixels."""
+BAND = 0.1
+"""Half the height at which a region of a line is drawn, metres."""
 TALLEST, FLATTEST = 2.0, 0.3
 """Most and least height, in widths."""
 
@@ -36,9 +38,10 @@ def map_svg(problem: Problem, paths: Sequence[Floats] = ()) -> str:
     str
         An ``<svg>`` element.
     """
-    start = problem.fleet.position[None, :]
-    obstacles = [piece.vertices for _, piece in problem.pieces]
-    regions = list(outlines(problem, paths).values())
+    start = _flat(problem.fleet.position[None, :])
+    paths = [_flat(path) for path in paths]
+    obstacles = [shadow(piece.vertices) for _, piece in problem.pieces]
+    regions = [shadow(corners) for corners in outlines(problem, paths).values()]
     low, span = _frame([start, *obstacles, *regions, *paths])
     height = round(WIDTH * span[1] / span[0])
 
@@ -78,11 +81,51 @@ def outlines(problem: Problem, paths: Sequence[Floats] = ()) -> dict[str, Floats
         Without regions that are nowhere near.
     """
     bounded = {name: region.vertices for name, region in problem.regions.items() if region.is_bounded}
+    if len(problem.fleet.places) != 2:
+        return bounded
     drawn = [piece.vertices for _, piece in problem.pieces] + [*bounded.values(), *paths]
     low, size = _frame([problem.fleet.position[None, :], *drawn])
     window = (low - 0.1 * size - 0.5, low + 1.1 * size + 0.5)
     parts = {name: region if name in bounded else _within(region, *window) for name, region in problem.regions.items()}
     return {name: part.vertices for name, part in parts.items() if not part.is_empty}
+
+
+def shadow(points: Floats, view: tuple[int, int] = (0, 1)) -> Floats:
+    """Corners of the convex hull of points seen in two of their coordinates, counter-clockwise, shape (corners, 2).
+
+    Points of the plane are returned as they are; those of a line become a flat band.
+
+    Examples
+    --------
+    >>> cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 2)], float)
+    >>> shadow(cube, (0, 2)).tolist()
+    [[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]]
+    """
+    if points.shape[1] == 2:
+        return points
+    if points.shape[1] == 1:
+        low, high = points.min(), points.max()
+        return np.array([[low, -BAND], [high, -BAND], [high, BAND], [low, BAND]])
+    flat = np.unique(np.round(points[:, list(view)], 12), axis=0)
+    return np.concatenate([_chain(flat)[:-1], _chain(flat[::-1])[:-1]])
+
+
+def _chain(points: Floats) -> Floats:
+    """The right-hand side of the hull of points sorted along it (Andrew's monotone chain)."""
+    kept: list[Floats] = []
+    for point in points:
+        while len(kept) > 1:
+            first, second = kept[-1] - kept[-2], point - kept[-1]
+            if first[0] * second[1] - first[1] * second[0] > 0:
+                break
+            kept.pop()
+        kept.append(point)
+    return np.array(kept)
+
+
+def _flat(path: Floats) -> Floats:
+    """Points in the first two coordinates; those of a line at height zero."""
+    return path[:, :2] if path.shape[1] > 1 else np.column_stack([path, np.zeros(len(path))])
 
 
 def _within(region: Polyhedron, low: Floats, high: Floats) -> Polyhedron:

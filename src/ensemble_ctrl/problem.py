@@ -245,7 +245,7 @@ class Problem:
         return f"<div>{map_svg(self)}<pre>{escape(repr(self))}</pre></div>"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class OdeProblem(Problem):
     """A planning problem of a fleet that follows a differential equation: a quadrotor, or a system of one's own.
 

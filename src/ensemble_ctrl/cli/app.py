@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from contextvars import copy_context
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
@@ -51,6 +52,18 @@ Overrides = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")]
+
+
+def _consent(given: bool) -> bool:
+    """Let the Python file of a user's own system run, for this call of the command."""
+    if given:
+        from ensemble_ctrl.config.own import CONSENT
+
+        CONSENT.set(True)
+    return given
+
+
+Trust = Annotated[bool, typer.Option("--trust", help="Run the Python file that fleet.model names.", callback=_consent)]
 Members = Annotated[int | None, typer.Option(help="Members to replay (verify.members).", metavar="N", min=1)]
 
 
@@ -93,6 +106,7 @@ def run(
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
     overwrite: Overwrite = False,
+    trust: Trust = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
     if quiet and verbose:
@@ -127,6 +141,7 @@ def check(
     configs: Annotated[list[str], typer.Argument(help="Problem files; - reads stdin.", metavar="CONFIG")],
     json: Json = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say only what is wrong.")] = False,
+    trust: Trust = False,
 ) -> None:
     """Check problem files without solving."""
     from ensemble_ctrl.cli.check import check_files
@@ -142,6 +157,7 @@ def show(
         int | None, typer.Option(help="Times looked at in each step (verify.substeps).", metavar="N", min=1)
     ] = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Replay a saved plan and print its summary again."""
     from ensemble_ctrl.cli.show import show_plan
@@ -159,6 +175,7 @@ def verify(
     ] = None,
     members: Members = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Prove a saved plan again from its files alone."""
     from ensemble_ctrl.cli.verify import verify_plan
@@ -202,11 +219,14 @@ def widest(
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""
-    from ensemble_ctrl.systems import SYSTEMS
+    from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS
 
-    for name, system in SYSTEMS.items():
+    for name, system in (*SYSTEMS.items(), *ODE_SYSTEMS.items()):
         controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
-        say(f"{name:<12}{system.summary}\n{'':<12}controls {controls}; parameters {', '.join(system.parameters)}")
+        say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {', '.join(system.parameters)}")
+        if name in ODE_SYSTEMS:
+            say(f"{'':<18}states {', '.join(ODE_SYSTEMS[name].states)}; replayed, not proven")
+    say("your own: fleet: {model: {python: my_system.py:MySystem}}, with --trust")
 
 
 @app.command()
@@ -240,6 +260,11 @@ def invoke(arguments: list[str]) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for them reads every installed package's metadata
     as_json = "--json" in arguments
+    return copy_context().run(_invoked, arguments, as_json)
+
+
+def _invoked(arguments: list[str], as_json: bool) -> int:
+    """The command line in a context of its own, so that a consent ends with it."""
     try:
         command = typer.main.get_command(app)
         with command.make_context(NAME, with_command(arguments), obj=tuple(arguments)) as context:

@@ -122,7 +122,9 @@ def _read_json(path: Path) -> dict[str, Any]:
 def _lines(found: Verified) -> list[str]:
     """The result as text."""
     problem = found.plan.problem
-    head = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN"}[found.certificate.proven]
+    head = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN", "not covered": "NOT COVERED"}[
+        found.certificate.proven
+    ]
     rows = [*proven(found.certificate), *measured(found.run)]
     rows += (
         [("files", "DISAGREE, see below" if found.tampered else "agree with each other and with the proof")]

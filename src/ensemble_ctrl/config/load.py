@@ -17,7 +17,7 @@ from ensemble_ctrl.config.locate import Locator
 from ensemble_ctrl.config.messages import Diagnostic, findings_of, layout
 from ensemble_ctrl.config.ode_section import OdeProblemFile
 from ensemble_ctrl.config.overrides import Override, apply, parse_override
-from ensemble_ctrl.config.own import is_ode, places_of
+from ensemble_ctrl.config.own import CONSENT, is_ode, places_of
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.config.source import Source, Text, name_of, read_source
 from ensemble_ctrl.config.tree import TextError, Tree
@@ -100,7 +100,7 @@ def read(source: Source, overrides: Iterable[str] = (), *, trust: bool = False) 
 
 def read_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *, trust: bool = False) -> Loaded:
     """Read a problem from a text, and keep its warnings; see `load`."""
-    return _read(Text(name, text, FilePath(name).parent if trust else FilePath()), overrides, trust)
+    return _read(Text(name, text, FilePath(name).parent if trust or CONSENT.get() else FilePath()), overrides, trust)
 
 
 def schema() -> dict[str, Any]:

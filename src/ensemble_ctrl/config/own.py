@@ -60,11 +60,10 @@ def system_class(value: Any, context: dict[str, Any] | None) -> type[OdeSystem]:
     name, _, kind = value["python"].rpartition(":")
     if not name.endswith(".py") or not kind.isidentifier():
         raise Wrong(f"expected FILE.py:CLASS, got {show(value['python'])}", EXAMPLE, ("python",))
-    path = _beside(name, Path((context or {}).get("folder", Path())))
     if not ((context or {}).get("trust", False) or CONSENT.get()):
         hint = "it is a program: read it, then add --trust to the command, or trust=True to ec.load"
         raise Wrong(f"expected your consent to run {name}", hint, ("python",))
-    return _class(path, kind)
+    return _class(_beside(name, Path((context or {}).get("folder", Path()))), kind)
 
 
 def _beside(name: str, folder: Path) -> Path:

@@ -62,7 +62,7 @@ class Solid(Obstacle):
             raise ProblemError(f"Solid.box: expected {wanted}, got shape {pairs.shape}")
         if not (pairs[:, 0] < pairs[:, 1]).all():
             raise ProblemError(f"Solid.box: expected low < high, got {pairs.tolist()}")
-        return cls(np.vstack([np.eye(3), -np.eye(3)]), np.concatenate([pairs[:, 0], -pairs[:, 1]]))
+        return cls(np.vstack([np.eye(3), 0.0 - np.eye(3)]), np.concatenate([pairs[:, 0], 0.0 - pairs[:, 1]]))
 
     @classmethod
     def hull(cls, points: ArrayLike) -> Solid:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.drawing import outlines
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet, sheet_size
 from ensemble_ctrl.report.text import ranges_text
 from ensemble_ctrl.target import Formation, SpreadTarget
 
@@ -126,6 +127,8 @@ def draw_trajectories(
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
+    if isinstance(problem, OdeProblem):
+        return _draw_ode(problem, controls, ax)
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
     paths = trajectories(problem, controls, members, 4)
@@ -144,6 +147,30 @@ def draw_trajectories(
         bar.set_label(fleet.names[0])
     ax.set_title(f"{problem.name}: one control, {ranges_text(fleet)}", wrap=True)
     return ax
+
+
+def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
+    """Projections of a fleet that follows a differential equation; on given axes the first of them."""
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        figure = plt.figure(figsize=sheet_size(problem, controls), layout="compressed")
+        axes = sheet(problem, controls, figure)
+    else:
+        axes = [ax]
+    draw_paths(problem, controls, axes)
+    axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
+    return axes[0]
+
+
+def _ode_figures(problem: OdeProblem, controls: Floats) -> dict[str, Figure]:
+    """Projections and spread of a fleet that follows a differential equation."""
+    paths, spread = new_figure(sheet_size(problem, controls)), new_figure((7.2, 4.2))
+    axes = sheet(problem, controls, paths)
+    draw_paths(problem, controls, axes)
+    axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
+    draw_spread(problem, controls, spread.subplots())
+    return {"trajectories.png": paths, "controls.png": draw_controls(problem, controls), "spread.png": spread}
 
 
 def _draw_twin(paths: Floats, ax: Axes) -> None:
@@ -199,10 +226,13 @@ def write_figures(
     """
     from ensemble_ctrl.report.routes import draw_routes
 
-    trajectory_figure = new_figure(map_size(problem, controls, twin_controls))
-    draw_trajectories(problem, controls, trajectory_figure.subplots(), twin_controls)
-    figures = {"trajectories.png": trajectory_figure, "controls.png": draw_controls(problem, controls)}
-    if len(routes) > 1:
+    if isinstance(problem, OdeProblem):
+        figures = _ode_figures(problem, controls)
+    else:
+        trajectory_figure = new_figure(map_size(problem, controls, twin_controls))
+        draw_trajectories(problem, controls, trajectory_figure.subplots(), twin_controls)
+        figures = {"trajectories.png": trajectory_figure, "controls.png": draw_controls(problem, controls)}
+    if len(routes) > 1 and not isinstance(problem, OdeProblem):
         figures["routes.png"] = draw_routes(problem, controls, routes)
     for name, figure in figures.items():
         figure.savefig(folder / name, dpi=150)
