@@ -14,7 +14,7 @@ from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.systems import OdeSystem
-from ensemble_ctrl.systems.runge_kutta import richardson
+from ensemble_ctrl.systems.integration import Rule, extrapolated, halving_error
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ START = "start_"
 ACCURACY = 1e-8
 """Largest estimated error of any state at any grid time in a replay, relative to its size where that is above 1."""
 MOST_SUBSTEPS = 1024
-"""Runge-Kutta steps in one step of control beyond which a system counts as too stiff."""
+"""Steps of integration in one step of control beyond which a system counts as too stiff."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,36 +193,37 @@ class OdeFleet(Ensemble):
         self._require_finite(states, members, step)
         return states
 
-    def integrated(self, controls: Floats, members: Floats, step: float, substeps: int) -> Floats:
-        """The same with a given number of Runge-Kutta steps, finite or not."""
+    def integrated(
+        self, controls: Floats, members: Floats, step: float, substeps: int, rule: Rule = extrapolated
+    ) -> Floats:
+        """The same with a given number of steps of a rule, finite or not."""
         states = np.empty((len(controls) + 1, len(self.states), len(members)))
         states[0], psi = self.start_states(members), self.psi(members)
         with np.errstate(all="ignore"):
             for k, command in enumerate(np.asarray(controls, dtype=float)):
-                states[k + 1] = self.system.flow(states[k], command, psi, step, substeps)
+                states[k + 1] = self.system.flow(states[k], command, psi, step, substeps, rule)
         return states.transpose(2, 0, 1)
 
-    def substeps(self, controls: Floats, step: float, accuracy: float = ACCURACY) -> int:
-        """How many Runge-Kutta steps a step of control needs, by halving until the estimated error is small enough.
+    def substeps(self, controls: Floats, step: float, accuracy: float = ACCURACY, rule: Rule = extrapolated) -> int:
+        """How many steps of a rule a step of control needs, by halving until the estimated error is small enough.
 
         Notes
         -----
-        The error is estimated for the corners of the ranges and the middle, with half the substeps returned; what is
-        used is another factor of about 16 more accurate.
+        The error is estimated for the corners of the ranges and the middle, at every grid time.
         """
         members = np.concatenate([self.corners, self.center[None]])
         if self.system.has_exact:
             return 1
-        count, coarse = 1, self.integrated(controls, members, step, 1)
+        count, coarse = 1, self.integrated(controls, members, step, 1, rule)
         while True:
-            fine = self.integrated(controls, members, step, 2 * count)
+            fine = self.integrated(controls, members, step, 2 * count, rule)
             with np.errstate(all="ignore"):
-                error = np.abs(richardson(coarse, fine)) / np.maximum(1.0, np.abs(fine))
+                error = np.abs(halving_error(rule, coarse, fine)) / np.maximum(1.0, np.abs(fine))
             if np.isfinite(error).all() and error.max() <= accuracy:
                 return 2 * count
             if 2 * count >= MOST_SUBSTEPS:
                 self._require_finite(fine, members, step)
-                message = f"expected an error of at most {accuracy:g} with {MOST_SUBSTEPS} Runge-Kutta steps in each"
+                message = f"expected an error of at most {accuracy:g} with {MOST_SUBSTEPS} steps of integration in each"
                 raise ProblemError(
                     f"{self.system.name}: {message} step of {step:g} s, got {error.max():.2g}: too stiff"
                 )

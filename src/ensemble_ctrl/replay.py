@@ -1,6 +1,6 @@
 """The shared controls run on sampled members, in blocks of bounded memory.
 
-Robots on arcs move exactly, others by a Runge-Kutta rule of stated accuracy (`ensemble_ctrl.ode_fleet`).
+Robots on arcs move exactly, others by a rule of stated accuracy (`ensemble_ctrl.ode_fleet`).
 
 Nothing here knows how the controls were found.
 """

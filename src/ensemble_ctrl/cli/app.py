@@ -219,9 +219,10 @@ def widest(
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""
-    from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS
+    from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS, ArcSystem, OdeSystem
 
-    for name, system in (*SYSTEMS.items(), *ODE_SYSTEMS.items()):
+    known: dict[str, type[ArcSystem] | type[OdeSystem]] = {**SYSTEMS, **ODE_SYSTEMS}
+    for name, system in known.items():
         controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
         say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {', '.join(system.parameters)}")
         if name in ODE_SYSTEMS:

@@ -17,11 +17,11 @@ from ensemble_ctrl.config.locate import Locator
 from ensemble_ctrl.config.messages import Diagnostic, findings_of, layout
 from ensemble_ctrl.config.ode_section import OdeProblemFile
 from ensemble_ctrl.config.overrides import Override, apply, parse_override
-from ensemble_ctrl.config.own import CONSENT, is_ode, places_of
+from ensemble_ctrl.config.own import CONSENT, is_ode, system_class
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.config.source import Source, Text, name_of, read_source
 from ensemble_ctrl.config.tree import TextError, Tree
-from ensemble_ctrl.config.wrong import show
+from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.errors import ConfigError, ProblemError
 from ensemble_ctrl.problem import Problem
 
@@ -137,7 +137,11 @@ def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> 
     context: dict[str, Any] = {"folder": text.folder, "trust": trust}
     if is_ode(data):
         kind = OdeProblemFile
-        context["places"] = places_of(data, context)
+        try:
+            context["places"] = system_class(data["fleet"]["model"], context).positions
+        except Wrong as error:  # nothing else can be read without it
+            path = ("fleet", "model", *error.path)
+            _refuse([*found, locate(Finding(path, error.message, error.hint))], text.name)
     try:
         file = kind.model_validate(data, context=context)
         problem = build(file, re.sub(r"[^\w .+-]", "", FilePath(text.name).stem) or "problem")

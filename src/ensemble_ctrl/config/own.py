@@ -26,14 +26,6 @@ def is_ode(data: Any) -> bool:
     return isinstance(model, dict) or (isinstance(model, str) and model in ODE_SYSTEMS)
 
 
-def places_of(data: Any, context: dict[str, Any]) -> tuple[str, ...]:
-    """Names of the position's coordinates; those of the plane where the model can't be read, which is told later."""
-    try:
-        return system_class(data["fleet"]["model"], context).positions or ("x", "y")
-    except Wrong:
-        return ("x", "y")
-
-
 def system_class(value: Any, context: dict[str, Any] | None) -> type[OdeSystem]:
     """The class that ``fleet.model`` names.
 

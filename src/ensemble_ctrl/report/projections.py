@@ -72,8 +72,7 @@ def _draw_shapes(problem: OdeProblem, ax: Axes, view: View, paths: Floats) -> No
     from matplotlib.patches import Polygon
 
     hidden = [k for k in range(paths.shape[2]) if k not in view]
-    low = paths[..., hidden].min(axis=(0, 1)) - problem.fleet.radius
-    high = paths[..., hidden].max(axis=(0, 1)) + problem.fleet.radius
+    low, high = paths[..., hidden].min(axis=(0, 1)), paths[..., hidden].max(axis=(0, 1))
     for _, piece in problem.pieces:
         corners = piece.vertices
         met = (corners[:, hidden].min(axis=0) <= high).all() and (corners[:, hidden].max(axis=0) >= low).all()
@@ -89,6 +88,9 @@ def _draw_shapes(problem: OdeProblem, ax: Axes, view: View, paths: Floats) -> No
     ax.plot(*start, "ko", markersize=5, zorder=5)
     ax.annotate("start", (start[0], start[1]), (0, -12), textcoords="offset points", fontsize=8, ha="center")
     names = [problem.fleet.places[k] for k in view]
+    if hidden:
+        seen = f"along {problem.fleet.places[hidden[0]]}; dotted: beside the way"
+        ax.annotate(seen, (0, 1), (4, -4), xycoords="axes fraction", textcoords="offset points", va="top", fontsize=7)
     ax.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", aspect="equal")
 
 

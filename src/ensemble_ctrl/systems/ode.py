@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.systems.runge_kutta import rk4
+from ensemble_ctrl.systems.integration import Rule, extrapolated
 
 Floats = NDArray[np.float64]
 
@@ -115,7 +115,9 @@ class OdeSystem:
         """Whether `exact` is written."""
         return type(self).exact is not OdeSystem.exact
 
-    def flow(self, x: Floats, u: Any, psi: Mapping[str, Any], step: float, substeps: int) -> Floats:
+    def flow(
+        self, x: Floats, u: Any, psi: Mapping[str, Any], step: float, substeps: int, rule: Rule = extrapolated
+    ) -> Floats:
         """The states of all members after a step of a constant command.
 
         Parameters
@@ -127,7 +129,9 @@ class OdeSystem:
         step : float
             Seconds.
         substeps : int
-            Steps of the Runge-Kutta rule; of no matter where `exact` is written.
+            Steps of the rule; of no matter where `exact` is written.
+        rule : callable
+            A rule of `ensemble_ctrl.systems.integration`.
 
         Returns
         -------
@@ -135,7 +139,7 @@ class OdeSystem:
         """
         if self.has_exact:
             return self._stacked(self.exact(list(x), u, psi, step), x, "exact")
-        return np.asarray(rk4(lambda at: self.rates(at, u, psi), x, step, substeps))
+        return np.asarray(rule(lambda at: self.rates(at, u, psi), x, step, substeps))
 
     def rates(self, x: Floats, u: Any, psi: Mapping[str, Any]) -> Floats:
         """`xdot` as one array of the shape of `x`, (n_x, members), checked for its shape.

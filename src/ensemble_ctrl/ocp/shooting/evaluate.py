@@ -24,18 +24,18 @@ FAR = 1e6
 """Metres of shortfall where a state is not finite."""
 
 
-def evaluate(problem: OdeProblem, controls: Floats, substeps: int) -> Value:
-    """Evaluate `controls` of shape (steps, n_u), integrated with so many Runge-Kutta steps in a step of control."""
+def evaluate(problem: OdeProblem, controls: Floats) -> Value:
+    """Evaluate `controls` of shape (steps, n_u)."""
     fleet, aim, step = problem.fleet, problem.objective, problem.duration / len(controls)
     effort, excess = _commands(problem, controls, step)
     members = fleet.bent_members(_spread(len(fleet.names)))
     fine = np.repeat(controls, LOOKS, axis=0)
-    states = fleet.integrated(fine, members, step / LOOKS, -(-substeps // LOOKS))
+    states = fleet.integrated(fine, members, step / LOOKS, 1)
     if not np.isfinite(states).all():
         return Value(FAR, -FAR, 0.0, effort, -FAR, excess)
-    worst = _robustness(problem, states[:, ::LOOKS], controls, substeps)
+    worst = _robustness(problem, states[:, ::LOOKS], controls)
     gap = _gap(problem, states[..., fleet.place_columns])
-    terminal = _terminal(problem, controls, substeps)
+    terminal = _terminal(problem, controls)
     return Value(-aim.robustness * worst + terminal + effort, worst, terminal, effort, gap, excess)
 
 
@@ -57,14 +57,14 @@ def _spread(parameters: int) -> Floats:
     return np.array(list(product(*[axis] * parameters)), dtype=float).reshape(len(axis) ** parameters, parameters)
 
 
-def _robustness(problem: OdeProblem, states: Floats, controls: Floats, substeps: int) -> float:
+def _robustness(problem: OdeProblem, states: Floats, controls: Floats) -> float:
     """Exact robustness of the task without its duties, worst of the members at the grid times."""
     fleet, step = problem.fleet, problem.duration / len(controls)
     formulas = [grounded(problem, part) for part in other_parts(problem)]
     signals, ops = StateSignals(states, fleet.states, step), ExactOps()
     whole = signals
     if any(map(reads_fleet, formulas)):
-        drawn = fleet.integrated(controls, fleet.sample(FLEET, seed=0), step, substeps)
+        drawn = fleet.integrated(controls, fleet.sample(FLEET, seed=0), step, 1)
         whole = StateSignals(drawn, fleet.states, step)
     values = [float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in formulas]
     return min(values, default=0.0)
@@ -81,12 +81,12 @@ def _gap(problem: OdeProblem, paths: Floats) -> float:
     return least
 
 
-def _terminal(problem: OdeProblem, controls: Floats, substeps: int) -> float:
+def _terminal(problem: OdeProblem, controls: Floats) -> float:
     """Twice the fleet's mean squared distance from the target, weighted."""
     aim, fleet = problem.objective, problem.fleet
     if not isinstance(aim.target, np.ndarray):
         return 0.0
     nodes, weights = fleet.rule(8 if len(fleet.names) < 2 else 4)
-    final = fleet.integrated(controls, fleet.bent_members(nodes), problem.duration / len(controls), substeps)[:, -1]
+    final = fleet.integrated(controls, fleet.bent_members(nodes), problem.duration / len(controls), 1)[:, -1]
     off = final[:, fleet.place_columns] - aim.target
     return aim.terminal * float(weights @ (off**2).sum(axis=1))

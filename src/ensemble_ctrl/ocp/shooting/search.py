@@ -19,6 +19,7 @@ from ensemble_ctrl.ocp.shooting.transcription import Iterate, transcribe
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Watch, ipopt
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.systems.integration import rk4
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ class Stage:
         """The node robots under `controls`."""
         fleet = self.problem.fleet
         members = fleet.bent_members(self.truncation.nodes)
-        states = fleet.integrated(controls, members, self.problem.duration / len(controls), self.substeps)
+        states = fleet.integrated(controls, members, self.problem.duration / len(controls), self.substeps, rk4)
         return Iterate(controls, states.transpose(1, 2, 0))
 
 
@@ -101,7 +102,7 @@ def given(problem: OdeProblem, controls: Floats) -> tuple[Attempt, Floats]:
 def _substeps(problem: OdeProblem, controls: Floats) -> int:
     """Runge-Kutta steps within the program."""
     try:
-        found = problem.fleet.substeps(controls, problem.duration / len(controls), ACCURACY)
+        found = problem.fleet.substeps(controls, problem.duration / len(controls), ACCURACY, rk4)
     except ProblemError:
         return MOST_SUBSTEPS
     return min(MOST_SUBSTEPS, max(1, found // 2))
@@ -109,7 +110,7 @@ def _substeps(problem: OdeProblem, controls: Floats) -> int:
 
 def _start(stage: Stage, controls: Floats) -> Attempt:
     """The guess as an attempt that cost nothing."""
-    value = evaluate(stage.problem, controls, max(2, stage.substeps))
+    value = evaluate(stage.problem, controls)
     return Attempt(controls, value, stage.truncation, "failed", "not solved", 0, 0.0, 0.0, 0)
 
 
@@ -161,7 +162,7 @@ def _round(
 
 def _attempt(stage: Stage, controls: Floats, outcome: Outcome, built: float, solved: float, pairs: int) -> Attempt:
     """A solution with what it is worth."""
-    value = evaluate(stage.problem, controls, 2 * stage.substeps)
+    value = evaluate(stage.problem, controls)
     return Attempt(
         controls, value, stage.truncation, outcome.status, outcome.message, outcome.iterations, built, solved, pairs
     )

@@ -33,7 +33,7 @@ from ensemble_ctrl.ocp.shooting.planes import Planes
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import OdeProblem
-from ensemble_ctrl.systems.runge_kutta import rk4
+from ensemble_ctrl.systems.integration import rk4
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
