@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ensemble_ctrl.constraints.stl.leaves import RESERVED
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Law
@@ -73,6 +74,10 @@ class OdeFleet(Ensemble):
 
     def __post_init__(self) -> None:
         self.system.require_complete()
+        for name in self.system.states:
+            if name in RESERVED:
+                wanted = "names that are no words of the task language"
+                raise ProblemError(f"{type(self.system).__name__}.states: expected {wanted}, got {name!r}")
         for name in ("parameters", "start"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ProblemError(f"fleet.{name}: expected a mapping of names, got {getattr(self, name)!r}")
