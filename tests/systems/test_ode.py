@@ -39,7 +39,7 @@ def random_controls(fleet: OdeFleet, steps: int, seed: int) -> Floats:
     """Commands anywhere in the middle half of their bounds."""
     low, high = np.asarray(fleet.input_lower), np.asarray(fleet.input_upper)
     share = 0.25 + 0.5 * np.random.default_rng(seed).random((steps, len(low)))
-    return low + share * (high - low)
+    return np.asarray(low + share * (high - low))
 
 
 def by_scipy(fleet: OdeFleet, controls: Floats, member: Floats, step: float) -> Floats:
