@@ -128,8 +128,12 @@ class OdeFleet(Ensemble):
             rest = self.system.rest(psi)
         command = self._per_control("system.rest", rest)
         members = np.concatenate([self.corners, self.center[None]])
-        with np.errstate(all="ignore"):
-            rates = self.system.rates(self.start_states(members), command, self.psi(members))
+        try:
+            with np.errstate(all="ignore"):
+                rates = self.system.rates(self.start_states(members), command, self.psi(members))
+        except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
+            what = f"{type(self.system).__name__}.xdot can't be evaluated"
+            raise ProblemError(f"{what}: {type(error).__name__}: {error}") from error
         bad = np.argwhere(~np.isfinite(rates))
         if len(bad):
             state, member = bad[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,7 +224,7 @@ class Problem:
         """Every convex piece of every obstacle with the obstacle's name."""
         return tuple((name, piece) for name, pieces in self.obstacles.items() for piece in pieces)
 
-    def with_(self, **changes: Any) -> Problem:
+    def with_(self, **changes: Any) -> Self:
         """A copy with some fields replaced, checked like a new problem."""
         return replace(self, **changes)
 

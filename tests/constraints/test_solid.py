@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -23,12 +25,13 @@ def random_solid(seed: int) -> Solid:
 def by_optimisation(solid: Solid, point: Floats) -> float:
     """Distance of a point outside: the nearest convex combination of the corners."""
     corners, n = solid.vertices, len(solid.vertices)
+    equal: Any = {"type": "eq", "fun": lambda share: share.sum() - 1, "jac": lambda share: np.ones(n)}
     found = minimize(
         lambda share: float(((share @ corners - point) ** 2).sum()),
         np.full(n, 1 / n),
         jac=lambda share: 2 * corners @ (share @ corners - point),
         bounds=[(0, 1)] * n,
-        constraints={"type": "eq", "fun": lambda share: share.sum() - 1, "jac": lambda share: np.ones(n)},
+        constraints=equal,
         options={"ftol": 1e-14, "maxiter": 500},
     )
     return float(np.sqrt(found.fun))

@@ -79,10 +79,9 @@ def test_a_way_keeps_clear(d: int) -> None:
 
 def test_a_way_without_obstacles_is_straight_and_one_that_is_walled_in_too() -> None:
     assert len(way(np.zeros(2), np.ones(2), [], 0.1)) == 2
-    walls = [
-        Obstacle.box(b)
-        for b in ([[-1, 1], [1, 1.2]], [[-1, 1], [-1.2, -1]], [[1, 1.2], [-1.2, 1.2]], [[-1.2, -1], [-1.2, 1.2]])
-    ]
+    sides: list[list[list[float]]] = [[[-1, 1], [1, 1.2]], [[-1, 1], [-1.2, -1]]]
+    sides += [[[1, 1.2], [-1.2, 1.2]], [[-1.2, -1], [-1.2, 1.2]]]
+    walls = [Obstacle.box(side) for side in sides]
     assert len(way(np.zeros(2), np.array([3.0, 0.0]), walls, 0.1)) == 2
 
 
