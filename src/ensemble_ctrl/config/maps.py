@@ -1,4 +1,4 @@
-"""Maps from other tools as named areas: GeoJSON, well-known text, and occupancy grids; shapely is imported at the first use."""
+"""Maps from other tools as named areas: GeoJSON, well-known text and occupancy grids; shapely is loaded when needed."""
 
 from __future__ import annotations
 

@@ -36,8 +36,8 @@ def read_occupancy(path: Path, text: str) -> Cells:
 
     Notes
     -----
-    Only cells whose occupancy is below ``free_thresh`` are free: unknown cells, and those with any transparency, count as
-    occupied, and of a coloured cell the channel that says most. Modes ``trinary`` and ``scale`` agree in this.
+    Only cells whose occupancy is below ``free_thresh`` are free: unknown cells, and those with any transparency, count
+    as occupied, and of a coloured cell the channel that says most. Modes ``trinary`` and ``scale`` agree in this.
     """
     tree = Tree.read(text)
     fields = _Fields(tree, tree.data if isinstance(tree.data, dict) else {})
@@ -67,7 +67,7 @@ class _Fields:
 
     def number(self, key: str, above: float = -math.inf, default: float | None = None) -> float:
         """A finite number."""
-        value = self._data.get(key, default)
+        value: Any = self._data.get(key, default)
         if not _is_number(value) or value <= above:
             wanted = "a finite number" if above == -math.inf else f"a finite number above {above:g}"
             raise self.wrong(key, f"expected {wanted}, got {show(value)}", "" if key in self._data else EXAMPLE)

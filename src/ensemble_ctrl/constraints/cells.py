@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from math import cos, floor, sin, sqrt
 from typing import Any
 
@@ -104,15 +105,10 @@ def _spread(mask: Mask, reach: float) -> Mask:
     """The cells of which no point is further than `reach` cells from an occupied one."""
     rows, columns = mask.shape
     found = mask.copy()
-    whole = floor(reach)
-    for down in range(-whole, whole + 1):
-        for right in range(-whole, whole + 1):
-            if 0 < down**2 + right**2 <= reach**2:
-                into, by = (
-                    found[_part(down, rows), _part(right, columns)],
-                    mask[_part(-down, rows), _part(-right, columns)],
-                )
-                np.logical_or(into, by, out=into)
+    whole = range(-floor(reach), floor(reach) + 1)
+    for up, right in product(whole, whole):
+        if 0 < up**2 + right**2 <= reach**2:
+            found[_part(up, rows), _part(right, columns)] |= mask[_part(-up, rows), _part(-right, columns)]
     return found
 
 

@@ -1,7 +1,7 @@
 """Few convex polygons that cover a set: neighbours are joined to their hull wherever that is allowed.
 
-Every polygon that is given stays inside one of those that come back, so joining can only grow what is covered. The pairs
-that add the least area are joined first, as many at a time as have no polygon in common.
+Every polygon that is given stays inside one of those that come back, so joining can only grow what is covered. The
+pairs that add the least area are joined first, as many at a time as have no polygon in common.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def _valid(corners: Array, inner: list[Array], name: str) -> Polygon:
 
     polygon = Polygon(corners, inner)
     if inner:
-        _check_valid(polygon, name)
+        _check_valid(polygon, name, "holes that are inside of the polygon and apart")
     return polygon
 
 
@@ -162,12 +162,12 @@ def _check_simple(corners: Array, name: str) -> None:
     scale = float(np.ptp(corners, axis=0).max())
     if polygon.area <= 1e-12 * scale**2:
         raise ProblemError(f"{name}: expected a polygon with an area, got area {polygon.area:g}")
-    _check_valid(polygon, name)
+    _check_valid(polygon, name, "a polygon that does not cross itself")
 
 
-def _check_valid(polygon: Polygon, name: str) -> None:
+def _check_valid(polygon: Polygon, name: str, wanted: str) -> None:
     """Refuse rings that cross or touch themselves or each other."""
     from shapely.validation import explain_validity
 
     if not polygon.is_valid:
-        raise ProblemError(f"{name}: expected a polygon that does not cross itself, got {explain_validity(polygon)}")
+        raise ProblemError(f"{name}: expected {wanted}, got {explain_validity(polygon)}")
