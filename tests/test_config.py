@@ -533,7 +533,7 @@ CASES = {
     ),
     "feature without a map": (
         (O1, "{box: [[2, 3], [1, 3]], feature: shed}"),
-        (11, 41, "obstacles.o1.feature"),
+        (11, 40, "obstacles.o1.feature"),
         "expected feature only with file",
         "",
     ),

@@ -153,3 +153,24 @@ def _checked(target: Path, overwrite: bool) -> bool:
     if Path.cwd().is_relative_to(target.resolve()):
         raise FolderError(f"{target}: --overwrite can't replace the working directory; run from another folder")
     return True
+
+
+def write_text(path: Path, text: str, overwrite: bool = False) -> None:
+    """Write a file as a whole or not at all.
+
+    Raises
+    ------
+    FolderError
+        If it is there already, unless it may be overwritten, or can't be written.
+    """
+    if os.path.lexists(path) and not (overwrite and path.is_file()):
+        hint = "add --overwrite to replace it" if path.is_file() else "choose another name"
+        raise FolderError(f"{path}: this exists already; {hint}")
+    working = path.with_name(f".{path.name}-{token_hex(4)}")
+    try:
+        working.write_text(text, encoding="utf-8")
+        os.replace(working, path)
+    except OSError as error:
+        with suppress(OSError):
+            working.unlink()
+        raise FolderError(f"{path}: can't be written ({error.strerror or error})") from None

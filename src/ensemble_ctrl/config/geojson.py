@@ -18,11 +18,24 @@ MAX_NESTING = 20
 
 
 class Shape(NamedTuple):
-    """A polygon of a map: the name of its feature, empty if it has none, its outline and holes, and where it stands."""
+    """A polygon of a map.
+
+    Attributes
+    ----------
+    name : str
+        Of its feature, empty if it has none.
+    rings : list of list of (float, float)
+        Its outline, then its holes; the first corner is not repeated.
+    where : str
+        Where it stands in the file, such as ``features[3].geometry.coordinates``.
+    region : bool
+        Whether its feature has the property ``role`` with the value ``region``.
+    """
 
     name: str
     rings: list[Ring]
     where: str
+    region: bool = False
 
 
 def shapes_of(text: str) -> list[Shape]:
@@ -43,7 +56,7 @@ def shapes_of(text: str) -> list[Shape]:
             f"nested at most {MAX_NESTING} deep" if isinstance(error, RecursionError) else "numbers of usual length"
         )
         raise TextError(f"expected JSON {wanted}, got more") from None
-    return list(_shapes(data, "", "", 0))
+    return list(_shapes(data, ("", False), "", 0))
 
 
 def _constant(text: str, name: str) -> NoReturn:
@@ -54,7 +67,7 @@ def _constant(text: str, name: str) -> NoReturn:
     raise TextError(f"expected finite numbers, got {name}", place)
 
 
-def _shapes(data: Any, name: str, where: str, depth: int) -> Iterator[Shape]:
+def _shapes(data: Any, owner: tuple[str, bool], where: str, depth: int) -> Iterator[Shape]:
     """The polygons of one object; `where` says which it is."""
     kind = data.get("type") if isinstance(data, dict) else None
     if kind not in KINDS:
@@ -66,33 +79,35 @@ def _shapes(data: Any, name: str, where: str, depth: int) -> Iterator[Shape]:
     match kind:
         case "FeatureCollection":
             for i, feature in enumerate(_list(data, "features", where)):
-                yield from _shapes(feature, "", _below(where, f"features[{i}]"), depth + 1)
+                yield from _shapes(feature, owner, _below(where, f"features[{i}]"), depth + 1)
         case "Feature":
             if data.get("geometry") is not None:
-                yield from _shapes(data["geometry"], _name(data), _below(where, "geometry"), depth + 1)
+                yield from _shapes(data["geometry"], _owner(data), _below(where, "geometry"), depth + 1)
         case "GeometryCollection":
             for i, part in enumerate(_list(data, "geometries", where)):
-                yield from _shapes(part, name, _below(where, f"geometries[{i}]"), depth + 1)
+                yield from _shapes(part, owner, _below(where, f"geometries[{i}]"), depth + 1)
         case "MultiPolygon":
             for i, rings in enumerate(_list(data, "coordinates", where)):
-                yield _shape(name, rings, _below(where, f"coordinates[{i}]"))
+                yield _shape(owner, rings, _below(where, f"coordinates[{i}]"))
         case _:
-            yield _shape(name, _list(data, "coordinates", where), _below(where, "coordinates"))
+            yield _shape(owner, _list(data, "coordinates", where), _below(where, "coordinates"))
 
 
-def _name(feature: dict[str, Any]) -> str:
-    """What a feature is called: its property ``name``, or its ``id``."""
+def _owner(feature: dict[str, Any]) -> tuple[str, bool]:
+    """What a feature is called, by its property ``name`` or its ``id``, and whether its ``role`` is ``region``."""
     properties = feature.get("properties")
-    given = properties.get("name") if isinstance(properties, dict) else None
-    given = feature.get("id") if given is None else given
-    return str(given) if isinstance(given, str | int) and not isinstance(given, bool) else ""
+    told = properties if isinstance(properties, dict) else {}
+    given = told.get("name", feature.get("id"))
+    named = isinstance(given, str | int) and not isinstance(given, bool)
+    return str(given) if named else "", told.get("role") == "region"
 
 
-def _shape(name: str, data: Any, where: str) -> Shape:
+def _shape(owner: tuple[str, bool], data: Any, where: str) -> Shape:
     """One polygon, each ring without its last corner, which repeats the first."""
     if not isinstance(data, list) or not data:
         raise TextError(f"{_at(where)}expected the rings of a polygon, got {show(data)}")
-    return Shape(name, [_ring(ring, f"{where}[{i}]") for i, ring in enumerate(data)], where)
+    rings = [_ring(ring, f"{where}[{i}]") for i, ring in enumerate(data)]
+    return Shape(owner[0], rings, where, owner[1])
 
 
 def _ring(data: Any, where: str) -> Ring:

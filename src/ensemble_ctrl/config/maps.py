@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ensemble_ctrl.config.geojson import Shape, shapes_of
 from ensemble_ctrl.config.occupancy import read_occupancy
@@ -16,7 +17,10 @@ from ensemble_ctrl.config.source import MAX_MAP_BYTES, read_bytes, text_of
 from ensemble_ctrl.config.tree import TextError
 from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
+from ensemble_ctrl.constraints.cells import DECIMALS
 from ensemble_ctrl.errors import ProblemError
+
+Floats = NDArray[np.float64]
 
 MAX_PIECES = 1_000
 MAX_CORNERS = 10_000
@@ -30,10 +34,37 @@ _SIMPLER = "give a tolerance (in metres), or cut out what you need"
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """A named area of a map; the name is empty where the map gives none."""
+    """A named area of a map.
+
+    Attributes
+    ----------
+    name : str
+        Empty where the map gives none.
+    corners : tuple of ndarray, shape (corners, 2)
+        Of its convex pieces, counter-clockwise, metres.
+    region : bool
+        Whether it is meant as a region, not as an obstacle.
+    """
 
     name: str
-    pieces: tuple[Obstacle, ...]
+    corners: tuple[Floats, ...]
+    region: bool = False
+
+    @property
+    def pieces(self) -> tuple[Obstacle, ...]:
+        """Its convex pieces."""
+        return tuple(Obstacle.box(box_of(c)) if is_box(c) else Obstacle.polygon(c) for c in self.corners)
+
+
+def is_box(corners: Floats) -> bool:
+    """Whether a convex polygon is a rectangle along the axes."""
+    ends = np.array([corners.min(axis=0), corners.max(axis=0)])
+    return len(corners) == 4 and bool((corners[:, None] == ends).any(axis=1).all())
+
+
+def box_of(corners: Floats) -> Floats:
+    """The smallest box along the axes round some points, ``[[x low, x high], [y low, y high]]``."""
+    return np.column_stack([corners.min(axis=0), corners.max(axis=0)])
 
 
 def areas_from_wkt(text: str, tolerance: float = 0.0) -> list[Area]:
@@ -94,7 +125,7 @@ def _grid(path: Path, text: str, tolerance: float | None) -> Area:
         corners = cells.pieces(CELLS * cells.size if tolerance is None else tolerance)
     except ProblemError as error:
         raise TextError(str(error).partition(": ")[2], hint="give a larger tolerance (in metres)") from None
-    return Area("walls", _obstacles(corners))
+    return Area("walls", _no_more_than_fit(corners))
 
 
 def _areas(shapes: list[Shape], tolerance: float) -> list[Area]:
@@ -106,39 +137,33 @@ def _areas(shapes: list[Shape], tolerance: float) -> list[Area]:
     count = sum(len(ring) for shape in shapes for ring in shape.rings)
     if count > MAX_CORNERS:
         raise TextError(f"expected at most {MAX_CORNERS} corners, got {count}", hint="simplify the polygons first")
-    named: dict[str, list[Any]] = {}
+    named: dict[tuple[str, bool], list[Floats]] = {}
     for shape in shapes:
-        named.setdefault(shape.name, []).extend(_cut(shape, tolerance))
-    return [Area(name, _obstacles(pieces)) for name, pieces in named.items()]
+        named.setdefault((shape.name, shape.region), []).extend(_cut(shape, 0.0 if shape.region else tolerance))
+    _no_more_than_fit([piece for pieces in named.values() for piece in pieces])
+    return [Area(name, tuple(pieces), region) for (name, region), pieces in named.items()]
 
 
-def _cut(shape: Shape, tolerance: float) -> list[Any]:
+def _cut(shape: Shape, tolerance: float) -> list[Floats]:
     """The convex pieces of one polygon."""
     outline, *holes = shape.rings
     try:
-        return convex_cover(outline, holes, tolerance) if tolerance > 0 else convex_pieces(outline, holes)
+        if tolerance == 0:
+            return convex_pieces(outline, holes)
+        return [np.round(piece, DECIMALS) + 0.0 for piece in convex_cover(outline, holes, tolerance)]
     except ProblemError as error:
         where = f"{shape.where}: " if shape.where else ""
         name = f"{shape.name!r}: " if shape.name else ""
         raise TextError(f"{where}{name}{str(error).partition(': ')[2]}") from None
 
 
-def _obstacles(pieces: Iterable[Any]) -> tuple[Obstacle, ...]:
-    """Convex pieces as obstacles, no more than a problem file can hold."""
-    listed = list(pieces)
-    count = sum(map(len, listed))
-    if len(listed) > MAX_PIECES or count > MAX_CORNERS:
+def _no_more_than_fit(pieces: Sequence[Floats]) -> tuple[Floats, ...]:
+    """The pieces, if a problem file can hold them."""
+    count = sum(map(len, pieces))
+    if len(pieces) > MAX_PIECES or count > MAX_CORNERS:
         wanted = f"at most {MAX_PIECES} convex pieces with {MAX_CORNERS} corners"
-        raise TextError(f"expected {wanted}, got {len(listed)} with {count}", hint=_SIMPLER)
-    return tuple(_obstacle(corners) for corners in listed)
-
-
-def _obstacle(corners: Any) -> Obstacle:
-    """One convex piece; a box where it is one, which files show in its shortest form."""
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    if len(corners) == 4 and ((corners == low) | (corners == high)).all():
-        return Obstacle.box(np.column_stack([low, high]))
-    return Obstacle.polygon(corners)
+        raise TextError(f"expected {wanted}, got {len(pieces)} with {count}", hint=_SIMPLER)
+    return tuple(pieces)
 
 
 def _shapes(geometry: Any) -> Iterable[Shape]:

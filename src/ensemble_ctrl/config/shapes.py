@@ -157,6 +157,10 @@ def _mapped(name: str, feature: str | None, tolerance: float | None, info: Valid
     except TextError as error:
         raise wrong(path, error) from None
     found = [area for area in areas if feature in (None, area.name)]
+    if feature is None:
+        found = [area for area in areas if not area.region]
+        if not found:
+            raise Wrong(f"expected obstacles in {path}, got only regions", "name one with feature")
     if not found:
         known = [area.name for area in areas if area.name]
         hint = suggestion(feature, known) or f"it has {', '.join(known) or 'no names'}"
