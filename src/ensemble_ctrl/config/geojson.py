@@ -14,7 +14,7 @@ from ensemble_ctrl.config.wrong import show
 Ring = list[tuple[float, float]]
 
 KINDS = ("Polygon", "MultiPolygon", "GeometryCollection", "Feature", "FeatureCollection")
-MAX_NESTING = 20
+MAX_NESTING = 10
 
 
 class Shape(NamedTuple):

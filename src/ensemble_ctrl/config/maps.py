@@ -26,6 +26,8 @@ MAX_PIECES = 1_000
 MAX_CORNERS = 10_000
 """Convex pieces and corners that one map may have, before and after they are cut: a problem file has to hold them."""
 MAX_NESTING = 20
+LARGEST = 1e7
+"""Metres: an Earth's quarter."""
 CELLS = 2.0
 """Cells by which an occupancy grid may grow unless a tolerance is given."""
 _EXAMPLE = "for example 'POLYGON ((0 0, 2 0, 1 1, 0 0))'"
@@ -80,7 +82,8 @@ def areas_from_wkt(text: str, tolerance: float = 0.0) -> list[Area]:
     if _nesting(text) > MAX_NESTING:
         raise TextError(f"expected WKT nested at most {MAX_NESTING} deep, got more")
     try:
-        geometry = shapely.from_wkt(text)
+        with np.errstate(invalid="ignore"):  # NaN is told of below
+            geometry = shapely.from_wkt(text)
     except shapely.errors.GEOSException:
         raise TextError(f"expected WKT, got {show(text)}", hint=_EXAMPLE) from None
     return _areas(list(_shapes(geometry)), tolerance)
@@ -137,11 +140,21 @@ def _areas(shapes: list[Shape], tolerance: float) -> list[Area]:
     count = sum(len(ring) for shape in shapes for ring in shape.rings)
     if count > MAX_CORNERS:
         raise TextError(f"expected at most {MAX_CORNERS} corners, got {count}", hint="simplify the polygons first")
+    for shape in shapes:
+        _check_size(shape)
     named: dict[tuple[str, bool], list[Floats]] = {}
     for shape in shapes:
         named.setdefault((shape.name, shape.region), []).extend(_cut(shape, 0.0 if shape.region else tolerance))
     _no_more_than_fit([piece for pieces in named.values() for piece in pieces])
     return [Area(name, tuple(pieces), region) for (name, region), pieces in named.items()]
+
+
+def _check_size(shape: Shape) -> None:
+    """Refuse coordinates that no robot will ever see."""
+    for x, y in (corner for ring in shape.rings for corner in ring):
+        if not max(abs(x), abs(y)) <= LARGEST:
+            where = f"{shape.where}: " if shape.where else ""
+            raise TextError(f"{where}expected coordinates of at most {LARGEST:g} m, got [{x:g}, {y:g}]")
 
 
 def _cut(shape: Shape, tolerance: float) -> list[Floats]:

@@ -15,6 +15,7 @@ from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.constraints.cells import Cells
 
 MAX_CELLS = 16_000_000
+LARGEST = 1e6
 MAX_IMAGE_BYTES = 100_000_000
 EXAMPLE = "for example  image: office.pgm, resolution: 0.05, origin: [-10, -10, 0]"
 
@@ -46,6 +47,9 @@ def read_occupancy(path: Path, text: str) -> Cells:
     free = fields.number("free_thresh", above=0.0, default=0.196)
     negate = fields.choice("negate", (0, 1, False, True), 0)
     fields.choice("mode", ("trinary", "scale"), "trinary")
+    for key, values in (("resolution", [size]), ("origin", [x, y, yaw])):
+        if max(map(abs, values)) > LARGEST:
+            raise fields.wrong(key, f"expected at most {LARGEST:g}, got {max(values, key=abs):g}")
     name = fields.text("image")
     try:
         taken = _occupancy(checked_path(path.parent, name), bool(negate)) >= free

@@ -96,7 +96,8 @@ def text_of(content: bytes, most: int = MAX_BYTES) -> str:
     """Bytes as text."""
     if len(content) > most:
         limit = most // 1_000_000
-        raise TextError(f"expected at most {limit} MB, got more", hint="put large shapes in a `file` of their own")
+        hint = "put large shapes in a `file` of their own" if most == MAX_BYTES else "cut out what you need"
+        raise TextError(f"expected at most {limit} MB, got more", hint=hint)
     if b"\0" in content[:10_000] and not content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise TextError("expected a text file, got a binary one")
     try:
