@@ -224,6 +224,31 @@ def import_map(
 
 
 @app.command()
+def export(
+    plan: Annotated[
+        Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
+    ],
+    form: Annotated[
+        str | None,
+        typer.Option("--to", help="csv, json, geojson or rosbag [default: the ending of FILE].", metavar="FORMAT"),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write this file (rosbag: folder) instead of printing.", metavar="FILE"),
+    ] = None,
+    members: Annotated[
+        int | None,
+        typer.Option(help="Members whose paths are written [default: csv 0, json 5, rosbag 5].", metavar="N", min=0),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+) -> None:
+    """Write a saved plan for other programs."""
+    from ensemble_ctrl.cli.exporting import export_plan
+
+    export_plan(plan, form, output, members, overwrite)
+
+
+@app.command()
 def models() -> None:
     """List the models, their controls and parameters."""
     from ensemble_ctrl.systems import SYSTEMS
