@@ -5,13 +5,16 @@ The fields are in `schema`; a text passes through `source` (bytes), `tree` (YAML
 """
 
 from ensemble_ctrl.config.dump import dump, to_data
+from ensemble_ctrl.config.imported import Imported, import_map
 from ensemble_ctrl.config.load import Loaded, load, load_text, read, read_text, schema
 from ensemble_ctrl.config.messages import Diagnostic, layout
 
 __all__ = [
     "Diagnostic",
+    "Imported",
     "Loaded",
     "dump",
+    "import_map",
     "layout",
     "load",
     "load_text",
