@@ -66,8 +66,11 @@ class RegionShape(f.Model):
     """A convex area, in exactly one of these forms."""
 
     box: Box | None = None
+    """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
+    """Corners `[[x, y], ...]`, in either direction; convex."""
     halfspaces: HalfPlanes | None = None
+    """Inequalities `["x + 2*y <= 3", ...]`; may be unbounded."""
     _area: Polyhedron = PrivateAttr()
 
     @model_validator(mode="after")
@@ -91,10 +94,15 @@ class ObstacleShape(f.Model):
     """An area to keep out of, in exactly one of these forms; convex or not."""
 
     box: Box | None = None
+    """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
+    """Corners `[[x, y], ...]`, in either direction; any simple polygon."""
     halfspaces: HalfPlanes | None = None
+    """Inequalities `["x + 2*y <= 3", ...]`; bounded."""
     wkt: str | None = None
+    """`POLYGON ((...))` or `MULTIPOLYGON`."""
     file: str | None = None
+    """A GeoJSON or WKT file, relative to the problem file."""
     _pieces: Pieces = PrivateAttr()
 
     @model_validator(mode="after")
