@@ -94,7 +94,9 @@ def run(
     config: Config,
     output: Output = None,
     overrides: Overrides = None,
-    method: Annotated[str | None, typer.Option(help="Solution method (solve.method): nlp.", metavar="METHOD")] = None,
+    method: Annotated[
+        str | None, typer.Option(help="Solution method (solve.method): nlp or minlp.", metavar="METHOD")
+    ] = None,
     time_limit: Annotated[
         str | None,
         typer.Option(help="Stop after this long with the best plan so far (solve.time_limit).", metavar="60s"),
@@ -113,6 +115,9 @@ def run(
         bool, typer.Option("-v", "--verbose", help="A line for each iteration, and the routes tried.")
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    no_suggest: Annotated[
+        bool, typer.Option("--no-suggest", help="Where there is no plan, do not look for what would help.")
+    ] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
@@ -137,6 +142,7 @@ def run(
         quiet=quiet,
         verbose=verbose,
         plots=not no_plots,
+        suggest=not no_suggest,
         overwrite=overwrite,
         command=(NAME, *context.obj),
     )

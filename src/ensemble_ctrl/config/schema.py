@@ -203,10 +203,12 @@ class Verify(Model):
 
 
 class ReportSection(Model):
-    """What figures show."""
+    """What figures and summary show."""
 
     twin: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.twin
     """Plan the same problem without obstacles and bounding regions too, and draw it dashed."""
+    suggest: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.suggest
+    """Where no plan is found, look up to 30 s for a change of the problem that would help."""
 
 
 def _listed(value: Any) -> Any:
@@ -245,4 +247,4 @@ class ProblemFile(Model):
     verify: Verify = Verify()
     """How to check a plan."""
     report: ReportSection = ReportSection()
-    """What figures show."""
+    """What figures and summary show."""
