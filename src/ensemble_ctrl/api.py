@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from ensemble_ctrl.planner import Progress, Solution, Status
+    from ensemble_ctrl.suggest import Suggestions
 
 Floats = NDArray[np.float64]
 
@@ -106,6 +107,12 @@ class Plan:
     def conflicts(self) -> tuple[Conflict, ...]:
         """What fails, by how much, when and for whom; empty for a good plan."""
         return conflicts(self.problem, self.controls)
+
+    def suggest(self, seconds: float = 30.0, *, progress: Progress | None = None) -> Suggestions:
+        """Where no plan was found: a change of the problem for which there is one; see `ensemble_ctrl.suggest`."""
+        from ensemble_ctrl.suggest import suggest
+
+        return suggest(self.problem, self.controls, seconds=seconds, progress=progress)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw map and trajectories on `ax`, or on a new figure; returns the axes and shows nothing."""
@@ -318,6 +325,19 @@ def with_twin(plan: Plan, progress: Progress | None = None) -> Plan:
 
     solution = solve(unconstrained(plan.problem), progress=progress)
     return replace(plan, twin=solution.controls if solution.status == "planned" else None)
+
+
+def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
+    """The plan with what would help in its details, where no plan was found and as far as the time limit allows."""
+    from ensemble_ctrl.suggest import SECONDS
+
+    left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())
+    if plan.status != "infeasible" or left <= 0:
+        return plan
+    found = plan.suggest(min(SECONDS, left), progress=progress)
+    helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]
+    tried = {"helps": helps, "failed": list(found.failed), "seconds": found.seconds}
+    return replace(plan, details={**plan.details, "suggestions": tried})
 
 
 def _details(solution: Solution) -> dict[str, Any]:

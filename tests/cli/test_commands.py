@@ -18,7 +18,7 @@ from ensemble_ctrl.results import LIBRARIES
 from .conftest import Command
 from .tools import SMALL, environment
 
-NAMES = ["run", "check", "show", "verify", "compare", "widest", "models", "examples", "doctor"]
+NAMES = ["run", "check", "show", "verify", "compare", "widest", "models", "examples", "init", "schema", "doctor"]
 
 
 def loaded(err: str) -> set[str]:
@@ -182,9 +182,11 @@ def test_examples(command: Command, place: Path) -> None:
     names = [line.split()[0] for line in listed.out.splitlines()]
     assert "five_obstacles" in names
     assert all(len(line.split(maxsplit=1)) == 2 for line in listed.out.splitlines())
+    configs = Path(__file__).parents[2] / "configs"
+    assert names == sorted(path.stem for path in configs.rglob("*.yaml"))
+    assert ec.load_text(command("examples", "five_obstacles").out).name == "five_obstacles"
     for name in names:
-        text = command("examples", name).out
-        assert ec.load_text(text).name == name
+        assert command("examples", name).out.startswith("# ")
 
 
 def test_examples_copy(command: Command, place: Path) -> None:
@@ -246,6 +248,10 @@ def test_every_command_has_help_that_fits_80_columns(command: Command) -> None:
             assert (done.code, done.err) == (0, "")
             assert done.out.startswith("Usage: ensemble-plan")
             assert max(map(len, done.out.splitlines())) <= 80
+    for name in set(NAMES) - {"models", "doctor"}:
+        assert (
+            f"Examples:\n    ensemble-plan {name if name != 'run' else 'problem.yaml'}" in command(name, "--help").out
+        )
     assert "Exit codes:" in command("run", "--help").out
     assert "Exit codes:" in command("small.yaml", "--help").out
 

@@ -69,10 +69,15 @@ class RegionShape(f.Model):
     """A convex area, in exactly one of these forms; of a map in a file, one feature."""
 
     box: Box | None = None
+    """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
+    """Corners `[[x, y], ...]`, in either direction; convex."""
     halfspaces: HalfPlanes | None = None
+    """Inequalities `["x + 2*y <= 3", ...]`; may be unbounded."""
     file: str | None = None
+    """A GeoJSON or WKT file, relative to the problem file."""
     feature: str | None = None
+    """Name of the feature in the file, if it holds several."""
     _area: Polyhedron = PrivateAttr()
 
     @model_validator(mode="after")
@@ -98,12 +103,19 @@ class ObstacleShape(f.Model):
     """An area to keep out of, in exactly one of these forms; convex or not. Of a map in a file, all or one feature."""
 
     box: Box | None = None
+    """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
+    """Corners `[[x, y], ...]`, in either direction; any simple polygon."""
     halfspaces: HalfPlanes | None = None
+    """Inequalities `["x + 2*y <= 3", ...]`; bounded."""
     wkt: str | None = None
+    """`POLYGON ((...))` or `MULTIPOLYGON`."""
     file: str | None = None
+    """A GeoJSON or WKT file, or a ROS `map.yaml`, relative to the problem file."""
     feature: str | None = None
+    """Name of the feature in the file; all of them without it."""
     tolerance: f.Margin | None = None
+    """Metres by which an area may grow to be simpler; it never shrinks."""
     _pieces: Pieces = PrivateAttr()
 
     @model_validator(mode="after")
