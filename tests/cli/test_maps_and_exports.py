@@ -10,6 +10,7 @@ import pytest
 from .conftest import Command
 from .tools import left
 
+TAKEN = "error: small.yaml: this exists already; add --overwrite to replace it\n"
 YARD = {
     "type": "Feature",
     "properties": {"name": "shed"},
@@ -46,9 +47,10 @@ def test_a_map_is_printed_without_a_file(command: Command, yard: Path) -> None:
     ("arguments", "message"),
     [
         (["nothere.json"], "nothere.json: error: no such file\n1 error in nothere.json\n"),
-        (["yard.geojson", "-o", "small.yaml"], "error: small.yaml: this exists already; add --overwrite to replace it\n"),
+        (["yard.geojson", "-o", "small.yaml"], TAKEN),
         (["yard.geojson", "-o", "none/a.yaml"], "error: none/a.yaml: can't be written (No such file or directory)\n"),
-        (["yard.geojson", "--tolerance", "-1"], "error: --tolerance: expected a length in m, cm, mm or km, 0 or more, got '-1'\n"),
+        (["yard.geojson", "--tolerance", "1 s"], "error: --tolerance: expected a length in m, cm, mm or km, got '1 s', "
+         "which is a time\n"),
         (["small.yaml"], "small.yaml: error: resolution: expected a finite number above 0, got nothing\n    hint: for "
          "example  image: office.pgm, resolution: 0.05, origin: [-10, -10, 0]\n1 error in small.yaml\n"),
     ],
@@ -81,8 +83,9 @@ def test_a_bag_is_written(command: Command, results: Path) -> None:
         (["results"], "error: --to: expected one of csv, json, geojson, rosbag, got none\n"),
         (["results", "--to", "mat"], "error: --to: expected one of csv, json, geojson, rosbag, got 'mat'\n"),
         (["results", "--to", "rosbag"], "error: --to rosbag: a bag is a folder; say where with -o FOLDER\n"),
-        (["results", "--to", "csv", "-o", "small.yaml"], "error: small.yaml: this exists already; add --overwrite to replace it\n"),
-        (["results", "--to", "csv", "--members", "5000"], "error: members: expected a number from 0 to 1000, got 5000\n"),
+        (["results", "--to", "csv", "-o", "small.yaml"], TAKEN),
+        (["results", "--to", "csv", "--members", "5000"], "error: members: expected a number from 0 to 1000, "
+         "got 5000\n"),
     ],
 )  # fmt: skip
 def test_mistakes_with_exports(command: Command, results: Path, arguments: list[str], message: str) -> None:
