@@ -252,7 +252,14 @@ def widest(
     raise typer.Exit(find_widest(config, overrides or [], tolerance, parameter, json, quiet))
 
 
-@app.command("import")
+@app.command(
+    "import",
+    epilog=_examples(
+        "ensemble-plan import office.geojson              print a problem to complete",
+        "ensemble-plan import map.yaml -o office.yaml     an occupancy grid of ROS",
+        "ensemble-plan import yard.wkt --section >> problem.yaml",
+    ),
+)
 def import_map(
     source: Annotated[
         Path, typer.Argument(help="GeoJSON, WKT, or the .yaml of an occupancy grid (ROS).", metavar="MAP")
@@ -270,13 +277,19 @@ def import_map(
     section: Annotated[bool, typer.Option("--section", help="Only the obstacles and regions.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
 ) -> None:
-    """Turn a map into a problem file: its obstacles as few convex pieces that cover them."""
+    """Turn a map into a problem file with few convex obstacles."""
     from ensemble_ctrl.cli.importing import import_file
 
     import_file(source, output, tolerance, section, overwrite)
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan export plans/office -o office.csv",
+        "ensemble-plan export plans/office --to geojson > tube.geojson",
+        "ensemble-plan export plans/office --to rosbag -o office_bag --members 9",
+    )
+)
 def export(
     plan: Annotated[
         Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
