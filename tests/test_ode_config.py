@@ -135,7 +135,7 @@ def test_several_errors_at_once() -> None:
 
 
 def test_asking_for_a_proof_is_a_warning() -> None:
-    loaded = ec.config.read_text(GOOD + "verify: {certificate: true}\n")  # type: ignore[attr-defined]
+    loaded = ec.config.read_text(GOOD + "verify: {certificate: true}\n")
     assert [w.path for w in loaded.warnings] == ["verify.certificate"]
     assert "proofs do not cover the quadrotor" in str(loaded.warnings[0])
 

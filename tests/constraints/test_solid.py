@@ -26,7 +26,8 @@ def by_optimisation(solid: Solid, point: Floats) -> float:
     """Distance of a point outside: the nearest convex combination of the corners."""
     corners, n = solid.vertices, len(solid.vertices)
     equal: Any = {"type": "eq", "fun": lambda share: share.sum() - 1, "jac": lambda share: np.ones(n)}
-    found = minimize(
+    solve: Any = minimize
+    found = solve(
         lambda share: float(((share @ corners - point) ** 2).sum()),
         np.full(n, 1 / n),
         jac=lambda share: 2 * corners @ (share @ corners - point),

@@ -103,17 +103,6 @@ def read_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *,
     return _read(Text(name, text, FilePath(name).parent if trust or CONSENT.get() else FilePath()), overrides, trust)
 
 
-def schema() -> dict[str, Any]:
-    """The JSON Schema of a problem file, for editors."""
-    described, other = ProblemFile.model_json_schema(), OdeProblemFile.model_json_schema()
-    described["$defs"] = {**other["$defs"], **described["$defs"]}
-    described["properties"]["fleet"] = {"anyOf": [described["properties"]["fleet"], other["properties"]["fleet"]]}
-    obstacles = described["properties"]["obstacles"]
-    listed = obstacles["additionalProperties"]
-    obstacles["additionalProperties"] = {"anyOf": [listed["items"], listed]}
-    return described
-
-
 def _read(text: Text, overrides: Iterable[str], trust: bool = False) -> Loaded:
     """All steps."""
     tree = _tree(text)

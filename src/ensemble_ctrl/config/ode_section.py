@@ -56,12 +56,19 @@ class OdeFleetSection(f.Model):
     """Who moves: robots that follow a differential equation."""
 
     model: OdeModel
+    """The dynamics all members share: a model's name, or {python: FILE.py:CLASS} for a system of one's own."""
     settings: dict[str, Any] = Field(default_factory=dict)
+    """Numbers of the model that all members share, in SI units, such as a quadrotor's `mass`."""
     parameters: dict[str, PlainSection] = Field(default_factory=dict)
+    """What differs between members: parameters of the model, and `start_` with a state's name for its start."""
     start: StartStates = Field(default_factory=dict)
+    """Where all members start: `position`, and other states by name; those left out start at rest."""
     input_bounds: dict[str, Bounds] = Field(default_factory=dict)
+    """Bounds of the commands by name; the model's own if not given."""
     rate_bounds: dict[str, f.Positive] = Field(default_factory=dict)
+    """Largest change of each command per second, from each step to the next."""
     radius: f.Margin = 0.0
+    """Radius of a robot; what `avoid(...)` names grows by it."""
     _system: OdeSystem = PrivateAttr()
 
     @model_validator(mode="after")
@@ -121,6 +128,7 @@ class OdeVerify(Verify):
     """How to check a plan; no proof covers these models, so none is asked for unless the file does."""
 
     certificate: Annotated[bool, BeforeValidator(f.flag)] = False
+    """Whether a proof is asked for; none covers these models, so that the plan then counts as not verified."""
 
 
 class OdeProblemFile(ProblemFile):
