@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
+from ensemble_ctrl.target import Formation, SpreadTarget
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -39,7 +40,7 @@ def map_svg(problem: Problem, paths: Sequence[Floats] = ()) -> str:
     start = problem.fleet.position[None, :]
     obstacles = [piece.vertices for _, piece in problem.pieces]
     regions = list(outlines(problem, paths).values())
-    low, span = _frame([start, *obstacles, *regions, *paths])
+    low, span = frame([start, *obstacles, *regions, *paths])
     height = round(WIDTH * span[1] / span[0])
 
     def text(points: Floats) -> str:
@@ -79,10 +80,27 @@ def outlines(problem: Problem, paths: Sequence[Floats] = ()) -> dict[str, Floats
     """
     bounded = {name: region.vertices for name, region in problem.regions.items() if region.is_bounded}
     drawn = [piece.vertices for _, piece in problem.pieces] + [*bounded.values(), *paths]
-    low, size = _frame([problem.fleet.position[None, :], *drawn])
+    low, size = frame([problem.fleet.position[None, :], *drawn])
     window = (low - 0.1 * size - 0.5, low + 1.1 * size + 0.5)
     parts = {name: region if name in bounded else _within(region, *window) for name, region in problem.regions.items()}
     return {name: part.vertices for name, part in parts.items() if not part.is_empty}
+
+
+def target_lines(problem: Problem) -> list[Floats]:
+    """Where the fleet should end, as lines of shape (points, 2) in metres.
+
+    A formation's places; of mean and covariance the ellipse of one standard deviation. One place, and moments, have no
+    line.
+    """
+    target = problem.objective.target
+    if isinstance(target, Formation):
+        return [target.places]
+    if isinstance(target, SpreadTarget):
+        values, vectors = np.linalg.eigh(target.covariance)
+        turn = np.linspace(0, 2 * np.pi, 65)
+        circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        return [target.mean + circle * np.sqrt(np.maximum(values, 0.0)) @ vectors.T]
+    return []
 
 
 def _within(region: Polyhedron, low: Floats, high: Floats) -> Polyhedron:
@@ -91,7 +109,7 @@ def _within(region: Polyhedron, low: Floats, high: Floats) -> Polyhedron:
     return Polyhedron(A, np.concatenate([region.lower, low]), np.concatenate([region.upper, high]))
 
 
-def _frame(shapes: Iterable[Floats]) -> tuple[Floats, Floats]:
+def frame(shapes: Iterable[Floats]) -> tuple[Floats, Floats]:
     """Lower left corner and size of what is drawn: everything with a border, neither too tall nor too flat."""
     points = np.concatenate(list(shapes))
     low, high = points.min(axis=0), points.max(axis=0)

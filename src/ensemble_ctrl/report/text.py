@@ -68,6 +68,12 @@ def verdict(plan: PlanLike) -> str:
 
 def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     """The summary, a line each."""
+    rows = summary_rows(plan) + ([("files", files)] if files else [])
+    return [f"{plan.problem.name}: {verdict(plan)}", *(f"  {label:<11}{text}" for label, text in rows)]
+
+
+def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
+    """The summary as labels and texts."""
     problem, d = plan.problem, plan.details
     rows = [
         ("fleet", _fleet(problem)),
@@ -87,9 +93,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
         rows += _mixed(d["minlp"])
     if d.keys() >= {"seconds", "routes", "iterations", "build_seconds"}:
         rows.append(("work", _work(d)))
-    if files:
-        rows.append(("files", files))
-    return [f"{problem.name}: {verdict(plan)}", *(f"  {label:<11}{text}" for label, text in rows)]
+    return rows
 
 
 def _fleet(problem: Problem) -> str:
@@ -107,16 +111,16 @@ def ranges_text(fleet: Fleet) -> str:
     if not fleet.names:
         return "all members equal"
     return ", ".join(
-        f"{name} {law.lower:.4g} to {law.upper:.4g}{_unit(name)}" for name, law in fleet.parameters.items()
+        f"{name} {law.lower:.4g} to {law.upper:.4g}{unit_of(name)}" for name, law in fleet.parameters.items()
     )
 
 
 def member_text(parameters: Mapping[str, float]) -> str:
     """One member by its parameters."""
-    return ", ".join(f"{name} {value:.6g}{_unit(name)}" for name, value in parameters.items()) or "any member"
+    return ", ".join(f"{name} {value:.6g}{unit_of(name)}" for name, value in parameters.items()) or "any member"
 
 
-def _unit(name: str) -> str:
+def unit_of(name: str) -> str:
     """A parameter's unit, with a space before it."""
     return " rad" if name == "start_heading" else " m" if name in START else ""
 
