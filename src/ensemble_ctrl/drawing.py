@@ -103,6 +103,12 @@ def target_lines(problem: Problem) -> list[Floats]:
     return []
 
 
+def highest(corners: Floats) -> Floats:
+    """The middle of an area's highest corners, where its name belongs, shape (2,)."""
+    top = corners[:, 1].max()
+    return np.asarray(corners[corners[:, 1] > top - 1e-3 * np.ptp(corners[:, 1])].mean(axis=0))
+
+
 def _within(region: Polyhedron, low: Floats, high: Floats) -> Polyhedron:
     """The part of a region in a box."""
     A = np.vstack([region.A, np.eye(2)])

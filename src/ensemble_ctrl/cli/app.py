@@ -51,6 +51,7 @@ Overrides = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")]
+Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")]
 Members = Annotated[int | None, typer.Option(help="Members to replay (verify.members).", metavar="N", min=1)]
 
 
@@ -91,7 +92,7 @@ def run(
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="A line for each iteration, and the routes tried.")
     ] = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures and write no report.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
@@ -136,7 +137,7 @@ def check(
 
 @app.command()
 def show(
-    plan: Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")],
+    plan: Saved,
     members: Members = None,
     substeps: Annotated[
         int | None, typer.Option(help="Times looked at in each step (verify.substeps).", metavar="N", min=1)
@@ -147,6 +148,19 @@ def show(
     from ensemble_ctrl.cli.show import show_plan
 
     raise typer.Exit(show_plan(plan, members, substeps, json))
+
+
+@app.command()
+def report(
+    plan: Saved,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The file [default: report.html beside it].", metavar="FILE")
+    ] = None,
+) -> None:
+    """Write a saved plan's report.html again."""
+    from ensemble_ctrl.cli.report import report_plan
+
+    report_plan(plan, output)
 
 
 @app.command()

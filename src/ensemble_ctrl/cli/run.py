@@ -15,10 +15,13 @@ from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.report import route_lines, summary_lines
-from ensemble_ctrl.results import controls_csv, summary, to_json, write_results
+from ensemble_ctrl.results import controls_csv, summary, to_json, write_report, write_results
 
 if TYPE_CHECKING:
     from ensemble_ctrl.ocp.solvers import Iteration
+
+REPORT = "report.html"
+"""Name of a plan's page in its results folder."""
 
 
 @dataclass(frozen=True)
@@ -114,13 +117,14 @@ def _write(found: Plan, folder: ResultsFolder, options: RunOptions, progress: Pr
 
 
 def _draw(found: Plan, folder: Path) -> str:
-    """Draw the figures; returns why it failed, if it did: a plan is worth keeping without them."""
+    """Draw the figures and the report; returns why it failed, if it did: a plan is worth keeping without them."""
     from ensemble_ctrl.report.figures import write_figures
 
     try:
         write_figures(found.problem, found.controls, folder, found.twin, found.details["routes"])
+        write_report(found, folder / REPORT, folder)
     except Exception as error:
-        for half_written in folder.glob("*.png"):
+        for half_written in [*folder.glob("*.png"), folder / REPORT]:
             with suppress(OSError):
                 half_written.unlink()
         return getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"

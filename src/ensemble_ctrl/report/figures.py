@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import outlines
+from ensemble_ctrl.drawing import highest, outlines
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.text import ranges_text
@@ -54,7 +54,7 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
     for name, corners in outlines(problem, paths).items():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor="none", alpha=0.15))
         ax.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=REGION, linewidth=1.5))
-        top = (corners[:, 0].mean(), corners[:, 1].max())
+        top = tuple(highest(corners))
         ax.annotate(name, top, (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
     _draw_start(problem, ax)
     _draw_target(problem, ax)

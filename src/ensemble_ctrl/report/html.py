@@ -1,7 +1,7 @@
 """``report.html``: one file that says of a plan what it does and what is proven, without a network, on any screen.
 
-Everything that comes from a problem is escaped; beyond that, the page's own policy lets the browser run no script but the
-one that is written here.
+Everything that comes from a problem is escaped; beyond that, the page's own policy lets the browser run no script but
+the one that is written here.
 """
 
 from __future__ import annotations
@@ -142,12 +142,10 @@ def _scale(problem: Problem) -> str:
 
 def _certificate(plan: PlanLike) -> str:
     """The certificate in words."""
-    lead, *rest = certificate_words(plan.problem, plan.certificate)
-    bounds = [text for text in rest if ": " in text and not text.startswith(("It is", "Set "))]
-    others = [text for text in rest if text not in bounds]
-    items = "".join(f"<li>{escape(text)}</li>" for text in bounds)
-    words = "".join(f'<p class="note">{escape(text)}</p>' for text in others)
-    return f"<p>{escape(lead)}</p>" + (f'<ul class="words">{items}</ul>' if items else "") + words
+    words = certificate_words(plan.problem, plan.certificate)
+    items = "".join(f"<li>{escape(text)}</li>" for text in words.bounds)
+    bounds = f'<ul class="words">{items}</ul>' if items else ""
+    return f'<p>{escape(words.lead)}</p>{bounds}<p class="note">{escape(words.note)}</p>'
 
 
 def _controls(problem: Problem, controls: Floats) -> str:
@@ -185,6 +183,7 @@ def _clearance(plan: PlanLike, controls: Floats) -> str:
     label = f"{profile.parameter}{_in(unit_of(profile.parameter))}" if profile.parameter else "(all robots are equal)"
     axes = Axes(label, "distance from failing [m]", ((0.0, "zero"), *levels))
     others = " The worst of the other parameters." if len(plan.problem.fleet.names) > 1 else ""
+    others += f" Farther away: {escape(', '.join(profile.far))}." if profile.far else ""
     proven = " Dashed level: what is proven for all." if levels else ""
     return chart(axes, curves, "Clearance over the parameter") + f'<p class="note">Least over time.{others}{proven}</p>'
 
@@ -205,9 +204,7 @@ def _convergence(solves: Sequence[Descent]) -> str:
         ("violation (scaled) [-]", [s.violation for s in shown], True),
     ):
         starts = np.cumsum([0, *(len(v) for v in values)])
-        curves = [
-            Curve("", starts[k] + np.arange(len(v), dtype=float), np.array(v), 0) for k, v in enumerate(values)
-        ]
+        curves = [Curve("", starts[k] + np.arange(len(v), dtype=float), np.array(v), 0) for k, v in enumerate(values)]
         charts.append(chart(Axes("iteration", name, logarithmic=logarithmic), curves, f"{name} by iteration"))
     count = f"The last {len(shown)} of {len(solves)} solves" if len(shown) < len(solves) else f"{len(shown)} solves"
     return "".join(charts) + f'<p class="note">{count} of IPOPT, each from where a line begins.</p>'

@@ -18,6 +18,8 @@ LEFT, RIGHT, TOP, BOTTOM = 58, 12, 10, 40
 """Room around the plot."""
 COLOURS = 6
 """Colours of the style sheet, classes ``c0`` to ``c5``."""
+SMALLEST = 1e-10
+"""What a logarithmic axis shows of zero."""
 POINTS = 600
 """Points of a curve at most."""
 
@@ -101,7 +103,7 @@ class _Frame:
         ys = np.concatenate([ys, [value for value, _ in axes.levels]])
         ys = ys[np.isfinite(ys)]
         if axes.logarithmic:
-            ys = np.log10(np.maximum(ys, 1e-16))
+            ys = np.log10(np.maximum(ys, SMALLEST))
         low, high = (float(ys.min()), float(ys.max())) if ys.size else (0.0, 1.0)
         pad = 0.06 * (high - low) if high > low else max(0.1 * abs(high), 1e-3)
         left, right = float(xs.min()), float(xs.max())
@@ -111,7 +113,7 @@ class _Frame:
 
     def at(self, x: Floats | float, y: Floats | float) -> tuple[Floats, Floats]:
         """Drawing coordinates."""
-        y = np.log10(np.maximum(y, 1e-16)) if self.logarithmic else np.asarray(y, dtype=float)
+        y = np.log10(np.maximum(y, SMALLEST)) if self.logarithmic else np.asarray(y, dtype=float)
         across = (np.asarray(x, dtype=float) - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
         return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - TOP - BOTTOM)

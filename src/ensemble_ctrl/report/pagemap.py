@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import frame, outlines, target_lines
+from ensemble_ctrl.drawing import frame, highest, outlines, target_lines
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
-from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
 from ensemble_ctrl.report.pagecharts import ticks
+from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
 from ensemble_ctrl.report.tube import Ribbon
 
 Floats = NDArray[np.float64]
@@ -26,6 +26,8 @@ MARGIN = (46, 34)
 """Room for numbers at the left and below."""
 MEMBERS = 15
 """Members drawn."""
+POINTS = 800
+"""Points of a way at most."""
 FRAMES = 200
 """Times between which the script interpolates, at most."""
 
@@ -73,6 +75,8 @@ def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]
     """
     members = problem.fleet.spread(MEMBERS if problem.fleet.names else 1)
     paths = trajectories(problem, controls, members, 2)
+    shown = _some(paths.shape[1], POINTS)
+    paths, times = paths[:, shown], np.linspace(0.0, problem.duration, paths.shape[1])[shown]
     canvas = Canvas.of(problem, list(paths), ribbons)
     colours = [hexadecimal(c) for c in viridis(shades(problem.fleet, members))]
     parts = [*_grid(canvas), *_places(problem, canvas, paths), *_tube(ribbons, canvas)]
@@ -82,20 +86,21 @@ def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]
     ]
     parts += [*_obstacles(problem, canvas), *_start(problem, canvas)]
     radius = max(4.0, problem.fleet.radius * canvas.scale)
+    kind = "member" if radius < 8 else "member large"
     for path, colour in zip(paths, colours, strict=True):
         x, y = canvas.at(path[-1]).tolist()
-        parts.append(f'<circle class="member" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{colour}"/>')
+        parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{colour}"/>')
     size = f'viewBox="0 0 {WIDTH} {canvas.height + MARGIN[1]:.0f}"'
     label = escape(f"Map of {problem.name} with the ways of {len(members)} robots")
     svg = f'<svg id="map" {size} role="img" aria-label="{label}">{"".join(parts)}</svg>'
-    return svg, _motion(problem, canvas, paths)
+    return svg, _motion(problem, canvas, paths, times)
 
 
-def _motion(problem: Problem, canvas: Canvas, paths: Floats) -> str:
+def _motion(problem: Problem, canvas: Canvas, paths: Floats, times: Floats) -> str:
     """Duration, and tenths of a unit for every member and moving obstacle at every frame."""
-    keep = np.unique(np.linspace(0, paths.shape[1] - 1, min(FRAMES + 1, paths.shape[1])).round().astype(int))
-    times = np.linspace(0.0, problem.duration, paths.shape[1])[keep]
-    members = np.rint(10 * canvas.at(paths[:, keep])).astype(int)
+    keep = _some(paths.shape[1], FRAMES)
+    paths, times = paths[:, keep], times[keep]
+    members = np.rint(10 * canvas.at(paths)).astype(int)
     offsets = {
         name: np.rint(10 * canvas.scale * motion.at(times) * [1, -1]).astype(int).tolist()
         for name, motion in problem.motions.items()
@@ -103,6 +108,11 @@ def _motion(problem: Problem, canvas: Canvas, paths: Floats) -> str:
     data: dict[str, Any] = {"duration": problem.duration, "times": times.round(4).tolist()}
     data |= {"members": members.tolist(), "obstacles": offsets}
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _some(count: int, most: int) -> NDArray[np.int64]:
+    """About evenly spaced indices below `count`, both ends included."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.int64))
 
 
 def _grid(canvas: Canvas) -> list[str]:
@@ -127,12 +137,14 @@ def _places(problem: Problem, canvas: Canvas, paths: Floats) -> list[str]:
     parts = []
     for name, corners in outlines(problem, list(paths)).items():
         parts.append(f'<polygon class="region" points="{canvas.text(corners)}"><title>{escape(name)}</title></polygon>')
-        top = canvas.at(np.array([corners[:, 0].mean(), corners[:, 1].max()]))
+        top = canvas.at(highest(corners))
         parts.append(f'<text class="mid name" x="{top[0]:.1f}" y="{max(top[1] - 4, 12):.1f}">{escape(name)}</text>')
     parts += [f'<polyline class="target" points="{canvas.text(line)}"/>' for line in target_lines(problem)]
     if problem.objective.place is not None:
         x, y = canvas.at(problem.objective.place).tolist()
-        parts.append(f'<path class="target" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"><title>target</title></path>')
+        parts.append(
+            f'<path class="target" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"><title>target</title></path>'
+        )
     return parts
 
 

@@ -21,6 +21,10 @@ VALUES = 121
 """About as many members are looked at over one parameter, at even distances."""
 GRID = 600
 """The same for fleets with several parameters."""
+FAR = 5.0
+"""Obstacles are left out of the chart over the parameter that are this much farther away than the closest, and more
+than `NEAR` metres."""
+NEAR = 0.5
 CURVES = 6
 """Obstacles and parts shown at most, those that come closest to failing."""
 LOOKS = 2
@@ -62,12 +66,15 @@ class Profile:
         Smallest distance from each obstacle over time and over the other parameters, metres.
     parts : dict of str to ndarray, shape (values,)
         Robustness of the other parts of the task, the same way, metres.
+    far : tuple of str
+        Obstacles that are left out: they are far from every member.
     """
 
     parameter: str
     values: Floats
     clearances: dict[str, Floats]
     parts: dict[str, Floats]
+    far: tuple[str, ...] = ()
 
 
 def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series, ...]]:
@@ -112,20 +119,23 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
         str(part): least(np.asarray(member_robustness(grounded(problem, part), signals, ExactOps()))[:, 0])
         for part in other_parts(problem)
     }
-    return Profile(fleet.names[0] if fleet.names else "", values, _closest(clearances), _closest(parts))
+    near = _closest(clearances, FAR)
+    far = tuple(name for name in clearances if name not in near)
+    return Profile(fleet.names[0] if fleet.names else "", values, near, _closest(parts), far)
 
 
-def _closest(curves: dict[str, Floats]) -> dict[str, Floats]:
-    """Those that come closest to failing, of those that are finite."""
-    finite = {name: curve for name, curve in curves.items() if np.isfinite(curve).all()}
-    return dict(sorted(finite.items(), key=lambda item: float(item[1].min()))[:CURVES])
+def _closest(curves: dict[str, Floats], far: float = np.inf) -> dict[str, Floats]:
+    """Those that come closest to failing, of those that are finite and not `far` times as far from it."""
+    finite = sorted((float(curve.min()), name) for name, curve in curves.items() if np.isfinite(curve).all())
+    reach = max(NEAR, far * max(finite[0][0], 0.1 * NEAR)) if finite else 0.0
+    return {name: curves[name] for least, name in finite[:CURVES] if least <= reach}
 
 
 def _distances(duty: Duty, paths: Floats, times: Floats) -> Floats:
     """Distance from a duty's pieces during its window, shape (members, times in the window), metres."""
     when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
     seen = paths[:, when] - duty.offsets(times[when])
-    return np.minimum.reduce([piece.distance(seen) for piece in duty.pieces]) - duty.radius
+    return np.asarray(np.minimum.reduce([piece.distance(seen) for piece in duty.pieces]) - duty.radius)
 
 
 def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series]:

@@ -167,12 +167,12 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
         return [("proven", "nothing for all parameters (no certificate was asked for)")]
     c = certificate
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
-    scope = ", ".join([*ranges, "every instant"])
+    scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
     bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
     bounds += [f"rest of the task >= {c.robustness:.4f} m"] if c.parts else []
     work = f"({c.seconds:.2f} s)"
     if c.proven == "yes":
-        return [("proven", f"for every {scope}: {', '.join(bounds)} {work}")]
+        return [("proven", f"for {scope}: {', '.join(bounds)} {work}")]
     if c.counter_example is None:
         return [("proven", f"UNDECIDED for {scope}: only {', '.join(bounds)} {work}")]
     found = c.counter_example

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from math import floor, isfinite, log10
 
 from ensemble_ctrl.certificate import Certificate
@@ -15,23 +16,32 @@ LIMITS = (
 )
 
 
-def certificate_words(problem: Problem, certificate: Certificate | None) -> list[str]:
-    """What a certificate says, a paragraph each."""
+@dataclass(frozen=True)
+class Words:
+    """What is claimed, the numbers one by one, and what to keep in mind."""
+
+    lead: str
+    bounds: tuple[str, ...]
+    note: str
+
+
+def certificate_words(problem: Problem, certificate: Certificate | None) -> Words:
+    """What a certificate says."""
     if certificate is None:
-        return [
-            "No certificate was asked for: nothing is claimed beyond the robots that were replayed.",
-            "Set verify.certificate: true in the problem file, or run ensemble-plan verify on the results.",
-        ]
+        lead = "No certificate was asked for: nothing is claimed beyond the robots that were replayed."
+        hint = "Set verify.certificate: true in the problem file, or run ensemble-plan verify on the results."
+        return Words(lead, (), hint)
+    bounds = tuple(_bounds(certificate))
     who = f"every robot{_ranges(certificate)}, at every instant of the {problem.duration:g} s"
     if certificate.proven == "yes":
-        return [f"Proven: {who}, does the whole task. In numbers:", *_bounds(certificate), LIMITS]
+        return Words(f"Proven: {who}, does the whole task.", bounds, LIMITS)
     if certificate.counter_example is not None:
         c = certificate.counter_example
         when = "" if c.time is None else f" at t = {c.time:.2f} s"
         lead = f"Refuted: the robot with {member_text(c.parameters)} breaks {c.what} by {length(c.amount)}{when}."
-        return [lead, "What the proof reached for the rest:", *_bounds(certificate)]
+        return Words(lead, bounds, "Replay that robot to see it: plan.replay(parameters=[...]).")
     lead = f"Undecided: no robot was found that breaks the task, but it could not be proven for {who}."
-    return [lead, "What the proof reached:", *_bounds(certificate)]
+    return Words(lead, bounds, "A narrower range of the parameters, or more margin (solve.margin), is easier to prove.")
 
 
 def length(metres: float) -> str:
