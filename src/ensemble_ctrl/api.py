@@ -106,11 +106,25 @@ class Plan:
         """What fails, by how much, when and for whom; empty for a good plan."""
         return conflicts(self.problem, self.controls)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw map and trajectories on `ax`, or on a new figure; returns the axes and shows nothing."""
-        from ensemble_ctrl.report.figures import draw_trajectories
+    def plot(self, kind: str = "trajectories", ax: Axes | None = None) -> Axes:
+        """Draw one kind of picture; returns the axes and shows nothing.
 
-        return draw_trajectories(self.problem, self.controls, ax, self.twin)
+        Parameters
+        ----------
+        kind : {"trajectories", "controls", "moments", "robustness", "clearance", "certificate"}
+            What to draw. For a certificate the plan is certified if it is not yet.
+        ax : matplotlib Axes, optional
+            Where to; without it a new figure of pyplot's.
+
+        Raises
+        ------
+        ProblemError
+            For another kind.
+        """
+        from ensemble_ctrl.report.plot import draw
+
+        needs = kind == "certificate" and self.certificate is None
+        return draw(replace(self, certificate=self.certify()) if needs else self, kind, ax)
 
     def save(self, path: str | Path) -> Path:
         """Write everything needed to load the plan again to one ``.npz`` file, without pickle.

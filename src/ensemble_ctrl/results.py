@@ -61,7 +61,7 @@ def write_report(plan: Plan, path: Path, folder: Path) -> Path:
     except ValueError:
         facts = {}
     facts = facts if isinstance(facts, dict) else {}
-    page = report_html(plan, plan.controls, dump(plan.problem), facts, text("solver.log"))
+    page = report_html(plan, dump(plan.problem), facts, text("solver.log"))
     part = path.with_name(f".{path.name}.part")
     try:
         part.write_text(page, encoding="utf-8")

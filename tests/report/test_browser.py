@@ -31,7 +31,7 @@ def tab() -> Iterator[Page]:
 def write(kind: str, folder: Path) -> Path:
     plan = made(kind)
     path = folder / f"{kind}.html"
-    path.write_text(report_html(plan, plan.controls, PROBLEMS[kind]), encoding="utf-8")
+    path.write_text(report_html(plan, PROBLEMS[kind]), encoding="utf-8")
     return path
 
 

@@ -51,7 +51,7 @@ class Reader(HTMLParser):
 
 
 def page(plan: Plan, log: str = "") -> str:
-    return report_html(plan, plan.controls, PROBLEMS["plain"], {"command": ["ensemble-plan", "a<b.yaml"]}, log)
+    return report_html(plan, PROBLEMS["plain"], {"command": ["ensemble-plan", "a<b.yaml"]}, log)
 
 
 @pytest.mark.parametrize("kind", PROBLEMS)

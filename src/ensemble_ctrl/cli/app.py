@@ -164,6 +164,34 @@ def report(
 
 
 @app.command()
+def plot(
+    plan: Saved,
+    kinds: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Kinds of pictures [default: all]: trajectories, controls, moments, robustness, clearance, "
+            "certificate.",
+            metavar="KIND",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="The file; of several kinds the folder [default: beside the plan].", metavar="FILE"
+        ),
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option("--format", help="png, pdf or svg [default: as FILE ends, or png].", metavar="FORMAT")
+    ] = None,
+) -> None:
+    """Draw a saved plan for a paper, a column wide."""
+    from ensemble_ctrl.cli.plot import plot_plan
+
+    plot_plan(plan, kinds or [], output, format)
+
+
+@app.command()
 def verify(
     plan: Annotated[
         Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")

@@ -35,17 +35,13 @@ SOLVES = 6
 """Solves whose convergence is shown: the last ones, which led to the plan."""
 
 
-def report_html(
-    plan: PlanLike, controls: Floats, problem_text: str, provenance: Mapping[str, Any] | None = None, log: str = ""
-) -> str:
+def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any] | None = None, log: str = "") -> str:
     """The page.
 
     Parameters
     ----------
     plan : PlanLike
         What was asked and what came of it.
-    controls : ndarray, shape (steps, n_u)
-        Its broadcast commands.
     problem_text : str
         The problem file.
     provenance : mapping, optional
@@ -58,7 +54,7 @@ def report_html(
     str
         HTML that loads nothing.
     """
-    problem = plan.problem
+    problem, controls = plan.problem, plan.controls
     ribbons = tube(problem, controls)
     drawing, motion = map_and_motion(problem, controls, ribbons)
     style, script = (_asset(f"page.{kind}") for kind in ("css", "js"))
@@ -67,7 +63,7 @@ def report_html(
         _section("Certificate", _certificate(plan), "narrow"),
         _section("Controls", _controls(problem, controls), "half"),
         _section("Robustness over time", _robustness(problem, controls), "half"),
-        _section("Clearance over the parameter", _clearance(plan, controls), "half"),
+        _section("Clearance over the parameter", _clearance(plan), "half"),
         _section("Convergence", _convergence(descents(log)), "half"),
         _section("Problem file", f"<pre>{escape(problem_text)}</pre>"),
         _section("Provenance", _provenance(provenance or {})),
@@ -170,9 +166,9 @@ def _robustness(problem: Problem, controls: Floats) -> str:
     return chart(axes, curves, "Robustness over time") + f'<p class="note">{note}</p>'
 
 
-def _clearance(plan: PlanLike, controls: Floats) -> str:
+def _clearance(plan: PlanLike) -> str:
     """How close members of every parameter come to failing."""
-    profile = by_parameter(plan.problem, controls)
+    profile = by_parameter(plan.problem, plan.controls)
     named = {**profile.clearances, **profile.parts}
     if not named:
         return ""

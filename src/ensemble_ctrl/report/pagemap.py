@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import frame, highest, outlines, target_lines
+from ensemble_ctrl.drawing import highest, outlines, target_lines
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
 from ensemble_ctrl.report.tube import Ribbon
+from ensemble_ctrl.report.view import some, ways, window
 
 Floats = NDArray[np.float64]
 
@@ -43,12 +43,7 @@ class Canvas:
     @classmethod
     def of(cls, problem: Problem, paths: Sequence[Floats], ribbons: Sequence[Ribbon]) -> Canvas:
         """A canvas that shows everything, wherever obstacles go."""
-        shapes = [problem.fleet.position[None, :], *paths, *(o for r in ribbons for o in r.outlines)]
-        for name, piece in problem.pieces:
-            motion = problem.motions.get(name)
-            offsets = np.zeros((1, 2)) if motion is None else motion.at(np.linspace(0.0, problem.duration, 21))
-            shapes += [piece.vertices + offset for offset in offsets]
-        low, size = frame([*shapes, *outlines(problem, paths).values(), *target_lines(problem)])
+        low, size = window(problem, [*paths, *(outline for ribbon in ribbons for outline in ribbon.outlines)])
         scale = (WIDTH - MARGIN[0]) / float(size[0])
         return cls(low, scale, float(size[1]) * scale)
 
@@ -74,8 +69,8 @@ def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]
         The tube, if there is one.
     """
     members = problem.fleet.spread(MEMBERS if problem.fleet.names else 1)
-    paths = trajectories(problem, controls, members, 2)
-    shown = _some(paths.shape[1], POINTS)
+    paths = ways(problem, controls, members, 2)
+    shown = some(paths.shape[1], POINTS)
     paths, times = paths[:, shown], np.linspace(0.0, problem.duration, paths.shape[1])[shown]
     canvas = Canvas.of(problem, list(paths), ribbons)
     colours = [hexadecimal(c) for c in viridis(shades(problem.fleet, members))]
@@ -98,7 +93,7 @@ def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]
 
 def _motion(problem: Problem, canvas: Canvas, paths: Floats, times: Floats) -> str:
     """Duration, and tenths of a unit for every member and moving obstacle at every frame."""
-    keep = _some(paths.shape[1], FRAMES)
+    keep = some(paths.shape[1], FRAMES)
     paths, times = paths[:, keep], times[keep]
     members = np.rint(10 * canvas.at(paths)).astype(int)
     offsets = {
@@ -108,11 +103,6 @@ def _motion(problem: Problem, canvas: Canvas, paths: Floats, times: Floats) -> s
     data: dict[str, Any] = {"duration": problem.duration, "times": times.round(4).tolist()}
     data |= {"members": members.tolist(), "obstacles": offsets}
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
-
-
-def _some(count: int, most: int) -> NDArray[np.int64]:
-    """About evenly spaced indices below `count`, both ends included."""
-    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.int64))
 
 
 def _grid(canvas: Canvas) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ensemble_ctrl.fleet import START, Fleet
 from ensemble_ctrl.problem import Problem
@@ -30,6 +31,10 @@ class PlanLike(Protocol):
     @property
     def details(self) -> dict[str, Any]:
         """What the search did."""
+
+    @property
+    def controls(self) -> NDArray[np.float64]:
+        """Broadcast commands, shape (steps, n_u)."""
 
     @property
     def replayed(self) -> Replay | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells, signs_of
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.systems import ArcSystem
 
 Floats = NDArray[np.float64]
 
@@ -49,12 +50,19 @@ def tube(problem: Problem, controls: Floats) -> tuple[Ribbon, ...]:
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
 
+    Returns
+    -------
+    tuple of Ribbon
+        Empty for systems that do not move on arcs: they have no enclosure.
+
     Notes
     -----
     *Guarantee*: every member of the exact model is inside its slice's area at every instant. A piece of time of a slice
     is the convex hull of the enclosures of `ensemble_ctrl.certificate.enclosure`, so the areas are larger than what the
     fleet needs; how much closer the certificate comes by splitting is not shown. The robots' radius is not in it.
     """
+    if not isinstance(problem.fleet.system, ArcSystem):
+        return ()
     flow = Flow.of(problem, controls)
     count = len(flow.lower)
     each = np.array([SLICES, *[CELLS.get(count, 2)] * (count - 1)][:count], dtype=int)
