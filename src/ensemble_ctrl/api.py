@@ -126,6 +126,30 @@ class Plan:
         needs = kind == "certificate" and self.certificate is None
         return draw(replace(self, certificate=self.certify()) if needs else self, kind, ax)
 
+    def animate(self, path: str | Path, seconds: float = 6.0) -> Path:
+        """Write the fleet on its way as ``.gif``, or as ``.mp4`` where the program ffmpeg is installed.
+
+        Parameters
+        ----------
+        path : path
+            The file; written whole or not at all.
+        seconds : float
+            How long it runs, whatever the plan's own duration.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        AnimationError
+            For another ending, a length that is none, and for a film without ffmpeg.
+        """
+        from ensemble_ctrl.report.animation import animate
+
+        return animate(self.problem, self.controls, Path(path), seconds)
+
     def save(self, path: str | Path) -> Path:
         """Write everything needed to load the plan again to one ``.npz`` file, without pickle.
 

@@ -18,7 +18,8 @@ from ensemble_ctrl.results import LIBRARIES
 from .conftest import Command
 from .tools import SMALL, environment
 
-NAMES = ["run", "check", "show", "report", "plot", "verify", "compare", "widest", "models", "examples", "doctor"]
+NAMES = ["run", "check", "show", "report", "plot", "animate", "verify", "compare", "widest"]
+NAMES += ["models", "examples", "doctor"]
 
 
 def loaded(err: str) -> set[str]:

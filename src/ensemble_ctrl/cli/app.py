@@ -93,6 +93,9 @@ def run(
         bool, typer.Option("-v", "--verbose", help="A line for each iteration, and the routes tried.")
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures and write no report.")] = False,
+    animation: Annotated[
+        str | None, typer.Option("--animate", help="Write an animation too: gif or mp4.", metavar="FORMAT")
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
@@ -117,6 +120,7 @@ def run(
         quiet=quiet,
         verbose=verbose,
         plots=not no_plots,
+        animation=animation,
         overwrite=overwrite,
         command=(NAME, *context.obj),
     )
@@ -189,6 +193,21 @@ def plot(
     from ensemble_ctrl.cli.plot import plot_plan
 
     plot_plan(plan, kinds or [], output, format)
+
+
+@app.command()
+def animate(
+    plan: Saved,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="A .gif or .mp4 [default: animation.gif beside it].", metavar="FILE"),
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="How long it runs.", metavar="N")] = 6.0,
+) -> None:
+    """Show a saved plan's fleet on its way."""
+    from ensemble_ctrl.cli.animate import animate_plan
+
+    animate_plan(plan, output, seconds)
 
 
 @app.command()

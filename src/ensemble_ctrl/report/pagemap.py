@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -16,7 +15,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
 from ensemble_ctrl.report.tube import Ribbon
-from ensemble_ctrl.report.view import some, ways, window
+from ensemble_ctrl.report.view import Canvas, some, ways, window
 
 Floats = NDArray[np.float64]
 
@@ -30,30 +29,6 @@ POINTS = 800
 """Points of a way at most."""
 FRAMES = 200
 """Times between which the script interpolates, at most."""
-
-
-@dataclass(frozen=True, eq=False)
-class Canvas:
-    """From metres to the drawing: lower left corner, units a metre, and height."""
-
-    low: Floats
-    scale: float
-    height: float
-
-    @classmethod
-    def of(cls, problem: Problem, paths: Sequence[Floats], ribbons: Sequence[Ribbon]) -> Canvas:
-        """A canvas that shows everything, wherever obstacles go."""
-        low, size = window(problem, [*paths, *(outline for ribbon in ribbons for outline in ribbon.outlines)])
-        scale = (WIDTH - MARGIN[0]) / float(size[0])
-        return cls(low, scale, float(size[1]) * scale)
-
-    def at(self, points: Floats) -> Floats:
-        """Drawing coordinates, shape of `points`."""
-        return np.asarray((points - self.low) * [self.scale, -self.scale] + [MARGIN[0], self.height])
-
-    def text(self, points: Floats) -> str:
-        """Coordinates as SVG text."""
-        return " ".join(f"{x:.1f},{y:.1f}" for x, y in self.at(points).tolist())
 
 
 def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]) -> tuple[str, str]:
@@ -72,11 +47,12 @@ def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]
     paths = ways(problem, controls, members, 2)
     shown = some(paths.shape[1], POINTS)
     paths, times = paths[:, shown], np.linspace(0.0, problem.duration, paths.shape[1])[shown]
-    canvas = Canvas.of(problem, list(paths), ribbons)
+    areas = [outline for ribbon in ribbons for outline in ribbon.outlines]
+    canvas = Canvas.around(*window(problem, [*paths, *areas]), WIDTH - MARGIN[0], MARGIN[0])
     colours = [hexadecimal(c) for c in viridis(shades(problem.fleet, members))]
     parts = [*_grid(canvas), *_places(problem, canvas, paths), *_tube(ribbons, canvas)]
     parts += [
-        f'<polyline class="path" points="{canvas.text(path)}" stroke="{colour}"/>'
+        f'<polyline class="path" points="{_text(canvas, path)}" stroke="{colour}"/>'
         for path, colour in zip(paths, colours, strict=True)
     ]
     parts += [*_obstacles(problem, canvas), *_start(problem, canvas)]
@@ -89,6 +65,11 @@ def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]
     label = escape(f"Map of {problem.name} with the ways of {len(members)} robots")
     svg = f'<svg id="map" {size} role="img" aria-label="{label}">{"".join(parts)}</svg>'
     return svg, _motion(problem, canvas, paths, times)
+
+
+def _text(canvas: Canvas, points: Floats) -> str:
+    """Drawing coordinates as SVG text."""
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in canvas.at(points).tolist())
 
 
 def _motion(problem: Problem, canvas: Canvas, paths: Floats, times: Floats) -> str:
@@ -126,10 +107,11 @@ def _places(problem: Problem, canvas: Canvas, paths: Floats) -> list[str]:
     """Regions with their names, and the target."""
     parts = []
     for name, corners in outlines(problem, list(paths)).items():
-        parts.append(f'<polygon class="region" points="{canvas.text(corners)}"><title>{escape(name)}</title></polygon>')
+        points = _text(canvas, corners)
+        parts.append(f'<polygon class="region" points="{points}"><title>{escape(name)}</title></polygon>')
         top = canvas.at(highest(corners))
         parts.append(f'<text class="mid name" x="{top[0]:.1f}" y="{max(top[1] - 4, 12):.1f}">{escape(name)}</text>')
-    parts += [f'<polyline class="target" points="{canvas.text(line)}"/>' for line in target_lines(problem)]
+    parts += [f'<polyline class="target" points="{_text(canvas, line)}"/>' for line in target_lines(problem)]
     if problem.objective.place is not None:
         x, y = canvas.at(problem.objective.place).tolist()
         parts.append(
@@ -142,7 +124,7 @@ def _tube(ribbons: Sequence[Ribbon], canvas: Canvas) -> list[str]:
     """The areas of the tube."""
     return [
         f'<path class="tube" fill="{hexadecimal(viridis(ribbon.share))}" d="'
-        + "".join(f"M{canvas.text(outline)}Z" for outline in ribbon.outlines)
+        + "".join(f"M{_text(canvas, outline)}Z" for outline in ribbon.outlines)
         + '"/>'
         for ribbon in ribbons
     ]
@@ -155,9 +137,9 @@ def _obstacles(problem: Problem, canvas: Canvas) -> list[str]:
         motion = problem.motions.get(name)
         if motion is not None:
             way = pieces[0].vertices.mean(axis=0) + motion.at(np.linspace(0.0, problem.duration, 61))
-            parts.append(f'<polyline class="way" points="{canvas.text(way)}"/>')
+            parts.append(f'<polyline class="way" points="{_text(canvas, way)}"/>')
         moves = "" if motion is None else f' data-moves="{escape(name)}"'
-        shapes = "".join(f'<polygon points="{canvas.text(piece.vertices)}"/>' for piece in pieces)
+        shapes = "".join(f'<polygon points="{_text(canvas, piece.vertices)}"/>' for piece in pieces)
         largest = max(pieces, key=lambda piece: float(np.ptp(piece.vertices, axis=0).prod()))
         x, y = canvas.at(largest.vertices.mean(axis=0)).tolist()
         room = float(np.ptp(largest.vertices, axis=0).min()) * canvas.scale > 16

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +15,39 @@ Floats = NDArray[np.float64]
 
 LOOKS = 21
 """Times at which moving obstacles count for what a map has to show."""
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """From metres to a drawing whose y runs down.
+
+    Attributes
+    ----------
+    low : ndarray, shape (2,)
+        What is drawn at the lower left corner, metres.
+    scale : float
+        Units of the drawing a metre.
+    height : float
+        Of the map, in units.
+    left, top : float
+        Room beside and above the map, in units.
+    """
+
+    low: Floats
+    scale: float
+    height: float
+    left: float = 0.0
+    top: float = 0.0
+
+    @classmethod
+    def around(cls, low: Floats, size: Floats, width: float, left: float = 0.0, top: float = 0.0) -> Canvas:
+        """A map `width` units wide that shows the rectangle from `low` of `size` metres."""
+        scale = width / float(size[0])
+        return cls(low, scale, float(size[1]) * scale, left, top)
+
+    def at(self, points: Floats) -> Floats:
+        """Drawing coordinates, shape of `points`."""
+        return np.asarray((points - self.low) * [self.scale, -self.scale] + [self.left, self.top + self.height])
 
 
 def ways(problem: Problem, controls: Floats, members: Floats, substeps: int = 1) -> Floats:
