@@ -131,7 +131,7 @@ def drawing(html: str) -> ElementTree.Element:
 def test_a_notebook_shows_the_plan_and_before_it_the_map(plan: ec.Plan, problem: ec.Problem) -> None:
     tag = "{http://www.w3.org/2000/svg}"
     card = drawing(plan._repr_html_())
-    assert len(list(card.iter(f"{tag}polyline"))) == 7
+    assert len(list(card.iter(f"{tag}polyline"))) == 9
     assert len(list(card.iter(f"{tag}polygon"))) == 2
     before = drawing(problem._repr_html_())
     assert not list(before.iter(f"{tag}polyline"))

@@ -196,13 +196,9 @@ class Plan:
         return f"Plan({self.problem.name!r}: {self.status}{worth}, {self.problem.steps} steps, {', '.join(checks)})"
 
     def _repr_html_(self) -> str:
-        from html import escape
+        from ensemble_ctrl.report import plan_card
 
-        from ensemble_ctrl.report import plan_svg, summary_lines
-
-        drawing = plan_svg(self.problem, self.controls)
-        text = escape("\n".join(summary_lines(self)))
-        return f'<div style="display:flex;gap:1em;align-items:flex-start">{drawing}<pre>{text}</pre></div>'
+        return plan_card(self)
 
 
 def plan(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,12 +20,15 @@ Floats = NDArray[np.float64]
 
 WIDTH = 320
 """Width of the drawing in pixels."""
+DOTTED = 'fill="none" stroke-dasharray="2 3"'
 TALLEST, FLATTEST = 2.0, 0.3
 """Most and least height, in widths."""
 
 
-def map_svg(problem: Problem, paths: Sequence[Floats] = ()) -> str:
-    """Obstacles, regions and start, and the paths of some members.
+def map_svg(
+    problem: Problem, paths: Sequence[Floats] = (), colours: Sequence[str] = (), marks: Sequence[Floats] = ()
+) -> str:
+    """Obstacles with their ways, regions, target and start, and the paths of some members.
 
     Parameters
     ----------
@@ -31,36 +36,116 @@ def map_svg(problem: Problem, paths: Sequence[Floats] = ()) -> str:
         Whose map.
     paths : sequence of ndarray, shape (times, 2)
         Positions of one member each, in metres.
+    colours : sequence of str
+        Of the paths; black where there are too few.
+    marks : sequence of ndarray, shape (2,)
+        Places to mark with a ring: where something goes wrong.
 
     Returns
     -------
     str
         An ``<svg>`` element.
     """
-    start = problem.fleet.position[None, :]
-    obstacles = [piece.vertices for _, piece in problem.pieces]
-    regions = list(outlines(problem, paths).values())
-    low, span = frame([start, *obstacles, *regions, *paths])
-    height = round(WIDTH * span[1] / span[0])
-
-    def text(points: Floats) -> str:
-        scaled = (points - low) / span * [WIDTH, -height] + [0, height]
-        return " ".join(f"{x:.1f},{y:.1f}" for x, y in scaled)
-
-    parts = [f'<polygon points="{text(corners)}" fill="#8a8f98"/>' for corners in obstacles]
-    parts += [
-        f'<polygon points="{text(corners)}" fill="#2166ac" fill-opacity="0.13" stroke="#2166ac"/>'
-        for corners in regions
+    regions, targets = outlines(problem, paths), target_lines(problem)
+    shapes = [piece.vertices for _, piece in problem.pieces] + _ends(problem)
+    shapes += [*regions.values(), *paths, *targets, *(mark[None] for mark in marks)]
+    sheet = _Sheet(*frame([problem.fleet.position[None, :], *shapes]))
+    strokes = [*colours, *["black"] * len(paths)]
+    parts = [
+        *_regions(sheet, regions),
+        *_obstacles(sheet, problem),
+        *(f'<polyline points="{sheet.text(line)}" {DOTTED} stroke="black"/>' for line in targets),
+        *(
+            f'<polyline points="{sheet.text(path)}" fill="none" stroke="{stroke}" stroke-width="1.3"/>'
+            for path, stroke in zip(paths, strokes, strict=False)
+        ),
+        _start(sheet, problem),
     ]
-    parts += [
-        f'<polyline points="{text(path)}" fill="none" stroke="hsl({250 - 30 * i}, 60%, 45%)"/>'
-        for i, path in enumerate(paths)
-    ]
-    x, y = text(start).split(",")
-    parts.append(f'<circle cx="{x}" cy="{y}" r="4"/>')
-    size = f'width="{WIDTH}" height="{height}" viewBox="0 0 {WIDTH} {height}"'
-    ground = f'<rect width="{WIDTH}" height="{height}" fill="white"/>'
+    for x, y in map(sheet.at, marks):
+        parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="7" fill="none" stroke="#c4121f" stroke-width="2.5"/>')
+    size = f'width="{WIDTH}" height="{sheet.height}" viewBox="0 0 {WIDTH} {sheet.height}"'
+    ground = f'<rect width="{WIDTH}" height="{sheet.height}" fill="white"/>'
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{ground}{"".join(parts)}</svg>'
+
+
+@dataclass(frozen=True, eq=False)
+class _Sheet:
+    """Where metres are on the drawing."""
+
+    low: Floats
+    span: Floats
+
+    @property
+    def height(self) -> int:
+        """Pixels."""
+        return round(WIDTH * float(self.span[1] / self.span[0]))
+
+    def at(self, point: Floats) -> tuple[float, float]:
+        """Pixels of one place."""
+        x, y = ((point - self.low) / self.span).tolist()
+        return WIDTH * x, self.height * (1 - y)
+
+    def text(self, points: Floats) -> str:
+        """Pixels of places, as SVG wants them."""
+        return " ".join(f"{x:.1f},{y:.1f}" for x, y in map(self.at, points))
+
+    def name(self, name: str, point: Floats, colour: str, lower: float) -> str:
+        """A name at a place, some pixels lower."""
+        x, y = self.at(point)
+        font = 'text-anchor="middle" font-family="sans-serif" font-size="11"'
+        return f'<text x="{x:.1f}" y="{max(y + lower, 11):.1f}" fill="{colour}" {font}>{escape(name)}</text>'
+
+
+def _regions(sheet: _Sheet, regions: dict[str, Floats]) -> Iterator[str]:
+    """Areas with their names above them."""
+    for name, corners in regions.items():
+        yield f'<polygon points="{sheet.text(corners)}" fill="#2166ac" fill-opacity="0.13" stroke="#2166ac"/>'
+        yield sheet.name(name, highest(corners), "#2166ac", -3)
+
+
+def _obstacles(sheet: _Sheet, problem: Problem) -> Iterator[str]:
+    """Obstacles with their names where there is room; where moving ones go, dotted."""
+    times = np.linspace(0.0, problem.duration, 41)
+    for name, motion in problem.motions.items():
+        for piece in problem.obstacles[name]:
+            way = piece.vertices.mean(axis=0) + motion.at(times)
+            yield f'<polyline points="{sheet.text(way)}" {DOTTED} stroke="#5a5f68"/>'
+    for corners in _ends(problem):
+        yield f'<polygon points="{sheet.text(corners)}" {DOTTED} stroke="#5a5f68"/>'
+    for name, pieces in problem.obstacles.items():
+        for piece in pieces:
+            yield f'<polygon points="{sheet.text(piece.vertices)}" fill="#8a8f98"/>'
+        widest = max((piece.vertices for piece in pieces), key=lambda corners: float(np.ptp(corners, axis=0).min()))
+        if float(np.ptp(widest, axis=0).min() / sheet.span[0]) * WIDTH > 14:
+            yield sheet.name(name, widest.mean(axis=0), "white", 4)
+
+
+def _start(sheet: _Sheet, problem: Problem) -> str:
+    """An arrow head in the direction of the heading."""
+    x, y = sheet.at(problem.fleet.position)
+    turn = f"translate({x:.1f} {y:.1f}) rotate({-np.degrees(problem.fleet.heading):.1f})"
+    return f'<path transform="{turn}" d="M8 0L-5 5L-2 0L-5 -5Z"/>'
+
+
+def _ends(problem: Problem) -> list[Floats]:
+    """Where moving obstacles are at the end, shape (corners, 2) each."""
+    return [
+        piece.vertices + motion.at(problem.duration)
+        for name, motion in problem.motions.items()
+        for piece in problem.obstacles[name]
+    ]
+
+
+def card_html(picture: str, title: str, rows: Sequence[tuple[str, str]]) -> str:
+    """A picture with a title and labelled texts beside it, below it where there is no room; for notebooks."""
+    cells = "".join(
+        f'<tr><td style="text-align:left;vertical-align:top;white-space:nowrap;opacity:0.7">{escape(label)}</td>'
+        f'<td style="text-align:left">{escape(text)}</td></tr>'
+        for label, text in rows
+    )
+    side = "flex:1 1 320px;min-width:0;overflow-wrap:anywhere"
+    text = f'<div style="{side}"><b>{escape(title)}</b><table>{cells}</table></div>'
+    return f'<div style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start"><div>{picture}</div>{text}</div>'
 
 
 def outlines(problem: Problem, paths: Sequence[Floats] = ()) -> dict[str, Floats]:

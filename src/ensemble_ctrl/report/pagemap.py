@@ -31,7 +31,9 @@ FRAMES = 200
 """Times between which the script interpolates, at most."""
 
 
-def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]) -> tuple[str, str]:
+def map_and_motion(
+    problem: Problem, controls: Floats, ribbons: Sequence[Ribbon], marks: Sequence[tuple[str, Floats]] = ()
+) -> tuple[str, str]:
     """The map as an ``<svg>`` element, and what moves on it as JSON for the page's script.
 
     Parameters
@@ -42,6 +44,8 @@ def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]
         Broadcast commands.
     ribbons : sequence of Ribbon
         The tube, if there is one.
+    marks : sequence of (str, ndarray of shape (2,))
+        What goes wrong, and where.
     """
     members = problem.fleet.spread(MEMBERS if problem.fleet.names else 1)
     paths = ways(problem, controls, members, 2)
@@ -61,6 +65,9 @@ def map_and_motion(problem: Problem, controls: Floats, ribbons: Sequence[Ribbon]
     for path, colour in zip(paths, colours, strict=True):
         x, y = canvas.at(path[-1]).tolist()
         parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{colour}"/>')
+    for text, place in marks:
+        x, y = canvas.at(place).tolist()
+        parts.append(f'<circle class="mark" cx="{x:.1f}" cy="{y:.1f}" r="9"><title>{escape(text)}</title></circle>')
     size = f'viewBox="0 0 {WIDTH} {canvas.height + MARGIN[1]:.0f}"'
     label = escape(f"Map of {problem.name} with the ways of {len(members)} robots")
     svg = f'<svg id="map" {size} role="img" aria-label="{label}">{"".join(parts)}</svg>'

@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.conflicts import Conflict
 from ensemble_ctrl.drawing import frame, outlines, target_lines
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.report.text import PlanLike
 
 Floats = NDArray[np.float64]
 
+CONFLICTS = 5
+"""Failures marked."""
 LOOKS = 21
 """Times at which moving obstacles count for what a map has to show."""
 
@@ -53,6 +57,21 @@ class Canvas:
 def ways(problem: Problem, controls: Floats, members: Floats, substeps: int = 1) -> Floats:
     """Ways of members on the map, shape (members, steps * substeps + 1, 2), metres."""
     return trajectories(problem, controls, members, substeps)[..., :2]
+
+
+def conflict_places(plan: PlanLike) -> list[tuple[Conflict, Floats]]:
+    """What fails, worst first, with where that robot is at that time, shape (2,); nothing for a plan that is good."""
+    run, certificate = plan.replayed, plan.certificate
+    good = run is not None and not run.violating.any() and (certificate is None or certificate.proven == "yes")
+    if good and plan.status == "planned":
+        return []
+    found = []
+    for conflict in plan.conflicts()[:CONFLICTS]:
+        way = ways(plan.problem, plan.controls, plan.problem.fleet.members([conflict.parameters]), 4)[0]
+        times = np.linspace(0.0, plan.problem.duration, len(way))
+        place = np.array([np.interp(conflict.time, times, column) for column in way.T])
+        found.append((conflict, place))
+    return found
 
 
 def window(problem: Problem, paths: list[Floats]) -> tuple[Floats, Floats]:
