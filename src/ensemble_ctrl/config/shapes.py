@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    Field,
     PrivateAttr,
     ValidationInfo,
     WithJsonSchema,
@@ -75,7 +76,10 @@ def _some(values: list[Any]) -> list[Any]:
 
 
 Side = Annotated[tuple[f.Length, f.Length], BeforeValidator(f.pair("[low, high]")), AfterValidator(_side)]
-Box = Annotated[tuple[Side, ...], BeforeValidator(_sides)]
+Box = Annotated[tuple[Side, ...], BeforeValidator(_sides), Field(json_schema_extra={"minItems": 1, "maxItems": 3})]
+ObstacleBox = Annotated[
+    tuple[Side, ...], BeforeValidator(_sides), Field(json_schema_extra={"minItems": 2, "maxItems": 3})
+]
 HalfPlane = Annotated[Predicate, BeforeValidator(_halfplane), WithJsonSchema({"type": "string"})]
 HalfPlanes = Annotated[list[HalfPlane], AfterValidator(_some)]
 
@@ -118,7 +122,7 @@ class RegionShape(f.Model):
 class ObstacleShape(f.Model):
     """An area to keep out of, in exactly one of these forms; convex or not. Of a map in a file, all or one feature."""
 
-    box: Box | None = None
+    box: ObstacleBox | None = None
     """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
     """Corners `[[x, y], ...]`, in either direction; any simple polygon."""
