@@ -11,12 +11,16 @@ from typing import Any
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
 
+import jupytext  # noqa: E402
 from reference import write_reference  # noqa: E402
 
 from ensemble_ctrl import __version__  # noqa: E402
 
 write_reference(HERE / "_generated")
 shutil.copyfile(HERE.parent / "examples" / "five_obstacles.ipynb", HERE / "notebook.ipynb")
+(HERE / "tutorials").mkdir(exist_ok=True)
+for script in (HERE.parent / "examples").glob("*.py"):
+    jupytext.write(jupytext.read(script), HERE / "tutorials" / f"{script.stem}.ipynb")
 
 project = "ensemble_ctrl"
 author = "The ensemble_ctrl developers"
