@@ -69,9 +69,8 @@ run.worst
 certificate = plan.certify()
 print("proven:", certificate.proven)
 for bound in certificate.clearances:
-    print(
-        f"{bound.obstacle}: at least {bound.proven:.4f} m, and {bound.sampled:.4f} m was seen at t = {bound.time:.2f} s"
-    )
+    print(f"{bound.obstacle}: at least {bound.proven:.4f} m")
+    print(f"a robot that was looked at: {bound.sampled:.4f} m at t = {bound.time:.2f} s")
 print(f"the rest of the task holds with {certificate.robustness:.4f} m to spare")
 
 # %% [markdown]
@@ -114,7 +113,8 @@ except ec.ProblemError as error:
 # error carries what was found, and `suggest` looks for a change that helps: what it names was planned and proven.
 
 # %%
-tall = problem.with_(steps=16, obstacles={"crate": (ec.Obstacle.box([[1.4, 2.2], [-3, 3]]),)})
+crate = ec.Obstacle.box([[1.4, 2.2], [-3, 3]])
+tall = problem.with_(steps=16, obstacles={"crate": (crate,)})
 try:
     ec.plan(tall)
 except ec.SolveError as error:

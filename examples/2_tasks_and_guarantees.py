@@ -44,7 +44,8 @@ plan
 # %%
 run = plan.replay(members=5_000, substeps=5)
 value, worst = run.worst
-print(f"the worst of {run.members} robots has {worst}, and does the task with {value:.3f} m to spare")
+print(f"the worst of {run.members} robots does the task with {value:.3f} m to spare")
+worst
 
 # %% [markdown]
 # Mistakes in a formula are found before anything is solved, with their place:
@@ -73,16 +74,14 @@ obstacles: {block: {box: [[1.0, 1.6], [-0.2, 0.5]]}}
 task: F[4, 5] in(goal) and G avoid(block)
 verify: {certificate: false, members: 1000}
 """
-plans = {
-    guarantee: ec.plan(ec.load_text(corner, "corner", [f"solve.guarantee={guarantee}"]), check=False)
-    for guarantee in ("moment", "hull")
-}
+plans = {}
+for guarantee in ("moment", "hull"):
+    problem = ec.load_text(corner, "corner", [f"solve.guarantee={guarantee}"])
+    plans[guarantee] = ec.plan(problem, check=False)
 for guarantee, found in plans.items():
     run = found.replay(members=5_000, substeps=10)
-    proof = found.certify()
-    print(
-        f"{guarantee:<7} {100 * run.violating.mean():5.1f} % of the robots violate it; proven for all: {proof.proven}"
-    )
+    share = 100 * run.violating.mean()
+    print(f"{guarantee:<7} {share:5.1f} % violate it; proven for all: {found.certify().proven}")
 
 # %%
 import matplotlib.pyplot as plt
@@ -104,9 +103,10 @@ for ax, (guarantee, found) in zip(axes, plans.items(), strict=True):
 # %%
 proof = plans["moment"].certify()
 print(proof.counter_example)
-again = plans["moment"].replay(parameters=[proof.counter_example.parameters], substeps=200)
-print(f"replayed: {-again.clearances[0].distance:.4f} m inside the block at t = {again.clearances[0].time:.2f} s")
-assert again.clearances[0].distance < 0
+shown = [proof.counter_example.parameters]
+closest = plans["moment"].replay(parameters=shown, substeps=200).clearances[0]
+print(f"replayed: {-closest.distance:.4f} m inside the block at t = {closest.time:.2f} s")
+assert closest.distance < 0
 
 # %% [markdown]
 # A plan is not good for ever wider fleets. Asking one plan about several ranges says how much room it has:
@@ -115,7 +115,7 @@ assert again.clearances[0].distance < 0
 for half in (0.2, 0.25, 0.3, 0.4):
     proof = plans["hull"].certify({"traction": ec.Interval(1 - half, 1 + half)})
     bound = min(proof.clearance, proof.robustness)
-    print(f"traction {1 - half:.2f} to {1 + half:.2f}: {proof.proven:<9} {bound:+.3f} m")
+    print(f"{1 - half:.2f} to {1 + half:.2f}: {proof.proven:<9} {bound:+.3f} m")
 
 # %% [markdown]
 # ## The whole fleet at once

@@ -11,7 +11,7 @@
 # %%
 from ensemble_ctrl.cli.app import invoke
 
-invoke(["models"])
+_ = invoke(["models"])
 
 # %% [markdown]
 # We take the driven speed and the turn rate apart (wheels that slip do not slip equally in both), and place the
@@ -40,7 +40,9 @@ plan
 
 # %%
 certificate = plan.certify()
-print(certificate.proven, {name: tuple(round(x, 3) for x in ends) for name, ends in certificate.ranges.items()})
+print(certificate.proven)
+for name, (low, high) in certificate.ranges.items():
+    print(f"  {name}: {low:.2f} to {high:.2f}")
 assert certificate.proven == "yes"
 
 # %% [markdown]
@@ -75,8 +77,8 @@ AIM = ["objective.terminal={target: [3.2, 0.6], weight: 20}", "objective.robustn
 for law in ("beta, a: 2, b: 4", "beta, a: 4, b: 2"):
     spread = f"fleet.parameters.linear_traction={{range: [0.92, 1.08], law: {law}}}"
     found = ec.plan(ec.load_text(TEXT, "law", [*AIM, spread]))
-    run = found.replay(parameters=[{"linear_traction": 1.0, "angular_traction": 1.0, "start_y": 0.0}])
-    print(f"{law:<17} commanded path {np.abs(found.controls[:, 0]).sum() * found.problem.step:.3f} m")
+    length = np.abs(found.controls[:, 0]).sum() * found.problem.step
+    print(f"{law:<17} commanded path {length:.3f} m")
 
 # %% [markdown]
 # The first law has more slow robots than fast ones: they are told to drive further.
@@ -88,9 +90,8 @@ for law in ("beta, a: 2, b: 4", "beta, a: 4, b: 2"):
 
 # %%
 measured = np.random.default_rng(1).normal(1.0, 0.02, 60).clip(0.93, 1.07)
-problem = ec.load_text(
-    TEXT, "measured", [f"fleet.parameters.linear_traction={{samples: {measured.round(3).tolist()}}}"]
-)
+samples = f"{{samples: {measured.round(3).tolist()}}}"
+problem = ec.load_text(TEXT, "measured", [f"fleet.parameters.linear_traction={samples}"])
 problem.fleet.parameters["linear_traction"]
 
 # %%
@@ -123,7 +124,8 @@ parked = ec.plan(car)
 parked
 
 # %%
-print("largest steering angle:", np.degrees(np.abs(parked.controls[:, 1]).max()).round(1), "degrees")
+steepest = np.degrees(np.abs(parked.controls[:, 1]).max())
+print(f"largest steering angle: {steepest:.1f} degrees")
 
 # %% [markdown]
 # ## How different may they be?
