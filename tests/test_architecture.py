@@ -16,7 +16,7 @@ ROOT = Path(ensemble_ctrl.__file__).parent
 LAYERS: tuple[frozenset[str], ...] = tuple(
     frozenset(layer.split())
     for layer in (
-        "errors _version",
+        "errors _version plain",
         "moments systems",
         "constraints fleet motion target",
         "problem checks drawing",
@@ -26,6 +26,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "arrival conflicts planner",
         "receding report suggest twin planfile folder",
         "config",
+        "export",
         "api",
         "compare widest results",
         "cli",

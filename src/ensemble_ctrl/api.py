@@ -23,6 +23,7 @@ from ensemble_ctrl.replay import Replay, replay
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
 
     from ensemble_ctrl.planner import Progress, Solution, Status
     from ensemble_ctrl.suggest import Suggestions
@@ -118,6 +119,76 @@ class Plan:
         from ensemble_ctrl.report.figures import draw_trajectories
 
         return draw_trajectories(self.problem, self.controls, ax, self.twin)
+
+    def to_dataframe(self, members: int = 0) -> DataFrame:
+        """The table of `export` as a data frame; needs pandas.
+
+        Parameters
+        ----------
+        members : int
+            Members whose positions and headings are columns too, spread over the ranges of the parameters.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row for each step, its index the time of its beginning in seconds; with members one more row for the
+            end, without commands.
+
+        Raises
+        ------
+        UnsupportedError
+            If pandas is not installed.
+        """
+        from ensemble_ctrl.export import frame
+
+        return frame(self.problem, self.controls, members)
+
+    def export(
+        self,
+        path: str | Path,
+        form: str | None = None,
+        *,
+        members: int | None = None,
+        overwrite: bool = False,
+    ) -> Path:
+        """Write the plan for other programs; see `ensemble_ctrl.export`.
+
+        Parameters
+        ----------
+        path : path
+            A file, or for a ROS 2 bag a folder.
+        form : {"csv", "json", "geojson", "rosbag"}, optional
+            The ending of `path` if not given.
+        members : int, optional
+            Members whose trajectories are written, spread over the ranges of the parameters.
+        overwrite : bool
+            Whether what is there may be replaced.
+
+        Returns
+        -------
+        Path
+            What was written.
+
+        Raises
+        ------
+        ProblemError
+            For an unknown form or a number of members out of range.
+        UnsupportedError
+            For ``rosbag`` without the library ``rosbags``.
+        FolderError
+            If the path is taken or can't be written.
+
+        Notes
+        -----
+        *Guarantee*: what is proven of a plan is proven of robots that receive its commands. It says nothing of robots
+        that follow one of the paths by a controller of their own.
+        """
+        from ensemble_ctrl.export import export
+
+        path = Path(path)
+        form = path.suffix.removeprefix(".") if form is None else form
+        export(self.problem, self.controls, self.certificate, form, path, members, overwrite)
+        return path
 
     def save(self, path: str | Path) -> Path:
         """Write everything needed to load the plan again to one ``.npz`` file, without pickle.

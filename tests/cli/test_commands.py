@@ -18,7 +18,8 @@ from ensemble_ctrl.results import LIBRARIES
 from .conftest import Command
 from .tools import SMALL, environment
 
-NAMES = ["run", "check", "show", "verify", "compare", "widest", "models", "examples", "init", "schema", "doctor"]
+NAMES = ["run", "check", "show", "verify", "compare", "widest", "import", "export", "models", "examples"]
+NAMES += ["init", "schema", "doctor"]
 
 
 def loaded(err: str) -> set[str]:
@@ -239,7 +240,7 @@ def test_doctor_where_something_is_wrong(command: Command, monkeypatch: pytest.M
 def test_every_command_has_help_that_fits_80_columns(command: Command) -> None:
     listing = command("--help").out
     assert "..." not in listing.split("Commands:")[1]
-    assert [c.callback.__name__ for c in app.registered_commands if c.callback] == NAMES
+    assert [c.name or c.callback.__name__ for c in app.registered_commands if c.callback] == NAMES
     for name in NAMES:
         assert f"\n  {name} " in listing
     for arguments in ([], *([name] for name in NAMES)):

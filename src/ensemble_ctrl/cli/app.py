@@ -252,6 +252,68 @@ def widest(
     raise typer.Exit(find_widest(config, overrides or [], tolerance, parameter, json, quiet))
 
 
+@app.command(
+    "import",
+    epilog=_examples(
+        "ensemble-plan import office.geojson              print a problem to complete",
+        "ensemble-plan import map.yaml -o office.yaml     an occupancy grid of ROS",
+        "ensemble-plan import yard.wkt --section >> problem.yaml",
+    ),
+)
+def import_map(
+    source: Annotated[
+        Path, typer.Argument(help="GeoJSON, WKT, or the .yaml of an occupancy grid (ROS).", metavar="MAP")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write this file instead of printing.", metavar="FILE")
+    ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            help="How far obstacles may grow, so that they need fewer pieces [default: 2 cells of a grid, else 0].",
+            metavar="LENGTH",
+        ),
+    ] = None,
+    section: Annotated[bool, typer.Option("--section", help="Only the obstacles and regions.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+) -> None:
+    """Turn a map into a problem file with few convex obstacles."""
+    from ensemble_ctrl.cli.importing import import_file
+
+    import_file(source, output, tolerance, section, overwrite)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan export plans/office -o office.csv",
+        "ensemble-plan export plans/office --to geojson > tube.geojson",
+        "ensemble-plan export plans/office --to rosbag -o office_bag --members 9",
+    )
+)
+def export(
+    plan: Annotated[
+        Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
+    ],
+    form: Annotated[
+        str | None,
+        typer.Option("--to", help="csv, json, geojson or rosbag [default: the ending of FILE].", metavar="FORMAT"),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write this file (rosbag: folder) instead of printing.", metavar="FILE"),
+    ] = None,
+    members: Annotated[
+        int | None,
+        typer.Option(help="Members whose paths are written [default: csv 0, json 5, rosbag 5].", metavar="N", min=0),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+) -> None:
+    """Write a saved plan for other programs."""
+    from ensemble_ctrl.cli.exporting import export_plan
+
+    export_plan(plan, form, output, members, overwrite)
+
+
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""
@@ -391,7 +453,7 @@ def with_command(arguments: list[str]) -> list[str]:
 
 def _command_names() -> list[str]:
     """Every command, in the order of the help."""
-    return [command.callback.__name__ for command in app.registered_commands if command.callback]
+    return [command.name or command.callback.__name__ for command in app.registered_commands if command.callback]
 
 
 def _unexpected(error: Exception, as_json: bool) -> int:

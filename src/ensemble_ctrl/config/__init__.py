@@ -6,13 +6,16 @@ The fields are in `schema`, each with its meaning, which `describe` reads; a tex
 
 from ensemble_ctrl.config.describe import meanings, schema
 from ensemble_ctrl.config.dump import dump, to_data
+from ensemble_ctrl.config.imported import Imported, import_map
 from ensemble_ctrl.config.load import Loaded, load, load_text, read, read_text
 from ensemble_ctrl.config.messages import Diagnostic, layout
 
 __all__ = [
     "Diagnostic",
+    "Imported",
     "Loaded",
     "dump",
+    "import_map",
     "layout",
     "load",
     "load_text",
