@@ -20,7 +20,9 @@ write_reference(HERE / "_generated")
 shutil.copyfile(HERE.parent / "examples" / "five_obstacles.ipynb", HERE / "notebook.ipynb")
 (HERE / "tutorials").mkdir(exist_ok=True)
 for script in (HERE.parent / "examples").glob("*.py"):
-    jupytext.write(jupytext.read(script), HERE / "tutorials" / f"{script.stem}.ipynb")
+    notebook = jupytext.read(script)
+    notebook.metadata["language_info"] = {"name": "python", "pygments_lexer": "ipython3"}
+    jupytext.write(notebook, HERE / "tutorials" / f"{script.stem}.ipynb")
 
 project = "ensemble_ctrl"
 author = "The ensemble_ctrl developers"
