@@ -143,6 +143,10 @@ class LevelOps(Ops):
         stacked = list(values)
         return _matrix([self._maximum([v[0, t] for v in stacked]) for t in range(stacked[0].shape[1])])
 
+    def known(self, value: float, members: int, times: int) -> Values:
+        """A row without a slope."""
+        return _matrix([(Row(0, 0.0, 0.0, value, False),)] * times)
+
     def times(self, columns: Sequence[Values]) -> Values:
         """Join in time."""
         return np.hstack(columns)
