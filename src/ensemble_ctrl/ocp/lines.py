@@ -81,6 +81,7 @@ def separate(
     duration: float,
     shift: Floats | None = None,
     parts: tuple[Floats, ...] | None = None,
+    begin: float = 0.0,
 ) -> Lines:
     """Best separating lines for every step, points at both its ends together.
 
@@ -96,6 +97,8 @@ def separate(
         Half the sides of a box of start positions, metres: it lies around every point.
     parts : tuple of ndarray, optional
         For each cell of the fleet the matrix from the points to its own; one cell if not given.
+    begin : float
+        Time of the first point, seconds.
     """
     shift = np.zeros(2) if shift is None else shift
     parts = (np.eye(points.shape[1]),) if parts is None else parts
@@ -104,7 +107,7 @@ def separate(
     if not pieces:
         none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
         return Lines(parts, np.zeros(0), none.astype(bool), pairs, none, pairs, none)
-    times = np.linspace(0.0, duration, steps + 1)
+    times = np.linspace(begin, begin + duration, steps + 1)
     moved = np.tile([duty.offsets(times) for _, duty in pieces], (len(parts), 1, 1))
     bends = np.tile([duty.bends(times) for _, duty in pieces], (len(parts), 1))
     found = [
@@ -115,7 +118,7 @@ def separate(
     normal, support, gap = (np.stack(column) for column in zip(*found, strict=True))
     drift = np.stack([np.einsum("otd,otd->ot", normal, end) for end in (moved[:, :-1], moved[:, 1:])], axis=-1)
     radius = np.tile([duty.radius for _, duty in pieces], len(parts))
-    active = np.tile([duty.steps(steps, duration) for _, duty in pieces], (len(parts), 1))
+    active = np.tile([duty.steps(steps, duration, begin) for _, duty in pieces], (len(parts), 1))
     gap = np.where(active, gap - bends - radius[:, None], np.inf)
     return Lines(parts, radius, active, normal, support + bends, drift, gap)
 

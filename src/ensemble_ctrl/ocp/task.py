@@ -123,13 +123,14 @@ class PointSignals:
 class LevelOps(Ops):
     """Minimum by union of terms, maximum by a new level; `maxima` lists the rows to add.
 
-    Of the parts of a maximum only those are kept that come within `BAND` of the largest at the guess: the others would
+    Of the parts of a maximum only those are kept that come within `band` metres of the largest at the guess: the others would
     add nothing to a log-sum-exp of this sharpness, and leaving parts out only lowers it.
     """
 
-    def __init__(self, layout: Layout, guess: GuessValues) -> None:
+    def __init__(self, layout: Layout, guess: GuessValues, band: float = BAND) -> None:
         self.layout = layout
         self.guess = guess
+        self.band = band
         self.maxima: list[tuple[list[int], int]] = []
         self.below: list[tuple[int, Minimum]] = []
         self._levels: dict[Minimum, int] = {}
@@ -162,7 +163,7 @@ class LevelOps(Ops):
     def _maximum(self, parts: list[Minimum]) -> Minimum:
         """A new level at or below the smooth maximum of the parts."""
         values = [self.guess.of(part) for part in parts]
-        parts = [part for part, value in zip(parts, values, strict=True) if value >= max(values) - BAND]
+        parts = [part for part, value in zip(parts, values, strict=True) if value >= max(values) - self.band]
         if len(parts) == 1:
             return parts[0]
         level = self.layout.level()
@@ -218,8 +219,8 @@ def task_rows(
         Half the sides of the box of start positions, metres: predicates hold for all of it.
     """
     guess = GuessValues(curve, mean)
-    ops, signals = LevelOps(layout, guess), PointSignals(layout.steps, step, (float(shift[0]), float(shift[1])))
-    whole: Minimum = sum((robustness(part, signals, ops) for part in parts), ())
+    ops = LevelOps(layout, guess)
+    whole = minimum_of(parts, ops, step, shift)
     if whole:
         ops.below.append((level, whole))
         guess.note(level, [guess.of(whole)])
@@ -233,6 +234,12 @@ def task_rows(
         *_order_blocks(order),
     ]
     return TaskRows(blocks, guess.levels)
+
+
+def minimum_of(parts: Sequence[Formula], ops: LevelOps, step: float, shift: Floats) -> Minimum:
+    """The value of a conjunction of ground formulas, for starts in a box of half sides `shift`."""
+    signals = PointSignals(ops.layout.steps, step, (float(shift[0]), float(shift[1])))
+    return sum((robustness(part, signals, ops) for part in parts), ())
 
 
 def _matrix(entries: Sequence[Minimum]) -> Values:
