@@ -50,8 +50,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Status = Literal["converged", "improved", "limit", "stuck"]
 
-NEAR = 0.4
+NEAR = 0.3
 """Metres beyond what is asked within which a row takes part."""
+BLOCKS = 48
+"""Groups of steps, short ones first, in each of which one quadratic program changes the commands alike."""
 TRUST = 0.25
 """Share of a command's range by which one quadratic program may change it."""
 PROXIMAL = 1.0
@@ -60,6 +62,10 @@ SMALL = 1e-3
 """Weight that keeps commands where they are."""
 ENOUGH = 1e-3
 """A solve ends when the cost falls by less."""
+FAR = 10.0
+"""Metres by which one quadratic program may change a level."""
+EDGE = 1e-6
+"""Room between bounds that meet; commands are clipped afterwards."""
 TINY = 1e-20
 """Imaginary step of a derivative: exact to rounding, for nothing is subtracted."""
 
@@ -180,9 +186,7 @@ class OnlineProgram:
         return Replanned(point.controls, status, count, inner, cost, short, time.perf_counter() - began)
 
 
-def _searched(
-    point: _Point, change: Floats, lines: Lines, cost: float
-) -> tuple[_Point, float, float] | None:
+def _searched(point: _Point, change: Floats, lines: Lines, cost: float) -> tuple[_Point, float, float] | None:
     """The first point on the way that costs less, with its cost and shortfall; None if there is none."""
     for share in (1.0, 0.5, 0.25, 0.1):
         tried = point.moved(share * change)
@@ -214,7 +218,8 @@ class _Point:
         """Separating lines of the steps from the first free one on."""
         problem, free = self.program.problem, self.present.free
         begin = free * problem.step + self.present.shift
-        return separate(self.curve[free:], self.program.duties, problem.duration - free * problem.step, begin=begin)
+        left = problem.duration - free * problem.step
+        return separate(self.curve[free:], self.program.duties, left, begin=begin, within=2 * NEAR)
 
     def cost(self, lines: Lines) -> tuple[float, float]:
         """The cost, shortfalls included, and the largest shortfall in metres."""
@@ -243,32 +248,36 @@ class _Point:
     def change(self, lines: Lines) -> tuple[Floats, int]:
         """The change of the free commands that the quadratic program here asks for, and its iterations."""
         problem, free = self.program.problem, self.present.free
-        fleet, count = problem.fleet, problem.steps - free
-        levels = self.program.levels.count
-        size = 2 * count + levels
-        H, g = np.zeros((size, size)), np.zeros(size)
-        self._smooth_cost(H, g)
-        near_a, near_b = self._line_rows(lines)
+        fleet, u = problem.fleet, self.controls[free:]
+        n, starts = 2 * len(u), _blocks(len(u))
+        H, g = self._smooth_cost()
+        line_a, line_b = self._line_rows(lines)
         task_a, task_b = self._task_rows()
         rate_a, rate_b = self._rate_rows()
-        A = np.zeros((len(near_b) + len(task_b) + len(rate_b), size))
-        A[: len(near_b), : 2 * count] = near_a
-        A[len(near_b) : len(near_b) + len(task_b)] = task_a
-        A[len(near_b) + len(task_b) :, : 2 * count] = rate_a
-        range_ = TRUST * (fleet.input_upper - fleet.input_lower) + 1e-6
-        u = self.controls[free:]
-        lower = np.concatenate([np.maximum(fleet.input_lower - u, -range_).ravel(), np.full(levels, -10.0)])
-        upper = np.concatenate([np.minimum(fleet.input_upper - u, range_).ravel(), np.full(levels, 10.0)])
-        lower, upper = lower - 1e-9, upper + 1e-9
-        program = Quadratic(H, g, A, np.concatenate([near_b, task_b, rate_b]), PRICE, lower, upper)
+        A = np.concatenate([np.pad(a, [(0, 0), (0, len(g) - a.shape[1])]) for a in (line_a, task_a, rate_a)])
+        most = TRUST * (fleet.input_upper - fleet.input_lower)
+        low = np.maximum.reduceat(np.maximum(fleet.input_lower - u, -most), starts)
+        high = np.minimum.reduceat(np.minimum(fleet.input_upper - u, most), starts)
+        levels = np.full(len(g) - n, FAR)
+        program = Quadratic(
+            _summed(_summed(H, starts, n).T, starts, n),
+            _summed(g[None], starts, n)[0],
+            _summed(A, starts, n),
+            np.concatenate([line_b, task_b, rate_b]),
+            PRICE,
+            np.concatenate([low.ravel(), -levels]) - EDGE,
+            np.concatenate([high.ravel(), levels]) + EDGE,
+        )
         z, inner = solve_quadratic(program, 1e-4)
-        return z[: 2 * count].reshape(count, 2), inner
+        change = z[: low.size].reshape(-1, 2)
+        return np.repeat(change, np.diff([*starts, len(u)]), axis=0), inner
 
-    def _smooth_cost(self, H: Floats, g: Floats) -> None:
-        """Effort, smoothness, terminal error and the reward of robustness, in place."""
+    def _smooth_cost(self) -> tuple[Floats, Floats]:
+        """Hessian and gradient of effort, smoothness, terminal error and the reward of robustness."""
         problem, free = self.program.problem, self.present.free
         aim, step, u = problem.objective, problem.step, self.controls[free:]
-        n = 2 * len(u)
+        n, levels = 2 * len(u), self.program.levels.count
+        H, g = np.zeros((n + levels, n + levels)), np.zeros(n + levels)
         diagonal = np.arange(n)
         H[diagonal, diagonal] = 2 * aim.effort * step + SMALL
         g[:n] = 2 * aim.effort * step * u.ravel()
@@ -280,7 +289,6 @@ class _Point:
             weight = 2 * aim.smoothness / step
             H[:n, :n] += weight * np.kron(D.T @ D, np.eye(2))
             g[:n] += weight * (D.T @ np.diff(last, axis=0)).ravel()
-        levels = self.program.levels.count
         if levels:
             H[n + np.arange(levels), n + np.arange(levels)] = PROXIMAL
             g[-1] = -aim.robustness
@@ -288,11 +296,13 @@ class _Point:
             value = self.program._terminal(self.curve[-1].T.ravel())
             slope, bend = np.array(value[1]).ravel(), np.array(value[2])
             eigen, vectors = np.linalg.eigh(bend)
-            ends = self._slopes(np.full(self.curve.shape[1], problem.steps), np.arange(self.curve.shape[1]))
-            S = np.concatenate([ends[:, 0], ends[:, 1]])
+            every = np.arange(self.curve.shape[1])
+            last = np.full(len(every), problem.steps)
+            S = np.concatenate([self._slopes(last, every, np.tile(axis, (len(every), 1))) for axis in np.eye(2)])
             root = (np.sqrt(np.maximum(eigen, 0.0))[:, None] * vectors.T) @ S
             H[:n, :n] += root.T @ root
             g[:n] += slope @ S
+        return H, g
 
     def _line_rows(self, lines: Lines) -> tuple[Floats, Floats]:
         """Rows of the near points at both ends of each step on the free sides of their lines."""
@@ -306,8 +316,7 @@ class _Point:
         b = self._keep(lines)[side, at][:, None] - value
         used = (b > -NEAR) & (time_ > free)
         row = np.nonzero(used)[0]
-        slopes = self._slopes(time_[used], np.broadcast_to(point, used.shape)[used])
-        return np.einsum("rdn,rd->rn", slopes, normal[row]), b[used]
+        return self._slopes(time_[used], np.broadcast_to(point, used.shape)[used], normal[row]), b[used]
 
     def _task_rows(self) -> tuple[Floats, Floats]:
         """Rows that keep the levels below what they stand for, around their present values."""
@@ -326,10 +335,10 @@ class _Point:
         later = task.at[row] > free
         own = later & ~task.mean[row]
         normal = np.stack([task.x, task.y], axis=1)[row]
-        slope[own] = np.einsum("rdn,rd->rn", self._slopes(task.at[row[own]], point[own]), normal[own])
+        slope[own] = self._slopes(task.at[row[own]], point[own], normal[own])
         for k in np.flatnonzero(later & task.mean[row]):
-            each = self._slopes(np.full(count, task.at[row[k]]), np.arange(count))
-            slope[k] = np.einsum("pdn,d,p->n", each, normal[k], weights)
+            same = np.full(count, task.at[row[k]]), np.arange(count), np.tile(normal[k], (count, 1))
+            slope[k] = weights @ self._slopes(*same)
         one = np.zeros((len(row), task.count))
         one[np.arange(len(row)), task.row_level[row]] = -1.0
         A, b = [np.hstack([slope, one])], [-excess[used]]
@@ -386,17 +395,22 @@ class _Point:
         grown = np.maximum(growth[:-1], growth[1:]) + arc + problem.solve.margin
         return np.asarray(lines.support + lines.radius[:, None] + grown)
 
-    def _slopes(self, at: Ints, point: Ints) -> Floats:
-        """Slopes of points at grid times by the free commands, shape (rows, 2, 2 * free steps)."""
+    def _slopes(self, at: Ints, point: Ints, normal: Floats) -> Floats:
+        """Slopes of ``normal . point`` at grid times by the free commands, shape (rows, 2 * free steps)."""
         direct, by_turn, turning = self._steps
-        free, count = self.present.free, len(self.controls) - self.present.free
-        before = np.arange(count) < (at - free)[:, None]
-        swing = _quarter(self._levers[at][np.arange(len(at)), point][:, None] - self._levers_after[:, point].swapaxes(0, 1), self._swapped)
-        omega = by_turn[:, point].swapaxes(0, 1) + self.program.problem.step * swing
-        v = direct[:, point].swapaxes(0, 1)
-        commands = np.stack([v, omega], axis=2)  # (rows, steps, rate, 2)
-        chained = np.einsum("rskd,skc->rscd", commands, turning)
-        return np.where(before[:, :, None, None], chained, 0.0).transpose(0, 3, 1, 2).reshape(len(at), 2, 2 * count)
+        free, step, levers = self.present.free, self.program.problem.step, self._levers
+        count = len(self.controls) - free
+        back = _quarter(normal, not self._swapped)
+        v, omega = np.empty((len(at), count)), np.empty((len(at), count))
+        for i in range(direct.shape[1]):
+            rows = point == i
+            v[rows] = normal[rows] @ direct[:, i].T
+            here = (back[rows] * levers[at[rows], i]).sum(axis=1)
+            omega[rows] = normal[rows] @ by_turn[:, i].T + step * (here[:, None] - back[rows] @ levers[free + 1 :, i].T)
+        later = np.arange(count) >= (at - free)[:, None]
+        v[later] = omega[later] = 0.0
+        chained = v[..., None] * turning[:, 0] + omega[..., None] * turning[:, 1]
+        return chained.reshape(len(at), 2 * count)
 
     @property
     def _swapped(self) -> bool:
@@ -438,10 +452,33 @@ class _Point:
             self._known_levers = np.concatenate([np.zeros((self.present.at, *ahead.shape[1:])), ahead])
         return self._known_levers
 
-    @property
-    def _levers_after(self) -> Floats:
-        """The same at the ends of the free steps."""
-        return self._levers[self.present.free + 1 :]
+
+def _blocks(steps: int) -> Ints:
+    """First steps of at most about `BLOCKS` groups that grow with time."""
+    starts, size = [], 1.0
+    growth = 1.0 if steps <= BLOCKS else _growth(steps)
+    at = 0.0
+    while round(at) < steps:
+        starts.append(round(at))
+        at, size = at + size, size * growth
+    return np.array(starts, dtype=np.int64)
+
+
+def _growth(steps: int) -> float:
+    """The factor by which groups grow so that `BLOCKS` of them cover all steps."""
+    low, high = 1.0, 2.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        covered = BLOCKS if middle == 1 else (middle**BLOCKS - 1) / (middle - 1)
+        low, high = (middle, high) if covered < steps else (low, middle)
+    return high
+
+
+def _summed(rows: Floats, starts: Ints, n: int) -> Floats:
+    """Columns of commands added up over groups of steps; other columns as they are."""
+    commands = rows[:, :n].reshape(len(rows), -1, 2)
+    summed = np.add.reduceat(commands, starts, axis=1)
+    return np.concatenate([summed.reshape(len(rows), -1), rows[:, n:]], axis=1)
 
 
 def _quarter(vectors: Floats, swapped: bool) -> Floats:
