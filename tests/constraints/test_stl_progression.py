@@ -93,7 +93,9 @@ def test_lower_bounds_of_the_past_give_lower_bounds(formula: Formula, seed: int,
 
 @settings(max_examples=100, deadline=None)
 @given(predicates(), predicates(), st.sampled_from([(0.0, 1.0), (0.5, 2.0), (None, None)]), st.integers(0, 12))
-def test_release_is_the_dual_of_until(f: Formula, g: Formula, window: tuple[float | None, float | None], k: int) -> None:
+def test_release_is_the_dual_of_until(
+    f: Formula, g: Formula, window: tuple[float | None, float | None], k: int
+) -> None:
     data = signals(k, members=1)
     until = Until(f, g, *window)
     dual = Release(negation_normal_form(f, True), negation_normal_form(g, True), *window)

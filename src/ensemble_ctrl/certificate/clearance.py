@@ -193,7 +193,11 @@ class Prover:
         distance = piece.distance(here)
         grown = 0.0 if self.growth is None else self.growth[boxes.step]
         k = int((distance - grown).argmin())
-        seen = float((distance - grown)[k]), int(boxes.centre[k]), float((boxes.step[k] + boxes.begin[k]) * self.flow.step)
+        seen = (
+            float((distance - grown)[k]),
+            int(boxes.centre[k]),
+            float((boxes.step[k] + boxes.begin[k]) * self.flow.step),
+        )
         best = min(best, seen, key=lambda sample: sample[0])
         curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)
         growth = self.flow.growth(boxes.step, (boxes.end - boxes.begin) * self.flow.step, drives, boxes.half)
