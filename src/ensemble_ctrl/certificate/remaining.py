@@ -58,7 +58,9 @@ class SetCertificate:
         return min(self.clearance, self.robustness)
 
 
-def certify_set(problem: Problem, controls: Floats, away: float, turn: float) -> SetCertificate:
+def certify_set(
+    problem: Problem, controls: Floats, away: float, turn: float, more: Floats | None = None
+) -> SetCertificate:
     """Prove `controls` for a set of states.
 
     Parameters
@@ -69,6 +71,8 @@ def certify_set(problem: Problem, controls: Floats, away: float, turn: float) ->
         Commands of what is left.
     away, turn : float
         Metres and radians.
+    more : ndarray, shape (steps,), optional
+        Metres that robots may be further away in each step, for errors that the model doesn't know.
 
     Returns
     -------
@@ -83,6 +87,7 @@ def certify_set(problem: Problem, controls: Floats, away: float, turn: float) ->
     flow = Flow.of(problem, controls)
     prover = Prover(flow, problem.fleet.names)
     growth = (away + 2 * np.sin(min(turn, np.pi) / 2) * _distance(flow, prover)) * (1 + 64 * UNIT)
+    growth = growth if more is None else growth + more
     found = [(np.inf, "no obstacle")]
     for duty in duties(problem):
         steps = np.flatnonzero(duty.steps(flow.steps, problem.duration))
