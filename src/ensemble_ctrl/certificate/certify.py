@@ -190,11 +190,11 @@ def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
 
 
 def part_bound(
-    problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula, wanted: float = 0.0
+    problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula, wanted: float = 0.0, cells: int = 0
 ) -> TaskBound:
     """The bound of one part of the task; on finer time where the bulges between grid times stand in the way.
 
-    `wanted` is the robustness in metres that would do.
+    `wanted` is the robustness in metres that would do, `cells` as for `bound_task`.
     """
     formula = grounded(problem, part)
     if reads_fleet(formula) and not all(isinstance(law, Interval) for law in laws.values()):
@@ -202,7 +202,7 @@ def part_bound(
     first = alignment(resolve(formula, problem.duration), problem.duration / len(controls))
     for split in (first * more for more in SPLITS):
         flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)
-        bound = bound_task(flow, formula, problem.fleet.names)
+        bound = bound_task(flow, formula, problem.fleet.names, cells)
         if bound.proven >= wanted or bound.sampled < wanted:
             break
     return replace(bound, part=str(part))

@@ -92,6 +92,10 @@ class Prover:
         The flow, start positions included.
     names : sequence of str
         Its parameters.
+    limit : int
+        Boxes looked at for one obstacle before the search for a better bound ends.
+    cells : int
+        Cells of each parameter to begin with; 0 for `CELLS`.
 
     Attributes
     ----------
@@ -102,6 +106,7 @@ class Prover:
     whole: Flow
     names: Sequence[str]
     limit: int = 200_000
+    cells: int = 0
     boxes: int = 0
     flow: Flow = field(init=False)
     shift: Floats = field(init=False)
@@ -115,7 +120,7 @@ class Prover:
     def __post_init__(self) -> None:
         self.flow, self.shift = self.whole.bent(), self.whole.shift()
         count = len(self.flow.lower)
-        self.centres, self.half = first_cells(self.flow.lower, self.flow.upper, CELLS.get(count, 2))
+        self.centres, self.half = first_cells(self.flow.lower, self.flow.upper, self.cells or CELLS.get(count, 2))
         self.track = Track.of(self.flow, self.centres)
         self.error = self.whole.rounding()
         self.signs = signs_of(count)

@@ -29,6 +29,9 @@ Floats = NDArray[np.float64]
 SPARE = 2e-3
 """Metres beyond which a proven clearance isn't sharpened."""
 
+CELLS = 4
+"""Cells of each parameter to begin with."""
+
 
 @dataclass(frozen=True)
 class SetCertificate:
@@ -85,7 +88,7 @@ def certify_set(
     """
     began = time.perf_counter()
     flow = Flow.of(problem, controls)
-    prover = Prover(flow, problem.fleet.names)
+    prover = Prover(flow, problem.fleet.names, cells=CELLS)
     growth = (away + 2 * np.sin(min(turn, np.pi) / 2) * _distance(flow, prover)) * (1 + 64 * UNIT)
     growth = growth if more is None else growth + more
     found = [(np.inf, "no obstacle")]
@@ -100,7 +103,7 @@ def certify_set(
     for part in other_parts(problem):
         value = part.value if isinstance(part, Known) else -np.inf
         if not isinstance(part, Known):
-            value = part_bound(problem, controls, problem.fleet.parameters, part, largest).proven - largest
+            value = part_bound(problem, controls, problem.fleet.parameters, part, largest, CELLS).proven - largest
         robustness, hardest = min((robustness, hardest), (value, str(part)))
     worst = nearest if clearance < robustness else hardest
     proven = clearance >= 0 and robustness >= 0

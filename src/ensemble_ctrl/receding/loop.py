@@ -40,6 +40,8 @@ WIDEST = 4
 """How often ranges may grow before the robot is stopped for good."""
 TIGHTER, TIGHTEST = 1.5, 0.2
 """Times of what a proof lacks that the next plan keeps more, and the most that it keeps, metres."""
+PREPARED = 4
+"""Times that the first plan is improved before anything moves."""
 SHARE = 0.6
 """Share of the deadline for solving; the rest is for proofs."""
 
@@ -158,6 +160,7 @@ class Receding:
         self._events: list[str] = []
         self._whole = self._final = False
         self._tighter, self._attempts = 0.0, 0
+        self._prepare()
 
     # --- what a user's own loop reads and calls
 
@@ -287,6 +290,19 @@ class Receding:
         rows = slice(self.progress.at, end)
         self.progress.advance(self.tracker.path[rows], self.tracker.away[rows])
 
+    def _prepare(self) -> None:
+        """Make the plan good for all starts that measurements may tell, as far as that is possible."""
+        errors, fleet = self.options.errors, self.problem.fleet
+        start = PoseSet(fleet.position, np.full(2, errors.position), fleet.heading, errors.heading)
+        for _ in range(PREPARED):
+            better = self.program.solve(self._present_at(0, start, self.plan, 0), rounds=8)
+            certificate = self._certified(better.controls, 0, start)
+            self.plan = better.controls
+            if certificate.proven:
+                break
+            self._tighten(certificate)
+        self._tighter = 0.0
+
     # --- deciding
 
     def _decide(self, work: _Work) -> None:
@@ -369,22 +385,26 @@ class Receding:
         at, pose = self._now()
         if pose is None:
             return "none", None
-        ahead = controls[at:]
-        slip = self.tracker.slip(ahead)
         begin = self.sent - self.base if begin is None else begin
-        span = min(begin - at + self.options.applied_steps + self.options.lead(self.problem.step), len(ahead))
+        span = begin - at + self.options.applied_steps + self.options.lead(self.problem.step)
         try:
-            rest = self._rest(at, pose)
-            whole = certify_set(rest, ahead, pose.away, pose.turn, slip)
+            whole = self._certified(controls, at, pose)
             work.certify_seconds += whole.seconds
             if whole.proven:
                 return "whole", whole
-            short = certify_set(for_a_while(rest, span), ahead[:span], pose.away, pose.turn, slip[:span])
+            short = self._certified(controls, at, pose, min(span, len(controls) - at))
         except ProblemError as error:
             self._events.append(str(error).splitlines()[0])
             return "none", None
         work.certify_seconds += short.seconds
         return ("period", whole) if short.proven else ("none", short)
+
+    def _certified(self, controls: Floats, at: int, pose: PoseSet, span: int | None = None) -> SetCertificate:
+        """What is proven from a grid time on; for `span` steps only, of what must be kept out of."""
+        ahead = controls[at:][:span]
+        rest = self._rest(at, pose)
+        rest = rest if span is None else for_a_while(rest, span)
+        return certify_set(rest, ahead, pose.away, pose.turn, self.tracker.slip(ahead))
 
     def _tighten(self, certificate: SetCertificate | None) -> None:
         """Keep more after a proof that fell short, less after one that did not."""
@@ -411,7 +431,10 @@ class Receding:
         """What a solve starts from: `plan` may change from step `free` on, the first unsent one if not given."""
         at, pose = self._now()
         assert pose is not None
-        free = self.sent - self.base if free is None else free
+        return self._present_at(at, pose, plan, self.sent - self.base if free is None else free)
+
+    def _present_at(self, at: int, pose: PoseSet, plan: Floats, free: int) -> Present:
+        """The same for a set of poses at a grid time."""
         fleet = with_ranges(self.problem.fleet, self.tracker.ranges)
         drives = fleet.drives(fleet.bent_members(self.program.truncation.nodes))
         drives[:, 2] = pose.heading if fleet.system.heading_from == "x" else np.pi / 2 - pose.heading
