@@ -52,7 +52,7 @@ Status = Literal["converged", "improved", "limit", "stuck"]
 
 NEAR = 0.3
 """Metres beyond what is asked within which a row takes part."""
-BLOCKS = 48
+BLOCKS = 40
 """Groups of steps, short ones first, in each of which one quadratic program changes the commands alike."""
 TRUST = 0.25
 """Share of a command's range by which one quadratic program may change it."""
@@ -315,6 +315,8 @@ class _Point:
         value = np.einsum("rkd,rd->rk", self.curve[time_, point], normal) - lines.drift[side, at][:, end]
         b = self._keep(lines)[side, at][:, None] - value
         used = (b > -NEAR) & (time_ > free)
+        for k in (0, 1):
+            used[:, k * count : (k + 1) * count] &= _lowest(-b[:, k * count : (k + 1) * count])
         row = np.nonzero(used)[0]
         return self._slopes(time_[used], np.broadcast_to(point, used.shape)[used], normal[row]), b[used]
 
@@ -328,7 +330,7 @@ class _Point:
         level = task.values(heights)
         level = np.where(np.isfinite(level), level, 0.0)
         excess = heights - level[task.row_level][:, None]
-        used = excess < 2 * NEAR
+        used = (excess < 2 * NEAR) & _lowest(excess)
         row, point = np.nonzero(used)
         weights = self.program.truncation.mean
         slope = np.zeros((len(row), n))
@@ -451,6 +453,14 @@ class _Point:
             ahead = np.einsum("ij,jtd->tid", self.program.truncation.to_points, weighted)
             self._known_levers = np.concatenate([np.zeros((self.present.at, *ahead.shape[1:])), ahead])
         return self._known_levers
+
+
+def _lowest(values: Floats) -> NDArray[np.bool_]:
+    """The lower half of the points in each row, shape of `values`: others follow, or are seen in the next round."""
+    half = max(1, -(-values.shape[1] // 2))
+    if half == values.shape[1] or not len(values):
+        return np.ones(values.shape, dtype=bool)
+    return np.asarray(values <= np.partition(values, half - 1, axis=1)[:, half - 1 : half])
 
 
 def _blocks(steps: int) -> Ints:
