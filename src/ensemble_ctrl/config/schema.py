@@ -13,6 +13,7 @@ from ensemble_ctrl.config.clouds import Cloud, read_cloud
 from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.laws import LawSection, OffsetSection, TurnSection
 from ensemble_ctrl.config.motions import MotionSection
+from ensemble_ctrl.config.online import OnlineSection
 from ensemble_ctrl.config.samples import Columns
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal as TerminalTarget
@@ -188,3 +189,4 @@ class ProblemFile(Model):
     solve: Solve = Solve()
     verify: Verify = Verify()
     report: ReportSection = ReportSection()
+    online: OnlineSection | None = None

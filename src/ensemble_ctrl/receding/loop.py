@@ -223,6 +223,15 @@ class Receding:
         self.tracker.send(controls)
         return controls
 
+    def predicted(self) -> Floats:
+        """Where the robot with the middle parameters goes under what is planned now, shape (times, 2), metres."""
+        at, pose = self._now()
+        if pose is None:
+            return np.zeros((0, 2))
+        present = self._present(self.plan)
+        middle = present.drives[len(present.drives) // 2]
+        return self.problem.fleet.system.positions(self.plan[at:], middle[None], self.problem.step)[0]
+
     def planned(self, begin: int, end: int) -> Floats:
         """The commands of control steps as they are planned now; zeros where nothing is planned."""
         rows = self.plan[max(begin - self.base, 0) : max(end - self.base, 0)]
@@ -294,14 +303,15 @@ class Receding:
         """Make the plan good for all starts that measurements may tell, as far as that is possible."""
         errors, fleet = self.options.errors, self.problem.fleet
         start = PoseSet(fleet.position, np.full(2, errors.position), fleet.heading, errors.heading)
+        certificate = self._certified(self.plan, 0, start)
         for _ in range(PREPARED):
-            better = self.program.solve(self._present_at(0, start, self.plan, 0), rounds=8)
-            certificate = self._certified(better.controls, 0, start)
-            self.plan = better.controls
             if certificate.proven:
                 break
             self._tighten(certificate)
+            self.plan = self.program.solve(self._present_at(0, start, self.plan, 0), rounds=8).controls
+            certificate = self._certified(self.plan, 0, start)
         self._tighter = 0.0
+        self.program.solve(self._present_at(0, start, self.plan, 0), rounds=1)  # what is loaded once is loaded now
 
     # --- deciding
 
