@@ -47,12 +47,12 @@ def drive(
     heading = np.concatenate([[0.3], 0.3 + np.cumsum(np.repeat(omega, parts)) * dt])
     middle = (heading[:-1] + heading[1:]) / 2
     way = np.cumsum(np.repeat(v, parts)[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1) * dt, axis=0)
-    return np.concatenate([[[1.0, 2.0]], way + [1.0, 2.0]])[::parts], heading[::parts]
+    return np.concatenate([[[1.0, 2.0]], np.array([1.0, 2.0]) + way])[::parts], heading[::parts]
 
 
-def bounded(rng: np.random.Generator, bound: float, size: object) -> Floats:
+def bounded(rng: np.random.Generator, bound: float, size: tuple[int, ...] | int = ()) -> Floats:
     """Errors within a bound, often all but at it: `drive` is not exact."""
-    return np.clip(rng.uniform(-1.5, 1.5, size), -1, 1) * (bound - 1e-4)  # type: ignore[arg-type]
+    return np.asarray(np.clip(rng.uniform(-1.5, 1.5, size), -1, 1) * (bound - 1e-4))
 
 
 @settings(max_examples=60, deadline=None)

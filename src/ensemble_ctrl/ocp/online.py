@@ -1,14 +1,14 @@
 r"""The optimal-control problem solved again and again while time goes on, by sequential quadratic programs.
 
 It is the program of `ensemble_ctrl.ocp.transcription` on the whole horizon's grid, with commands as its only unknowns
-but for the levels of the task.  The displacement of a node robot over a step is a function of the commands alone, so the
-points at grid time n have closed-form slopes:
+but for the levels of the task.  The displacement of a node robot over a step is a function of the commands alone, so
+the points at grid time n have closed-form slopes:
 
 .. math::
 
     \frac{\partial P_n}{\partial v_l} = C \frac{\partial d_l}{\partial v}, \qquad
     \frac{\partial P_n}{\partial \omega_l} = C \Bigl(\frac{\partial d_l}{\partial \omega}
-        + \Delta\, \psi_2\, R_{90°} (p_n - p_{l+1})\Bigr) \qquad (l < n)
+        + \Delta\, \psi_2\, R_{\perp} (p_n - p_{l+1})\Bigr) \qquad (l < n)
 
 for turning a little more in step l turns everything that follows about the place where the step ends.
 
@@ -297,7 +297,7 @@ class _Point:
             slope, bend = np.array(value[1]).ravel(), np.array(value[2])
             eigen, vectors = np.linalg.eigh(bend)
             every = np.arange(self.curve.shape[1])
-            last = np.full(len(every), problem.steps)
+            last = np.full(len(every), problem.steps, dtype=np.int64)
             S = np.concatenate([self._slopes(last, every, np.tile(axis, (len(every), 1))) for axis in np.eye(2)])
             root = (np.sqrt(np.maximum(eigen, 0.0))[:, None] * vectors.T) @ S
             H[:n, :n] += root.T @ root
@@ -488,7 +488,7 @@ def _summed(rows: Floats, starts: Ints, n: int) -> Floats:
     """Columns of commands added up over groups of steps; other columns as they are."""
     commands = rows[:, :n].reshape(len(rows), -1, 2)
     summed = np.add.reduceat(commands, starts, axis=1)
-    return np.concatenate([summed.reshape(len(rows), -1), rows[:, n:]], axis=1)
+    return np.asarray(np.concatenate([summed.reshape(len(rows), -1), rows[:, n:]], axis=1))
 
 
 def _quarter(vectors: Floats, swapped: bool) -> Floats:

@@ -65,49 +65,115 @@ def solve_quadratic(program: Quadratic, tolerance: float = 1e-5, iterations: int
     z : ndarray, shape (n,)
     count : int
     """
-    from scipy.linalg import cho_factor, cho_solve
-
-    H, g, A, b, c = program.H, program.g, program.A, program.b, program.price
-    n, m = len(g), len(b)
+    n, m = len(program.g), len(program.b)
     z = np.clip(np.zeros(n), *_shrunk(program.lower, program.upper))
-    gap = A @ z - b
-    t, s = np.maximum(gap, 0.0) + 1e-2, np.maximum(-gap, 0.0) + 1e-2
-    y = np.where(gap > 0, 1e-2 * c, 0.5 * c)
-    w = c - y
-    zl, zu = np.full(n, 0.1), np.full(n, 0.1)
-    for count in range(1, iterations + 1):
-        low, high = z - program.lower, program.upper - z
-        mu = float(y @ t + w @ s + zl @ low + zu @ high) / (2 * (n + m))
-        dual = H @ z + g - A.T @ y - zl + zu
-        primal = A @ z - b - (t - s)
-        if mu < tolerance and np.abs(dual).max() < 10 * tolerance and np.abs(primal).max(initial=0.0) < 10 * tolerance:
-            break
-        D = 1.0 / (t / y + s / w)
-        M = H + A.T @ (D[:, None] * A)
-        M[np.diag_indices(n)] += zl / low + zu / high
-        factor = cho_factor(M, check_finite=False)
+    gap = program.A @ z - program.b
+    over, short = np.maximum(gap, 0.0) + 1e-2, np.maximum(-gap, 0.0) + 1e-2
+    y = np.where(gap > 0, 1e-2, 0.5) * program.price
+    at = _Iterate(z, over, short, y, program.price - y, np.full(n, 0.1), np.full(n, 0.1))
+    for count in range(iterations):
+        system = _System(program, at)
+        if system.solved(tolerance):
+            return at.z, count
+        guess = system.direction(0.0, np.zeros(2 * (n + m)))
+        first, last = at.longest(guess, program, 1.0)
+        pairs = at.products(guess, program, first, last)
+        target = system.mean * min(1.0, max(float(pairs.mean()) / system.mean, 0.0)) ** 3
+        step = system.direction(target, guess.second())
+        at = at.moved(step, *at.longest(step, program, INSIDE))
+    return at.z, iterations
 
-        def direction(target: float, second: tuple[Floats, ...]) -> tuple[Floats, ...]:
-            c_t, c_s, c_l, c_u = second
-            kappa = (target - c_t) / y - t - ((target - c_s) / w - s)
-            pull_l, pull_u = (target - c_l) / low - zl, (target - c_u) / high - zu
-            dz = cho_solve(factor, A.T @ (D * (kappa - primal)) - dual + pull_l - pull_u, check_finite=False)
-            dy = D * (kappa - A @ dz - primal)
-            dt, ds = (target - c_t - t * dy) / y - t, (target - c_s + s * dy) / w - s
-            return dz, dt, ds, dy, pull_l - zl / low * dz, pull_u + zu / high * dz
 
-        zero = (np.zeros(m), np.zeros(m), np.zeros(n), np.zeros(n))
-        dz, dt, ds, dy, dzl, dzu = direction(0.0, zero)
-        pairs = ((t, dt), (s, ds), (low, dz), (high, -dz)), ((y, dy), (w, -dy), (zl, dzl), (zu, dzu))
-        go = [min(1.0, *(_longest(value, step) for value, step in side)) for side in pairs]
-        after = sum(float((p + go[0] * dp) @ (d + go[1] * dd)) for (p, dp), (d, dd) in zip(*pairs, strict=True))
-        target = mu * min(1.0, max(after / (2 * (n + m) * mu), 0.0)) ** 3
-        dz, dt, ds, dy, dzl, dzu = direction(target, (dt * dy, -ds * dy, dz * dzl, -dz * dzu))
-        pairs = ((t, dt), (s, ds), (low, dz), (high, -dz)), ((y, dy), (w, -dy), (zl, dzl), (zu, dzu))
-        first, last = (min(1.0, *(INSIDE * _longest(value, step) for value, step in side)) for side in pairs)
-        z, t, s = z + first * dz, t + first * dt, s + first * ds
-        y, w, zl, zu = y + last * dy, w - last * dy, zl + last * dzl, zu + last * dzu
-    return z, count
+@dataclass(frozen=True, eq=False)
+class _Iterate:
+    """Variables, how far rows are over and short, and multipliers: of both of those, and of the bounds."""
+
+    z: Floats
+    over: Floats
+    short: Floats
+    y: Floats
+    w: Floats
+    low: Floats
+    high: Floats
+
+    def primal(self, program: Quadratic) -> Floats:
+        """What has to stay positive on the primal side: rows over and short, and the room to both bounds."""
+        return np.concatenate([self.over, self.short, self.z - program.lower, program.upper - self.z])
+
+    @property
+    def dual(self) -> Floats:
+        """Their multipliers."""
+        return np.concatenate([self.y, self.w, self.low, self.high])
+
+    def longest(self, step: _Iterate, program: Quadratic, share: float) -> tuple[float, float]:
+        """The longest steps on both sides, 1 at most, that keep everything positive."""
+        primal = _longest(self.primal(program), step.change)
+        return min(1.0, share * primal), min(1.0, share * _longest(self.dual, step.dual))
+
+    def products(self, step: _Iterate, program: Quadratic, first: float, last: float) -> Floats:
+        """Complementarity after a step."""
+        return np.asarray((self.primal(program) + first * step.change) * (self.dual + last * step.dual))
+
+    @property
+    def change(self) -> Floats:
+        """As a step: by how much it changes what has to stay positive."""
+        return np.concatenate([self.over, self.short, self.z, -self.z])
+
+    def second(self) -> Floats:
+        """As a step: the products that a linear picture leaves out."""
+        return np.asarray(self.change * self.dual)
+
+    def moved(self, step: _Iterate, first: float, last: float) -> _Iterate:
+        """After a step of two lengths."""
+        ahead = [
+            a + first * b for a, b in zip((self.z, self.over, self.short), (step.z, step.over, step.short), strict=True)
+        ]
+        duals = zip((self.y, self.w, self.low, self.high), (step.y, step.w, step.low, step.high), strict=True)
+        return _Iterate(*ahead, *(a + last * b for a, b in duals))
+
+
+class _System:
+    """The linear system of one iteration, factored once for both of its directions."""
+
+    def __init__(self, program: Quadratic, at: _Iterate) -> None:
+        from scipy.linalg import cho_factor
+
+        self.program, self.at = program, at
+        self.room_low, self.room_high = at.z - program.lower, program.upper - at.z
+        products = at.primal(program) * at.dual
+        self.mean = float(products.mean())
+        self.slope = program.H @ at.z + program.g - program.A.T @ at.y - at.low + at.high
+        self.excess = program.A @ at.z - program.b - (at.over - at.short)
+        self.weight = 1.0 / (at.over / at.y + at.short / at.w)
+        M = program.H + program.A.T @ (self.weight[:, None] * program.A)
+        M[np.diag_indices(len(M))] += at.low / self.room_low + at.high / self.room_high
+        self.factor = cho_factor(M, check_finite=False)
+
+    def solved(self, tolerance: float) -> bool:
+        """Whether the iterate is good enough."""
+        wrong = max(float(np.abs(self.slope).max()), float(np.abs(self.excess).max(initial=0.0)))
+        return self.mean < tolerance and wrong < 10 * tolerance
+
+    def direction(self, target: float, second: Floats) -> _Iterate:
+        """Newton's step to complementarity `target`, with `second` products known."""
+        from scipy.linalg import cho_solve
+
+        at, A, m, n = self.at, self.program.A, len(self.at.y), len(self.at.z)
+        over, short, low, high = np.split(target - second, np.cumsum([m, m, n]))
+        kappa = over / at.y - at.over - (short / at.w - at.short)
+        pull_low, pull_high = low / self.room_low - at.low, high / self.room_high - at.high
+        right = A.T @ (self.weight * (kappa - self.excess)) - self.slope + pull_low - pull_high
+        z = cho_solve(self.factor, right, check_finite=False)
+        y = self.weight * (kappa - A @ z - self.excess)
+        return _Iterate(
+            z,
+            (over - at.over * y) / at.y - at.over,
+            (short + at.short * y) / at.w - at.short,
+            y,
+            -y,
+            pull_low - at.low / self.room_low * z,
+            pull_high + at.high / self.room_high * z,
+        )
 
 
 def _shrunk(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:

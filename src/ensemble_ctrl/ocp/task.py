@@ -123,8 +123,8 @@ class PointSignals:
 class LevelOps(Ops):
     """Minimum by union of terms, maximum by a new level; `maxima` lists the rows to add.
 
-    Of the parts of a maximum only those are kept that come within `band` metres of the largest at the guess: the others would
-    add nothing to a log-sum-exp of this sharpness, and leaving parts out only lowers it.
+    Of the parts of a maximum only those are kept that come within `band` metres of the largest at the guess: the others
+    would add nothing to a log-sum-exp of this sharpness, and leaving parts out only lowers it.
     """
 
     def __init__(self, layout: Layout, guess: GuessValues, band: float = BAND) -> None:

@@ -189,10 +189,9 @@ class Receding:
         """Learn from a measurement without planning; what is wrong with it is told by the next step's events."""
         if measurement is None:
             return
-        held = self.tracker.holds
         events = self.tracker.observe(measurement)
         self._events += events
-        if held and not self.tracker.holds or any("measurement" not in event for event in events):
+        if any("ignored" not in event for event in events):
             self._whole = False
         if self.tracker.widened > WIDEST:
             self.stop("whatever its parameters, the robot is not like the model", for_good=True)
@@ -230,7 +229,7 @@ class Receding:
             return np.zeros((0, 2))
         present = self._present(self.plan)
         middle = present.drives[len(present.drives) // 2]
-        return self.problem.fleet.system.positions(self.plan[at:], middle[None], self.problem.step)[0]
+        return np.asarray(self.problem.fleet.system.positions(self.plan[at:], middle[None], self.problem.step)[0])
 
     def planned(self, begin: int, end: int) -> Floats:
         """The commands of control steps as they are planned now; zeros where nothing is planned."""
@@ -377,7 +376,7 @@ class Receding:
 
     def _from_here(self, begin: int, work: _Work) -> Floats | None:
         """A plan on the whole grid whose commands start at step `begin`, from the planner; None if it finds none."""
-        at, pose = self._now()
+        pose = self._now()[1]
         if pose is None:
             return None
         try:

@@ -217,7 +217,7 @@ class Membership:
         errors = self.errors
         (a0, a1), (b0, b1) = self.factors
         a, da, b, db = (a0 + a1) / 2, (a1 - a0) / 2, (b0 + b1) / 2, (b1 - b0) / 2
-        window, turn, slip_turn, way, slip = self._window(commands, time)
+        turn, slip_turn, way, slip = self._window(commands, time)
         turned = turn[0]
         heading = self._heading(turned, b, db, slip_turn, commands, time)
         if heading is None:
@@ -256,7 +256,7 @@ class Membership:
         """Intersect the range of the factor on the turn rate; False if it becomes empty."""
         b0, b1 = self.factors[1]
         b = (b0 + b1) / 2
-        _, (turned, _), slip, _, _ = self._window(commands, float(self.times[-1]))
+        (turned, _), slip, _, _ = self._window(commands, float(self.times[-1]))
         turned, slip = turned[:-1], slip[:-1]
         seen = _wrapped(self.headings[-1] - self.headings[:-1] - b * turned) + b * turned
         error = 2 * self.errors.heading + slip + UP
@@ -272,7 +272,7 @@ class Membership:
         here, W = commands.at(self.times, b)
         reach = np.abs(W[-1] - W[:-1])
         swing = commands.swing(self.times[:-1], time, float(here[-1]))
-        _, _, _, _, slip = self._window(commands, time)
+        slip = self._window(commands, time)[3]
         seen = np.abs(self.places[-1] - self.places[:-1])
         error = 2 * np.sqrt(2.0) * self.errors.position + slip[:-1] + UP
         longest, shortest = reach + db * swing + UP, reach - db * swing - UP
@@ -281,8 +281,8 @@ class Membership:
         high = ((seen + error)[sure] / shortest[sure]).min(initial=np.inf)
         return self._intersect(0, low, high)
 
-    def _window(self, commands: Commands, time: float) -> tuple[Floats, tuple[Floats, Floats], Floats, Floats, Floats]:
-        """From each measurement to a time: seconds, (turned, its absolute), and errors.
+    def _window(self, commands: Commands, time: float) -> tuple[tuple[Floats, Floats], Floats, Floats, Floats]:
+        """From each measurement to a time: (turned, its absolute), and errors.
 
         The errors are those of heading and place that drift and actuators may have added; between them stands the way
         driven at factor 1.
@@ -296,7 +296,7 @@ class Membership:
         drift = errors.drift * span
         slip_turn = drift * turn + b1 * errors.turn_rate * span
         slip = drift * way + (a1 + drift) * (way * slip_turn + errors.speed * span * (1.0 + slip_turn))
-        return span, (turned[-1] - turned[:-1], turn), slip_turn, way, slip
+        return (turned[-1] - turned[:-1], turn), slip_turn, way, slip
 
     def _factor(self, ranges: Floats, place: int) -> Floats:
         """The range of one factor under ranges of the parameters; 1 where no parameter tells it."""

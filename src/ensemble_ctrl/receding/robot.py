@@ -24,7 +24,7 @@ class Robot(Protocol):
         """The newest pose that was measured; None if there is nothing new."""
 
     def send(self, begin: float, controls: Floats) -> None:
-        """Commands from `begin` seconds on, shape (steps, n_u); they replace what was sent for these and later times."""
+        """Commands from `begin` seconds on, shape (steps, n_u), in place of what was sent for these and later times."""
 
     def stop(self) -> None:
         """Stand at once, and forget all commands."""

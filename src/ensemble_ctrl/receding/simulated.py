@@ -227,7 +227,7 @@ def moved(pose: Floats, v: float, omega: float, span: float) -> Floats:
     """A pose after `span` seconds of constant speed and turn rate, on the exact arc."""
     half = omega * span / 2
     chord, angle = v * span * np.sinc(half / np.pi), pose[2] + half
-    return np.asarray(pose + [chord * np.cos(angle), chord * np.sin(angle), 2 * half])
+    return np.asarray(pose + np.array([chord * np.cos(angle), chord * np.sin(angle), 2 * half]))
 
 
 SMALL_CAR = Bicycle(wheelbase=0.33)

@@ -139,7 +139,7 @@ class Tracker:
         fleet, since = self.problem.fleet, measurement.time - self.time
         fastest = 2 * float(self.sets.factors[0][1]) * max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
         distance = float(np.hypot(measurement.x - before.position[0], measurement.y - before.position[1]))
-        return distance > before.away + 2 * self.errors.position + fastest * since
+        return bool(distance > before.away + 2 * self.errors.position + fastest * since)
 
     def _remember(self) -> None:
         """The grid times up to the newest measurement are past."""

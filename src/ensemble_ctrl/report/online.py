@@ -171,7 +171,8 @@ def _animate(run: Run, path: Path) -> None:
     from matplotlib.animation import FuncAnimation, PillowWriter
 
     driven = _shown(run)
-    figure = new_figure(tuple(0.75 * side for side in map_size(run.problem, run.first)))
+    width, height = map_size(run.problem, run.first)
+    figure = new_figure((0.75 * width, 0.75 * height))
     ax: Any = figure.subplots()
     draw_map(run.problem, ax, [driven])
     (trail,) = ax.plot([], [], color=DRIVEN, linewidth=1.8)

@@ -88,10 +88,9 @@ def settled(formula: Formula) -> Formula:
     if not isinstance(formula, And | Or):
         return formula
     parts = [settled(part) for part in formula.parts]
-    decides = (lambda value: value < 0) if isinstance(formula, And) else (lambda value: value >= 0)
     known = [part for part in parts if isinstance(part, Known)]
     for part in known:
-        if decides(part.value):
+        if (part.value < 0) == isinstance(formula, And):
             return part
     return _joined(type(formula), [part for part in parts if not isinstance(part, Known)] or known)
 
