@@ -62,9 +62,10 @@ def one(problem: Problem, plan: Floats, loop: Receding, traction: float, seed: i
     )
     cpu: list[float] = []
     outcome = _timed(loop, robot, cpu)
-    track = np.array(robot.track)[:, :2]
+    track = np.array(robot.track)[round(outcome.start / problem.step) * FINE :, :2]
     clear = min(float(piece.distance(track).min()) for _, piece in problem.pieces) - fleet.radius
     goal = problem.regions["goal"]
+    end = track[problem.steps * FINE]
     window = track[round(14.0 / problem.step) * FINE :: FINE]
     drives = fleet.drives(np.array([[traction]]))
     blind = fleet.system.positions(plan, drives, problem.step)[0, -1]
@@ -73,7 +74,7 @@ def one(problem: Problem, plan: Floats, loop: Receding, traction: float, seed: i
         outcome.ending,
         clear,
         bool(max(float(goal.margin(p)) for p in window) >= 0),
-        (float(track[-1, 0]), float(track[-1, 1])),
+        (float(end[0]), float(end[1])),
         (float(blind[0]), float(blind[1])),
         tuple(step.seconds for step in outcome.steps),
         tuple(cpu),

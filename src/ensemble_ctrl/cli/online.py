@@ -138,7 +138,7 @@ def _draw(
             factors = {"traction": robot.factors.speed, "linear_traction": robot.factors.speed}
             factors["angular_traction"] = robot.factors.turn_rate
             truth = {name: factors[name] for name in loop.tracker.sets.names}
-        driven = np.array(robot.track)[:, :2]
+        driven = np.array(robot.track)[round(outcome.start / problem.step) * FINE :, :2]
         seconds = (len(driven) - 1) * problem.step / FINE
         title = f"{problem.name}: {outcome.ending}, {outcome.reason}"
         run = Run(

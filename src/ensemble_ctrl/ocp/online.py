@@ -296,9 +296,10 @@ class _Point:
             value = self.program._terminal(self.curve[-1].T.ravel())
             slope, bend = np.array(value[1]).ravel(), np.array(value[2])
             eigen, vectors = np.linalg.eigh(bend)
-            every = np.arange(self.curve.shape[1])
-            last = np.full(len(every), problem.steps, dtype=np.int64)
-            S = np.concatenate([self._slopes(last, every, np.tile(axis, (len(every), 1))) for axis in np.eye(2)])
+            every = np.arange(self.curve.shape[1], dtype=np.int64)
+            last = np.full_like(every, problem.steps)
+            axes = np.repeat(np.eye(2), len(every), axis=0)
+            S = self._slopes(np.tile(last, 2), np.tile(every, 2), axes)
             root = (np.sqrt(np.maximum(eigen, 0.0))[:, None] * vectors.T) @ S
             H[:n, :n] += root.T @ root
             g[:n] += slope @ S
@@ -438,7 +439,7 @@ class _Point:
 
         def slope(dv: complex, dw: complex) -> Floats:
             moves = system.displacement(v + dv, omega + dw, turned, linear, angular, heading, problem.step)
-            return np.einsum("ij,djs->sid", image, np.stack(moves).imag / TINY)
+            return np.asarray(np.einsum("ij,djs->sid", image, np.stack(moves).imag / TINY))
 
         h = 1j * TINY
         rates = [np.stack(system.rates(first + a, second + b)).imag / TINY for a, b in ((h, 0.0), (0.0, h))]

@@ -134,8 +134,16 @@ class Receding:
         Where the robot is and has been.
     stopped : str
         Why the robot stands; empty while it moves.
+    alarmed : bool
+        Whether something has happened since the last step that the commands given out did not reckon with; `recall`
+        takes back those that can still be stopped.
     history : list of Step
         One for each call of `step`.
+
+    Raises
+    ------
+    ProblemError
+        For a deadline longer than the steps applied of a plan, or `controls` of another shape.
 
     Notes
     -----
@@ -147,6 +155,12 @@ class Receding:
     def __init__(self, problem: Problem, options: OnlineOptions | None = None, controls: Floats | None = None) -> None:
         self.options = OnlineOptions() if options is None else options
         self.problem = of_one_robot(problem)
+        if self.options.lead(problem.step) > self.options.applied_steps:
+            most = self.options.applied_steps * problem.step
+            raise ProblemError(
+                f"online.deadline: expected at most the {most:g} s of {self.options.applied_steps} applied steps, "
+                f"got {self.options.deadline:g} s"
+            )
         plan = solve(self.problem).controls if controls is None else np.array(controls, dtype=float)
         if plan.shape != (problem.steps, 2) or not np.isfinite(plan).all():
             raise ProblemError(f"controls: expected finite numbers of shape ({problem.steps}, 2), got {plan.shape}")
@@ -156,7 +170,7 @@ class Receding:
         self.progress = Progress(self.problem)
         self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
         self.history: list[Step] = []
-        self.stopped = ""
+        self.stopped, self.alarmed = "", False
         self._events: list[str] = []
         self._whole = self._final = False
         self._tighter, self._attempts = 0.0, 0
@@ -189,10 +203,13 @@ class Receding:
         """Learn from a measurement without planning; what is wrong with it is told by the next step's events."""
         if measurement is None:
             return
+        if self.over and measurement.finite:
+            late = math.ceil(measurement.time / self.problem.step - 1e-6) - self.sent
+            self.tracker.send(np.zeros((min(max(late, 0), len(self.plan)), self.plan.shape[1])))
         events = self.tracker.observe(measurement)
         self._events += events
         if any("ignored" not in event for event in events):
-            self._whole = False
+            self._whole, self.alarmed = False, True
         if self.tracker.widened > WIDEST:
             self.stop("whatever its parameters, the robot is not like the model", for_good=True)
         if self.options.horizon == "shrinking":
@@ -213,6 +230,7 @@ class Receding:
         """
         work = _Work()
         self.observe(measurement)
+        self.alarmed = False
         if self.over:
             return self.plan[:0]
         self._decide(work)
@@ -230,6 +248,11 @@ class Receding:
         present = self._present(self.plan)
         middle = present.drives[len(present.drives) // 2]
         return np.asarray(self.problem.fleet.system.positions(self.plan[at:], middle[None], self.problem.step)[0])
+
+    def recall(self, begin: int) -> None:
+        """Take commands back that were returned for the control steps from `begin` on, none of which is past."""
+        if begin < self.sent:
+            self.tracker.recall(begin)
 
     def planned(self, begin: int, end: int) -> Floats:
         """The commands of control steps as they are planned now; zeros where nothing is planned."""
@@ -260,7 +283,7 @@ class Receding:
         self.problem = with_map(self.problem, obstacles, place)
         self.progress.problem = self.tracker.problem = self.problem
         self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
-        self._whole = False
+        self._whole, self.alarmed = False, True
         self._events.append(f"an obstacle was added to the map: {name}")
 
     def judged(self) -> float:
@@ -491,7 +514,7 @@ class Receding:
                 certify_seconds=work.certify_seconds,
                 iterations=work.iterations,
                 status=work.status,
-                events=tuple(self._events),
+                events=tuple(dict.fromkeys(self._events)),
             )
         )
         self._events = []

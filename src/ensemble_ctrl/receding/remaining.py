@@ -21,10 +21,12 @@ from ensemble_ctrl.constraints.stl import (
     kept_out,
     negation_normal_form,
     progressed,
+    reads_fleet,
     robustness,
     settled,
 )
 from ensemble_ctrl.duties import other_parts, window_of
+from ensemble_ctrl.errors import UnsupportedError
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.motion import Motion
@@ -38,7 +40,15 @@ EVERYWHERE = Known(float("inf"))
 
 
 def of_one_robot(problem: Problem) -> Problem:
-    """The problem without parameters of the start, which is measured, and without a cloud."""
+    """The problem without parameters of the start, which is measured, and without a cloud.
+
+    Raises
+    ------
+    UnsupportedError
+        For a task that speaks of the fleet as a whole.
+    """
+    if reads_fleet(problem.task):
+        raise UnsupportedError(f"task: a loop drives one robot, and this speaks of the whole fleet: {problem.task}")
     fleet = problem.fleet
     laws = {name: law for name, law in fleet.parameters.items() if name in fleet.system.parameters}
     laws = {name: Interval(law.lower, law.upper) for name, law in laws.items()}

@@ -72,6 +72,11 @@ class Tracker:
         self.sent = np.concatenate([self.sent, controls])
         self._commands = Commands(self.problem.fleet.system, self.sent, self.problem.step)
 
+    def recall(self, begin: int) -> None:
+        """Commands from step `begin` on, which is not past, will not be carried out."""
+        self.sent = self.sent[:begin]
+        self._commands = Commands(self.problem.fleet.system, self.sent, self.problem.step)
+
     def observe(self, measurement: Measurement) -> list[str]:
         """Learn from a measurement; returns what was out of the ordinary."""
         refused = self._refused(measurement)
