@@ -18,7 +18,7 @@ from ensemble_ctrl.results import LIBRARIES
 from .conftest import Command
 from .tools import SMALL, environment
 
-NAMES = ["run", "check", "show", "verify", "compare", "widest", "models", "examples", "doctor"]
+NAMES = ["run", "check", "show", "verify", "compare", "widest", "online", "models", "examples", "doctor"]
 
 
 def loaded(err: str) -> set[str]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.api import Plan
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
-from ensemble_ctrl.cli.streams import complain, say
+from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.planner import solve
@@ -28,6 +28,8 @@ from ensemble_ctrl.results import SCHEMA, to_json
 from ensemble_ctrl.twin import unconstrained
 
 Floats = NDArray[np.float64]
+
+STOPPING = "the robot is stopped; the log is kept"
 
 
 @dataclass(frozen=True)
@@ -61,16 +63,20 @@ def run_online(options: OnlineRun) -> int:
         robot.stop()
         folder.commit()
 
+    drawn = ""
     try:
-        with stoppable(progress, abandon):
+        with stoppable(progress, abandon, STOPPING):
             first = _first_plan(problem, progress)
             if first is None or progress.stop_signal is not None:
-                complain(f"error: {problem.name}: no plan was found to begin with; see `ensemble-plan run`")
-                return codes.NO_PLAN if progress.stop_signal is None else _interrupted(progress)
+                return _without_plan(problem, progress, options)
             first.save(folder.working / "plan.npz")
             loop = Receding(problem, settings.options, first.controls)
-            outcome, told = _driven(loop, robot, folder.working / "log.jsonl", progress)
-            drawn = ""
+            progress("drive", None)
+            try:
+                outcome, told = _driven(loop, robot, folder.working / "log.jsonl", progress)
+            except BaseException:
+                complain(f"the log up to the fault: {folder.commit() / 'log.jsonl'}")
+                raise
             if options.plots and progress.stop_signal is None:
                 progress("draw", None)
                 drawn = _draw(problem, loop, robot, outcome, told, folder.working)
@@ -81,8 +87,17 @@ def run_online(options: OnlineRun) -> int:
     progress.finish()
     if drawn:
         complain(f"error: {placed}: the run is logged, but its figures could not be drawn ({drawn})")
-    _print(problem, loop, outcome, str(placed), options)
-    return _interrupted(progress) if outcome.ending == "interrupted" else exit_code(outcome)
+    code = _interrupted(progress) if outcome.ending == "interrupted" else exit_code(outcome)
+    _print(problem, loop, outcome, str(placed), options, code)
+    return code
+
+
+def _without_plan(problem: Problem, progress: Progress, options: OnlineRun) -> int:
+    """There is nothing to begin with."""
+    if progress.stop_signal is not None:
+        return fail(_interrupted(progress), "interrupted; the robot has not moved", options.json)
+    hint = "`ensemble-plan run` says what conflicts"
+    return fail(codes.NO_PLAN, f"{problem.name}: no plan was found to begin with; {hint}", options.json)
 
 
 def exit_code(outcome: Outcome) -> int:
@@ -168,7 +183,6 @@ def _facts(loop: Receding, outcome: Outcome) -> dict[str, object]:
         "name": loop.problem.name,
         "ending": outcome.ending,
         "reason": outcome.reason,
-        "exit_code": exit_code(outcome),
         "robustness": outcome.robustness,
         "assumptions_hold": loop.tracker.holds,
         "ranges": None if last is None else last.ranges,
@@ -183,11 +197,11 @@ def _facts(loop: Receding, outcome: Outcome) -> dict[str, object]:
     }
 
 
-def _print(problem: Problem, loop: Receding, outcome: Outcome, folder: str, options: OnlineRun) -> None:
+def _print(problem: Problem, loop: Receding, outcome: Outcome, folder: str, options: OnlineRun, code: int) -> None:
     """The result on stdout."""
     facts = _facts(loop, outcome)
     if options.json:
-        say(to_json({**facts, "folder": folder}))
+        say(to_json({**facts, "exit_code": code, "folder": folder}))
         return
     seconds = outcome.seconds
     sources = ", ".join(f"{count} {name}" for name, count in facts["plans"].items() if count)  # type: ignore[attr-defined]

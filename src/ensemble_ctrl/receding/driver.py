@@ -82,9 +82,9 @@ def drive(
 
     Notes
     -----
-    The plan begins a little after the robot, which stands, has been measured first. Commands are sent one block ahead, with the
-    next few steps of the plan behind it, and again in every control step, so that a lost message does no harm. The
-    robot is told to stop on every way out of here, exceptions included.
+    The plan begins a little after the robot, which stands, has been measured first. Commands are sent one block ahead,
+    with the next few steps of the plan behind it, and again in every control step, so that a lost message does no
+    harm. The robot is told to stop on every way out of here, exceptions included.
     """
     try:
         start = _first_look(loop, robot, clock)
