@@ -92,6 +92,7 @@ MEANING = {
     "verify.members": "Members replayed.",
     "verify.substeps": "Looks at the obstacles in each step of the replay.",
     "verify.certificate": "Prove the plan for all parameters and times, and tighten until that succeeds.",
+    "online": "How a loop runs, and the robot that it is tried on; its fields are listed with [loops](online.md).",
     "report.twin": "Plan the same problem without obstacles and bounding regions too, and draw it dashed.",
 }
 """What a field says; a field that is missing here shows without a remark."""
@@ -116,7 +117,9 @@ def fields(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, Any,
     """Path, type and default of every field, sections opened."""
     for name, info in model.model_fields.items():
         path, kind = f"{prefix}{name}", _plain(info.annotation)
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
+        if name == "online":
+            yield path, "a section", "none"
+        elif isinstance(kind, type) and issubclass(kind, BaseModel):
             yield from fields(kind, f"{path}.")
         elif name in ("regions", "obstacles"):
             yield f"{path}.<name>", "an area", "none"
@@ -126,8 +129,8 @@ def fields(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, Any,
 
 def unit(annotation: Any) -> str:
     """What a value is measured in, or the values there are."""
-    if annotation == "an area":
-        return "area"
+    if annotation in ("an area", "a section"):
+        return str(annotation).partition(" ")[2]
     required = _required(annotation)
     for known, text in UNITS:
         if known in (annotation, required):

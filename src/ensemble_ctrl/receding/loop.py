@@ -267,6 +267,24 @@ class Receding:
         if begin < self.sent:
             self.tracker.recall(begin)
 
+    def late(self, now: int, ahead: int = 0) -> None:
+        """Commands come too late for the control steps before `now`.
+
+        Parameters
+        ----------
+        now : int
+            The present control step, after the last whose commands were returned.
+        ahead : int
+            How many steps of what was planned the robot had been given beyond those; after them it stood.
+        """
+        held = self.planned(self.sent, min(self.sent + ahead, now))
+        stood = np.zeros((now - self.sent - len(held), held.shape[1]))
+        self._events.append(f"commands came {(now - self.sent) * self.problem.step:.1f} s late")
+        self.plan = self.plan.copy()
+        self.plan[max(self.sent + len(held) - self.base, 0) : max(now - self.base, 0)] = 0.0
+        self.tracker.send(np.concatenate([held, stood]))
+        self._whole, self.alarmed = self._whole and not len(stood), True
+
     def planned(self, begin: int, end: int) -> Floats:
         """The commands of control steps as they are planned now; zeros where nothing is planned."""
         rows = self.plan[max(begin - self.base, 0) : max(end - self.base, 0)]
