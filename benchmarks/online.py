@@ -108,10 +108,13 @@ def main() -> None:
     drawn = np.random.default_rng(1).uniform(problem.fleet.lower[0], problem.fleet.upper[0], given.runs)
     timer = time.perf_counter if given.wall else time.process_time
     good = Receding(problem, options, plan).plan
-    runs = []
-    for seed, traction in enumerate(drawn.tolist()):
-        runs.append(one(problem, plan, Receding(problem, options, good, timer), traction, seed))
-        print(f"\r{seed + 1}/{given.runs}", end="", file=sys.stderr, flush=True)
+    runs: list[Run] = []
+    try:
+        for seed, traction in enumerate(drawn.tolist()):
+            runs.append(one(problem, plan, Receding(problem, options, good, timer), traction, seed))
+            print(f"\r{seed + 1}/{given.runs}", end="", file=sys.stderr, flush=True)
+    except KeyboardInterrupt:
+        print(" interrupted", end="", file=sys.stderr)
     print(file=sys.stderr)
     report(runs)
     outside = [
@@ -126,7 +129,7 @@ def main() -> None:
 
 
 def report(runs: list[Run]) -> None:
-    """What two hundred runs came to."""
+    """What the runs came to."""
     clearance = np.array([run.clearance for run in runs])
     ends, blind = np.array([run.end for run in runs]), np.array([run.open_loop_end for run in runs])
     seconds = np.array([s for run in runs for s in run.seconds])
