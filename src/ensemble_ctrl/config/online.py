@@ -40,55 +40,80 @@ class NoiseSection(Model):
     """Largest errors of a measured pose."""
 
     position: f.Margin = Errors.position
+    """Of x and of y."""
     heading: Turn = Errors.heading
+    """Of the heading."""
 
 
 class ActuatorSection(Model):
     """Largest errors of the actuators."""
 
     speed: SpeedError = 0.0
+    """Of the speed."""
     turn_rate: TurnRateError = 0.0
+    """Of the turn rate."""
 
 
 class LostSection(Model):
     """Shares of messages that are lost."""
 
     measurements: Share = 0.0
+    """Of those from the robot."""
     commands: Share = 0.0
+    """Of those to the robot."""
 
 
 class DriftSection(Model):
     """Factors that swing about a middle."""
 
     middle: f.Positive
+    """What they swing about."""
     amplitude: Rate
+    """By how much."""
     period: f.Duration
+    """Once in so many seconds."""
 
 
 class PatchSection(Model):
     """Ground with a traction of its own."""
 
     region: RegionShape
+    """Where; forms as of a region."""
     traction: f.Positive
+    """Factor on speed and turn rate there."""
 
 
 class RobotSection(Model):
     """The simulated robot; it need not be like the fleet."""
 
     preset: Literal["small_car"] | None = None
+    """`small_car`: a car at a tenth of its size; steering ends at 0.36 rad, commands are rounded."""
     traction: f.Positive | None = None
+    """True factor on speed and turn rate; drawn from the ranges if no factor is given. May be outside them."""
     linear_traction: f.Positive | None = None
+    """True factor on the speed alone."""
     angular_traction: f.Positive | None = None
+    """True factor on the turn rate alone."""
     drifting: DriftSection | None = None
+    """Factors that swing about a middle."""
     terrain: list[PatchSection] = Field(default_factory=list)
+    """Patches of ground, each `{region: {box: ...}, traction: ...}`; the first that holds the robot counts."""
     noise: NoiseSection | None = None
+    """True errors of measurements, uniform; as large as is assumed if not given."""
     delay: Delay | None = None
+    """That measurements take to arrive; 0.1 s if not given."""
     command_delay: Delay = 0.0
+    """By which commands are carried out late."""
     actuators: ActuatorSection = ActuatorSection()
+    """True errors of what is carried out, uniform."""
     saturation: Magnitudes | None = None
+    """Largest absolute commands that are carried out."""
     quantum: Magnitudes | None = None
+    """Commands are rounded to multiples of these."""
     lost: LostSection = LostSection()
+    """Shares of messages that are lost."""
     seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = 0
+    """Seed of all that is drawn."""
 
     @model_validator(mode="after")
     def _one_truth(self) -> Self:
@@ -137,19 +162,33 @@ class OnlineSection(Model):
     """How the loop runs, and the robot that it is tried on."""
 
     applied_steps: Annotated[int, BeforeValidator(whole(1, 10_000))] = OnlineOptions.applied_steps
+    """Control steps that are applied of every plan."""
     deadline: f.Duration = OnlineOptions.deadline
+    """For planning again, proof included; at most the steps applied. It begins this long before a plan takes over."""
     noise: NoiseSection = NoiseSection()
+    """Largest errors of a measured pose that are assumed."""
     drift: Rate = 0.0
+    """Largest change of a factor per second that is assumed."""
     actuators: ActuatorSection = ActuatorSection()
+    """Largest errors of what is carried out that are assumed."""
     learn: Annotated[bool, BeforeValidator(f.flag)] = OnlineOptions.learn
+    """Whether parameters are learnt; without it their ranges stand."""
     horizon: Literal["shrinking", "receding"] = OnlineOptions.horizon
+    """`shrinking`: windows are absolute. `receding`: the task is read anew from every present on."""
     run_for: f.Duration | None = None
+    """With `receding`: how long the loop runs."""
     order: Annotated[int, BeforeValidator(whole(1, MAX_ORDER))] = OnlineOptions.order
+    """Truncation order of the plans under way."""
     rounds: Annotated[int, BeforeValidator(whole(1, 100))] = OnlineOptions.rounds
+    """Quadratic programs for one plan, at most."""
     silence: f.Duration = OnlineOptions.silence
+    """Without a measurement for so long, the robot is stopped."""
     recovery: f.Duration = OnlineOptions.recovery
+    """How long a standing robot may look for a way."""
     attempts: Annotated[int, BeforeValidator(whole(0, 100))] = OnlineOptions.attempts
+    """How often it may."""
     robot: RobotSection = RobotSection()
+    """The simulated robot; it need not be like the fleet."""
 
     @model_validator(mode="after")
     def _how_long(self) -> Self:

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
-from ensemble_ctrl.report.figures import TWIN, draw_map, map_size, new_figure
+from ensemble_ctrl.report.canvas import new_figure
+from ensemble_ctrl.report.figures import draw_map, map_size
+from ensemble_ctrl.report.palette import TWIN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
