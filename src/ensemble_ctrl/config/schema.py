@@ -250,4 +250,4 @@ class ProblemFile(Model):
     report: ReportSection = ReportSection()
     """What figures and summary show."""
     online: OnlineSection | None = None
-    """How `ensemble-plan online` drives a robot along, measuring and planning again."""
+    """How a loop runs, and the robot that it is tried on, for `ensemble-plan online`."""

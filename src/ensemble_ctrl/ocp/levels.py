@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.ocp.layout import Layout
-from ensemble_ctrl.ocp.task import SHARPNESS, GuessValues, Level, LevelOps, Row, minimum_of
+from ensemble_ctrl.ocp.task import SHARPNESS, GuessValues, Level, LevelOps, PointSignals, Row, minimum_of
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
 
@@ -63,7 +63,8 @@ class TaskLevels:
         layout = Layout(problem.steps, truncation.count)
         first = layout.size
         ops = LevelOps(layout, GuessValues(curve, truncation.mean), np.inf)
-        whole = minimum_of([grounded(problem, part) for part in other_parts(problem)], ops, problem.step, np.zeros(2))
+        signals = PointSignals(problem.steps, problem.step)
+        whole = minimum_of([grounded(problem, part) for part in other_parts(problem)], ops, signals)
         if whole:
             ops.below.append((layout.level(), whole))
         pairs = [(low - first, term) for low, part in ops.below for term in part]

@@ -257,7 +257,7 @@ def task_rows(
     """
     guess = GuessValues(curve, mean, places)
     ops = LevelOps(layout, guess)
-    whole = minimum_of(parts, ops, step, shift, states)
+    whole = minimum_of(parts, ops, PointSignals(layout.steps, step, tuple(shift.tolist()), states=states))
     if whole:
         ops.below.append((level, whole))
         guess.note(level, [guess.of(whole)])
@@ -273,11 +273,8 @@ def task_rows(
     return TaskRows(blocks, guess.levels)
 
 
-def minimum_of(
-    parts: Sequence[Formula], ops: LevelOps, step: float, shift: Floats, states: tuple[str, ...] = ("x", "y")
-) -> Minimum:
-    """The value of a conjunction of ground formulas, for starts in a box of half sides `shift`."""
-    signals = PointSignals(ops.layout.steps, step, tuple(shift.tolist()), states=states)
+def minimum_of(parts: Sequence[Formula], ops: LevelOps, signals: PointSignals) -> Minimum:
+    """The value of a conjunction of ground formulas."""
     return sum((robustness(part, signals, ops) for part in parts), ())
 
 

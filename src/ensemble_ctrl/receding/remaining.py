@@ -45,8 +45,10 @@ def of_one_robot(problem: Problem) -> Problem:
     Raises
     ------
     UnsupportedError
-        For a task that speaks of the fleet as a whole.
+        For a task that speaks of the fleet as a whole, and systems that do not move on arcs.
     """
+    if not isinstance(problem.fleet, Fleet):
+        raise UnsupportedError(f"{problem.fleet.system.name}: loops drive unicycles and bicycles")
     if reads_fleet(problem.task):
         raise UnsupportedError(f"task: a loop drives one robot, and this speaks of the whole fleet: {problem.task}")
     fleet = problem.fleet
