@@ -785,7 +785,7 @@ def test_warnings_have_a_place_too() -> None:
     assert {w.message for w in warnings} == {
         "this region is unbounded",
         "the task never mentions this region",
-        "the task never mentions the obstacles",
+        "the task never mentions the obstacles, so robots may drive through them",
     }
 
 

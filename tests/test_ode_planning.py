@@ -63,7 +63,7 @@ def test_the_delivery_goes_through_the_window_hovers_and_spreads_as_gravity_says
     lift = path[10, :, 2] - 1.5 + 9.81 * times**2 / 2
     expected = lift * 6.25 * (1 / 6.0 - 1 / 6.5)
     np.testing.assert_allclose(apart, expected, atol=0.25 * expected.max())
-    assert plan._repr_html_().count("<polyline") == 7
+    assert plan._repr_html_().count("<polyline") == 9
 
 
 def test_a_better_plan_costs_less_than_a_seed() -> None:
@@ -153,7 +153,7 @@ def test_the_command_plans_saves_shows_and_verifies(tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize("path", [MASSES, CRANE], ids=lambda path: path.stem)
 def test_a_notebook_shows_its_map(path: Path) -> None:
     plan = plan_of(path)
-    assert plan._repr_html_().count("<polyline") == 7
+    assert plan._repr_html_().count("<polyline") == 9
     assert plan.plot() is not None
     import matplotlib.pyplot as plt
 

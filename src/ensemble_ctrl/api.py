@@ -114,11 +114,49 @@ class Plan:
 
         return suggest(self.problem, self.controls, seconds=seconds, progress=progress)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw map and trajectories on `ax`, or on a new figure; returns the axes and shows nothing."""
-        from ensemble_ctrl.report.figures import draw_trajectories
+    def plot(self, kind: str = "trajectories", ax: Axes | None = None) -> Axes:
+        """Draw one kind of picture; returns the axes and shows nothing.
 
-        return draw_trajectories(self.problem, self.controls, ax, self.twin)
+        Parameters
+        ----------
+        kind : {"trajectories", "controls", "moments", "robustness", "clearance", "certificate"}
+            What to draw. For a certificate the plan is certified if it is not yet.
+        ax : matplotlib Axes, optional
+            Where to; without it a new figure of pyplot's.
+
+        Raises
+        ------
+        ProblemError
+            For another kind.
+        """
+        from ensemble_ctrl.report.plot import draw
+
+        needs = kind == "certificate" and self.certificate is None
+        return draw(replace(self, certificate=self.certify()) if needs else self, kind, ax)
+
+    def animate(self, path: str | Path, seconds: float = 6.0) -> Path:
+        """Write the fleet on its way as ``.gif``, or as ``.mp4`` where the program ffmpeg is installed.
+
+        Parameters
+        ----------
+        path : path
+            The file; written whole or not at all.
+        seconds : float
+            How long it runs, whatever the plan's own duration.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        AnimationError
+            For another ending, a length that is none, and for a film without ffmpeg.
+        """
+        from ensemble_ctrl.report.animation import animate
+
+        return animate(self.problem, self.controls, Path(path), seconds)
 
     def to_dataframe(self, members: int = 0) -> DataFrame:
         """The table of `export` as a data frame; needs pandas.
@@ -242,13 +280,9 @@ class Plan:
         return f"Plan({self.problem.name!r}: {self.status}{worth}, {self.problem.steps} steps, {', '.join(checks)})"
 
     def _repr_html_(self) -> str:
-        from html import escape
+        from ensemble_ctrl.report import plan_card
 
-        from ensemble_ctrl.report import plan_svg, summary_lines
-
-        drawing = plan_svg(self.problem, self.controls)
-        text = escape("\n".join(summary_lines(self)))
-        return f'<div style="display:flex;gap:1em;align-items:flex-start">{drawing}<pre>{text}</pre></div>'
+        return plan_card(self)
 
 
 def plan(

@@ -11,6 +11,8 @@ from secrets import token_hex
 
 from ensemble_ctrl.errors import EnsembleError
 
+KINDS = ("trajectories", "controls", "moments", "robustness", "clearance", "certificate")
+"""Kinds of pictures that ``ensemble-plan plot`` draws (`ensemble_ctrl.report.plot`)."""
 RESULT_FILES = frozenset(
     {
         "certificate.json",
@@ -25,9 +27,11 @@ RESULT_FILES = frozenset(
         "spread.png",
         "summary.json",
         "trajectories.png",
+        *(f"figure-{kind}.{ending}" for kind in KINDS for ending in ("png", "pdf", "svg")),
+        *(f"animation.{ending}" for ending in ("gif", "mp4")),
     }
 )
-"""What a run may write; ``--overwrite`` leaves a folder alone that holds anything else."""
+"""What a run, and later commands on its plan may write; ``--overwrite`` leaves a folder with anything else alone."""
 
 
 class FolderError(EnsembleError):

@@ -241,11 +241,17 @@ class Problem:
         )
 
     def _repr_html_(self) -> str:
-        from html import escape
+        from ensemble_ctrl.drawing import card_html, map_svg
 
-        from ensemble_ctrl.drawing import map_svg
-
-        return f"<div>{map_svg(self)}<pre>{escape(repr(self))}</pre></div>"
+        order = "auto" if self.order is None else str(self.order)
+        ranges = ", ".join(f"{name} {law.lower:g} to {law.upper:g}" for name, law in self.fleet.parameters.items())
+        rows = [
+            ("fleet", f"{self.fleet.system.name}, {ranges or 'all members equal'}, radius {self.fleet.radius:g} m"),
+            ("horizon", f"{self.duration:g} s in {self.steps} steps, order {order}"),
+            ("task", str(self.task)),
+            ("obstacles", str(len(self.obstacles))),
+        ]
+        return card_html(map_svg(self), self.name, rows)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

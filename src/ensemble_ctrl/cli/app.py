@@ -65,6 +65,7 @@ Overrides = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")]
+Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")]
 
 
 def _consent(given: bool) -> bool:
@@ -127,7 +128,10 @@ def run(
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="A line for each iteration, and the routes tried.")
     ] = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures and write no report.")] = False,
+    animation: Annotated[
+        str | None, typer.Option("--animate", help="Write an animation too: gif or mp4.", metavar="FORMAT")
+    ] = None,
     no_suggest: Annotated[
         bool, typer.Option("--no-suggest", help="Where there is no plan, do not look for what would help.")
     ] = False,
@@ -157,6 +161,7 @@ def run(
         verbose=verbose,
         plots=not no_plots,
         suggest=not no_suggest,
+        animation=animation,
         overwrite=overwrite,
         command=(NAME, *context.obj),
     )
@@ -189,7 +194,7 @@ def check(
     )
 )
 def show(
-    plan: Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")],
+    plan: Saved,
     members: Members = None,
     substeps: Annotated[
         int | None, typer.Option(help="Times looked at in each step (verify.substeps).", metavar="N", min=1)
@@ -201,6 +206,78 @@ def show(
     from ensemble_ctrl.cli.show import show_plan
 
     raise typer.Exit(show_plan(plan, members, substeps, json))
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan report plans/problem",
+        "ensemble-plan report plans/problem -o problem.html",
+    )
+)
+def report(
+    plan: Saved,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The file [default: report.html beside it].", metavar="FILE")
+    ] = None,
+) -> None:
+    """Write a saved plan's report.html again."""
+    from ensemble_ctrl.cli.report import report_plan
+
+    report_plan(plan, output)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan plot plans/problem",
+        "ensemble-plan plot plans/problem trajectories -o map.pdf",
+        "ensemble-plan plot plans/problem clearance moments --format svg",
+    )
+)
+def plot(
+    plan: Saved,
+    kinds: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Kinds of pictures [default: all]: trajectories, controls, moments, robustness, clearance, "
+            "certificate.",
+            metavar="KIND",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="The file; of several kinds the folder [default: beside the plan].", metavar="FILE"
+        ),
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option("--format", help="png, pdf or svg [default: as FILE ends, or png].", metavar="FORMAT")
+    ] = None,
+) -> None:
+    """Draw a saved plan for a paper, a column wide."""
+    from ensemble_ctrl.cli.plot import plot_plan
+
+    plot_plan(plan, kinds or [], output, format)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan animate plans/problem",
+        "ensemble-plan animate plans/problem -o problem.mp4 --seconds 10",
+    )
+)
+def animate(
+    plan: Saved,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="A .gif or .mp4 [default: animation.gif beside it].", metavar="FILE"),
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="How long it runs.", metavar="N")] = 6.0,
+) -> None:
+    """Show a saved plan's fleet on its way."""
+    from ensemble_ctrl.cli.animate import animate_plan
+
+    animate_plan(plan, output, seconds)
 
 
 @app.command(

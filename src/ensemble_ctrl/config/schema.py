@@ -235,7 +235,7 @@ class ProblemFile(Model):
     regions: dict[f.Name, RegionShape] = Field(default_factory=dict)
     """Named convex areas that the task speaks of."""
     obstacles: dict[f.Name, Shapes] = Field(default_factory=dict)
-    """Named areas to keep out of, each one shape or a list of shapes."""
+    """Named areas that the task can say `avoid(...)` of, each one shape or a list of shapes."""
     motions: dict[f.Name, MotionSection] = Field(default_factory=dict)
     """How obstacles move from where they are drawn; those not named here stand still."""
     task: f.Task

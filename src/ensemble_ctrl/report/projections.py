@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.drawing import shadow
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,6 @@ MEMBERS = 21
 """Members drawn."""
 LOOKS = 4
 """Times in a step at which they are drawn."""
-OBSTACLE, EDGE, REGION = "#8a8f98", "#5a5f68", "#2166ac"
 VIEWS: dict[int, tuple[View, ...]] = {2: ((0, 1),), 3: ((0, 1), (0, 2))}
 """Pairs of coordinates that are drawn, for so many: the plane, or space from above and from the side."""
 
@@ -77,7 +77,7 @@ def _draw_shapes(problem: OdeProblem, ax: Axes, view: View, paths: Floats) -> No
         corners = piece.vertices
         met = (corners[:, hidden].min(axis=0) <= high).all() and (corners[:, hidden].max(axis=0) >= low).all()
         look: dict[str, Any] = {"facecolor": OBSTACLE} if met else {"fill": False, "linestyle": ":", "zorder": 0.5}
-        ax.add_patch(Polygon(shadow(corners, view), closed=True, edgecolor=EDGE, linewidth=0.9, **look))
+        ax.add_patch(Polygon(shadow(corners, view), closed=True, edgecolor=OBSTACLE_EDGE, linewidth=0.9, **look))
     for name, region in problem.regions.items():
         if region.is_bounded:
             corners = shadow(region.vertices, view)

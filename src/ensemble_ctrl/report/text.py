@@ -7,6 +7,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.fleet import START
@@ -32,6 +33,10 @@ class PlanLike(Protocol):
     @property
     def details(self) -> dict[str, Any]:
         """What the search did."""
+
+    @property
+    def controls(self) -> NDArray[np.float64]:
+        """Broadcast commands, shape (steps, n_u)."""
 
     @property
     def replayed(self) -> Replay | None:
@@ -74,6 +79,12 @@ def verdict(plan: PlanLike) -> str:
 
 def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     """The summary, a line each."""
+    rows = summary_rows(plan) + ([("files", files)] if files else [])
+    return [f"{plan.problem.name}: {verdict(plan)}", *(f"  {label:<11}{text}" for label, text in rows)]
+
+
+def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
+    """The summary as labels and texts."""
     problem, d = plan.problem, plan.details
     rows = [
         ("fleet", _fleet(problem)),
@@ -93,9 +104,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
         rows += _mixed(d["minlp"])
     if d.keys() >= {"seconds", "routes", "iterations", "build_seconds"}:
         rows.append(("work", _work(d)))
-    if files:
-        rows.append(("files", files))
-    return [f"{problem.name}: {verdict(plan)}", *(f"  {label:<11}{text}" for label, text in rows)]
+    return rows
 
 
 def _tried(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -130,16 +139,16 @@ def ranges_text(fleet: Ensemble) -> str:
     if not fleet.names:
         return "all members equal"
     return ", ".join(
-        f"{name} {law.lower:.4g} to {law.upper:.4g}{_unit(name)}" for name, law in fleet.parameters.items()
+        f"{name} {law.lower:.4g} to {law.upper:.4g}{unit_of(name)}" for name, law in fleet.parameters.items()
     )
 
 
 def member_text(parameters: Mapping[str, float]) -> str:
     """One member by its parameters."""
-    return ", ".join(f"{name} {value:.6g}{_unit(name)}" for name, value in parameters.items()) or "any member"
+    return ", ".join(f"{name} {value:.6g}{unit_of(name)}" for name, value in parameters.items()) or "any member"
 
 
-def _unit(name: str) -> str:
+def unit_of(name: str) -> str:
     """A parameter's unit, with a space before it."""
     return " rad" if name == "start_heading" else " m" if name in START else ""
 
@@ -188,12 +197,12 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     if c.proven == "not covered":
         return [("proven", NOT_COVERED)]
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
-    scope = ", ".join([*ranges, "every instant"])
+    scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
     bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
     bounds += [f"rest of the task >= {c.robustness:.4f} m"] if c.parts else []
     work = f"({c.seconds:.2f} s)"
     if c.proven == "yes":
-        return [("proven", f"for every {scope}: {', '.join(bounds)} {work}")]
+        return [("proven", f"for {scope}: {', '.join(bounds)} {work}")]
     if c.counter_example is None:
         return [("proven", f"UNDECIDED for {scope}: only {', '.join(bounds)} {work}")]
     found = c.counter_example
