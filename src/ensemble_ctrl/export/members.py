@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.fleet import Member
-from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.replay import states, trajectories
 
 Floats = NDArray[np.float64]
 
@@ -26,11 +26,24 @@ class Members:
         Metres.
     headings : ndarray, shape (members, steps + 1)
         Radians, counted from +x counter-clockwise, not wrapped.
+    states : tuple of str
+        Of a fleet that follows a differential equation the names of its states; none otherwise.
+    values : ndarray, shape (members, steps + 1, states)
+        These states.
     """
 
     parameters: tuple[Member, ...]
     positions: Floats
     headings: Floats
+    states: tuple[str, ...] = ()
+    values: Floats | None = None
+
+    def signals(self, member: int) -> dict[str, Floats]:
+        """What is known of one member over time, by name with unit, each of shape (steps + 1,)."""
+        if self.values is not None:
+            return dict(zip(self.states, self.values[member].T, strict=True))
+        x, y = self.positions[member].T
+        return {"x [m]": x, "y [m]": y, "heading [rad]": self.headings[member]}
 
     @property
     def names(self) -> list[str]:
@@ -39,9 +52,13 @@ class Members:
 
 
 def sampled(problem: Problem, controls: Floats, count: int) -> Members:
-    """`count` members spread over the ranges of the parameters, run by exact arcs; none for 0."""
+    """`count` members spread over the ranges of the parameters, run as in a replay; none for 0."""
     fleet = problem.fleet
     members = _spread(problem, count)
+    if isinstance(problem, OdeProblem):
+        values = states(problem, controls, members) if count else np.zeros((0, len(controls) + 1, len(fleet.states)))
+        named, empty = tuple(fleet.named(member) for member in members), np.zeros((count, len(controls) + 1))
+        return Members(named, values[..., fleet.place_columns], empty, fleet.states, values)
     drives = fleet.drives(members)
     _, omega = fleet.system.rates(*controls.T)
     step = problem.duration / len(controls)

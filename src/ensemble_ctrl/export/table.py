@@ -28,9 +28,7 @@ def columns(problem: Problem, controls: Floats, members: Members) -> dict[str, F
     for name, unit, values in zip(system.controls, system.control_units, controls.T, strict=True):
         found[f"{name} [{unit}]"] = np.concatenate([values, np.full(rows - len(values), np.nan)])
     for k, name in enumerate(members.names):
-        found[f"x [m] ({name})"] = members.positions[k, :, 0]
-        found[f"y [m] ({name})"] = members.positions[k, :, 1]
-        found[f"heading [rad] ({name})"] = members.headings[k]
+        found |= {f"{signal} ({name})": values for signal, values in members.signals(k).items()}
     return found
 
 

@@ -61,7 +61,7 @@ def export(
     ProblemError
         For an unknown form or a number of members out of range.
     UnsupportedError
-        For ``rosbag`` without the library ``rosbags``, and for fleets that follow a differential equation.
+        For ``rosbag`` without the library ``rosbags``, and for fleets that no such file is made for.
     FolderError
         If the path is taken or can't be written.
     """
@@ -70,9 +70,9 @@ def export(
     count = MEMBERS[form] if members is None else members
     if not 0 <= count <= MOST_MEMBERS:
         raise ProblemError(f"members: expected a number from 0 to {MOST_MEMBERS}, got {count}")
-    if isinstance(problem, OdeProblem):
-        wanted = f"expected a plan of robots on arcs, got one of the {problem.fleet.system.name}"
-        raise UnsupportedError(f"export: {wanted}, whose commands are in controls.csv")
+    if isinstance(problem, OdeProblem) and form not in ("csv", "json"):
+        wanted = f"expected csv or json for the {problem.fleet.system.name}"
+        raise UnsupportedError(f"format: {wanted}, got {form}, which is for robots on arcs")
     shown = sampled(problem, controls, count)
     if form == "rosbag":
         _bag(problem, controls, shown, path, overwrite)
@@ -106,8 +106,8 @@ def as_json(problem: Problem, controls: Floats, certificate: Certificate | None,
             "values": controls.tolist(),
         },
         "members": [
-            {"parameters": parameters, "x": places[:, 0].tolist(), "y": places[:, 1].tolist(), "heading": turn.tolist()}
-            for parameters, places, turn in zip(members.parameters, members.positions, members.headings, strict=True)
+            {"parameters": one, **{s.partition(" ")[0]: v.tolist() for s, v in members.signals(k).items()}}
+            for k, one in enumerate(members.parameters)
         ],
         "certificate": None if certificate is None else as_data(certificate),
         "problem": to_data(problem),
