@@ -223,8 +223,7 @@ def _corners(pieces: Sequence[Obstacle], clearance: float) -> Iterator[Floats]:
     """Corners of the obstacles grown by `clearance`, with sharp tips cut off at two clearances."""
     for piece in pieces:
         v = piece.vertices
-        along = np.roll(v, -1, axis=0) - v
-        out = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+        out = _outward(v)
         mid = out + np.roll(out, 1, axis=0)
         mid /= np.linalg.norm(mid, axis=1)[:, None]
         stretch = np.minimum(1 / np.maximum((mid * out).sum(axis=1), 1e-3), 2.0)
@@ -243,12 +242,15 @@ def _visible_lengths(corners: Floats, pieces: Sequence[Obstacle], clearance: flo
     """Length of each straight connection, infinite where an obstacle (grown by most of the clearance) is hit."""
     i, j = np.triu_indices(len(corners), 1)
     a, b = corners[i], corners[j]
-    low, high = np.minimum(a, b), np.maximum(a, b)
+    low, high = np.minimum(a, b).T, np.maximum(a, b).T
     blocked = np.zeros(len(i), dtype=bool)
+    free = np.arange(len(i))
     for piece in pieces:
-        least, most = _box(piece, 0.9 * clearance)
-        near = np.flatnonzero(~blocked & (low < most).all(axis=1) & (high > least).all(axis=1))
+        (left, under), (right, over) = _box(piece, 0.9 * clearance)
+        near = free[(low[0, free] < right) & (high[0, free] > left)]
+        near = near[(low[1, near] < over) & (high[1, near] > under)]
         blocked[near] = _hits(a[near], b[near], piece, 0.9 * clearance)
+        free = free[~blocked[free]]
     lengths = np.full((len(corners), len(corners)), np.inf)
     lengths[i, j] = lengths[j, i] = np.where(blocked, np.inf, np.linalg.norm(b - a, axis=1))
     return lengths
@@ -256,9 +258,17 @@ def _visible_lengths(corners: Floats, pieces: Sequence[Obstacle], clearance: flo
 
 def _box(piece: Obstacle, grown: float) -> tuple[Floats, Floats]:
     """Low and high corner of the box round a piece with every side moved outwards by `grown`."""
-    inward, level = piece.A / np.linalg.norm(piece.A, axis=1)[:, None], piece.b / np.linalg.norm(piece.A, axis=1)
-    corners = Obstacle(inward, level - grown).vertices
-    return corners.min(axis=0), corners.max(axis=0)
+    out = _outward(piece.vertices)
+    before = np.roll(out, 1, axis=0)
+    tips = piece.vertices + grown * (out + before) / (1 + (out * before).sum(axis=1))[:, None]
+    return tips.min(axis=0), tips.max(axis=0)
+
+
+def _outward(corners: Floats) -> Floats:
+    """Unit normals of the sides that begin at each corner of a convex polygon."""
+    along = np.roll(corners, -1, axis=0) - corners
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return np.asarray(normals / np.linalg.norm(along, axis=1)[:, None])
 
 
 def _hits(a: Floats, b: Floats, piece: Obstacle, grown: float) -> NDArray[np.bool_]:
