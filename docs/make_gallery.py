@@ -35,6 +35,7 @@ SECTIONS = {
     "fleets": "Several parameters, uncertain starts, bicycles",
     "moving": "Moving obstacles",
     "maps": "Maps from other tools",
+    "systems": "Other dynamics: replayed, not proven",
     "targets": "Targets of the whole fleet",
     "laws": "Other laws of the parameter",
 }
