@@ -34,7 +34,7 @@ SECTIONS = {
     "stl": "Benchmarks of stlpy, for a fleet",
     "fleets": "Several parameters, uncertain starts, bicycles",
     "moving": "Moving obstacles",
-    "maps": "Imported maps",
+    "maps": "Maps from other tools",
     "systems": "Other dynamics: replayed, not proven",
     "targets": "Targets of the whole fleet",
     "laws": "Other laws of the parameter",

@@ -200,7 +200,10 @@ def _dynamics(problem: Problem) -> Sequence[object]:
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     """The worst piece of one duty."""
     steps = np.flatnonzero(duty.steps(prover.flow.steps, problem.duration))
-    found = [prover.bound(duty.name, piece, steps, duty.radius, duty.motion) for piece in duty.pieces]
+    found: list[Bound] = []
+    for piece in sorted(duty.pieces, key=lambda piece: prover.nearness(piece, steps, duty.motion)):
+        enough = min((b.sampled for b in found), default=np.inf)
+        found.append(prover.bound(duty.name, piece, steps, duty.radius, duty.motion, enough=enough))
     worst = min(found, key=lambda b: b.sampled)
     return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 
