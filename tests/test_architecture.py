@@ -16,7 +16,7 @@ ROOT = Path(ensemble_ctrl.__file__).parent
 LAYERS: tuple[frozenset[str], ...] = tuple(
     frozenset(layer.split())
     for layer in (
-        "errors _version",
+        "errors _version plain",
         "moments systems",
         "constraints fleet motion target",
         "problem checks drawing",
@@ -24,8 +24,9 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "ocp",
         "replay certificate",
         "arrival conflicts planner",
-        "receding report twin planfile folder",
+        "receding report suggest twin planfile folder",
         "config",
+        "export",
         "api",
         "compare widest results",
         "cli",

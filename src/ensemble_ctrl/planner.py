@@ -231,6 +231,31 @@ def solve(
     )
 
 
+def screen(problem: Problem, *, progress: Progress | None = None) -> Floats | None:
+    """Controls that keep the program's constraints on the coarse grid at a low order, if any are found there.
+
+    Parameters
+    ----------
+    problem : Problem
+    progress : callable, optional
+        As for `solve`.
+
+    Returns
+    -------
+    ndarray of shape (coarse steps, n_u), or None
+
+    Notes
+    -----
+    *Guarantee*: none; it is a quick look before `solve`, which may find a plan where this finds none and the reverse.
+    """
+    search = _Search(problem, progress, None)
+    solved = _coarse_all(
+        search, [seed.controls for seed in seeds(problem, coarse_steps(problem), problem.solve.routes)]
+    )
+    best = min(solved, key=_rank)
+    return best.controls if best.value.keeps(0.0) else None
+
+
 def _given(problem: Problem, guess: Floats, steps: int) -> Floats:
     """A caller's guess within the input bounds, on at least `steps` steps so that each window holds a grid time."""
     given, n_u = np.asarray(guess, dtype=float), len(problem.fleet.system.controls)
@@ -400,9 +425,12 @@ def _status(search: _Search, attempt: Attempt) -> Status:
     """What became of the search."""
     if search.stopped:
         return "interrupted"
-    if attempt.value.keeps(0.0) and attempt.status == "solved":
+    keeps = attempt.value.keeps(0.0)
+    if keeps and attempt.status == "solved":
         return "planned"
-    return "limit" if search.left() <= 0 else ("planned" if attempt.value.keeps(0.0) else "infeasible")
+    if search.left() <= 0 or (attempt.status == "limit" and not keeps):
+        return "limit"
+    return "planned" if keeps else "infeasible"
 
 
-__all__ = ["Progress", "Solution", "Status", "coarse_steps", "solve"]
+__all__ = ["Progress", "Solution", "Status", "coarse_steps", "screen", "solve"]

@@ -134,15 +134,18 @@ class VerifyOptions:
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """What figures show.
+    """What figures and summary show.
 
     Parameters
     ----------
     twin : bool
         Whether to plan the problem's unconstrained twin too, and draw it dashed (`ensemble_ctrl.twin`).
+    suggest : bool
+        Whether a run that finds no plan looks for a change of the problem that would help (`ensemble_ctrl.suggest`).
     """
 
     twin: bool = False
+    suggest: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from ensemble_ctrl._version import __version__
 from ensemble_ctrl.api import Plan
 from ensemble_ctrl.certificate import as_data
 from ensemble_ctrl.config import dump
+from ensemble_ctrl.plain import to_json as to_json
 from ensemble_ctrl.replay import Replay
 
 SCHEMA = 1
@@ -139,19 +140,3 @@ def installed_version(name: str) -> str | None:
 def _write_json(path: Path, data: dict[str, Any]) -> None:
     """Write readable, strict JSON: numbers that JSON lacks become null."""
     path.write_text(to_json(data, indent=2) + "\n", encoding="utf-8")
-
-
-def to_json(data: Any, indent: int | None = None) -> str:
-    """Strict JSON text."""
-    return json.dumps(_finite(data), indent=indent, allow_nan=False)
-
-
-def _finite(data: Any) -> Any:
-    """The same data with infinite and undefined numbers as None."""
-    if isinstance(data, dict):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
-    if isinstance(data, float) and not np.isfinite(data):
-        return None
-    return data

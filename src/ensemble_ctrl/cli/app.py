@@ -17,6 +17,8 @@ from ensemble_ctrl.cli.streams import complain, fail, fail_with, say, silence
 from ensemble_ctrl.errors import EnsembleError
 
 NAME = "ensemble-plan"
+COMPLETING = "_ENSEMBLE_PLAN_COMPLETE"
+"""Set by a shell's completion script."""
 EXIT_CODES = """\b
 Exit codes:
   0    planned, proven for every member, and no replayed member violates
@@ -27,13 +29,24 @@ Exit codes:
   5    limit reached; the best plan so far is saved
   130  interrupted (143: terminated); the best plan so far is saved"""
 
+
+def _examples(*lines: str, more: str = "") -> str:
+    """The end of a command's help: what one would type."""
+    return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)]) + (f"\n\n{more}" if more else "")
+
+
 app = typer.Typer(
     name=NAME,
     help="Plan one broadcast control for a whole fleet of unequal robots.\n\n"
     "'ensemble-plan CONFIG' is the same as 'ensemble-plan run CONFIG'.",
-    epilog="Start with: ensemble-plan examples",
+    epilog=_examples(
+        "ensemble-plan init                   write problem.yaml, to start from",
+        "ensemble-plan check problem.yaml     say what is wrong with it",
+        "ensemble-plan problem.yaml           plan, prove, write plans/problem/",
+        "ensemble-plan verify plans/problem   prove the saved plan again",
+        more="'ensemble-plan COMMAND --help' says more, with examples.",
+    ),
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -68,13 +81,23 @@ def _main(
         raise typer.Exit
 
 
-@app.command(epilog=EXIT_CODES)
+@app.command(
+    epilog=_examples(
+        "ensemble-plan problem.yaml",
+        "ensemble-plan problem.yaml -o out --overwrite --time-limit 60s",
+        "ensemble-plan problem.yaml --set horizon.duration=20s",
+        "ensemble-plan problem.yaml --guess plans/problem --json > result.json",
+        more=EXIT_CODES,
+    )
+)
 def run(
     context: typer.Context,
     config: Config,
     output: Output = None,
     overrides: Overrides = None,
-    method: Annotated[str | None, typer.Option(help="Solution method (solve.method): nlp.", metavar="METHOD")] = None,
+    method: Annotated[
+        str | None, typer.Option(help="Solution method (solve.method): nlp or minlp.", metavar="METHOD")
+    ] = None,
     time_limit: Annotated[
         str | None,
         typer.Option(help="Stop after this long with the best plan so far (solve.time_limit).", metavar="60s"),
@@ -96,6 +119,9 @@ def run(
     animation: Annotated[
         str | None, typer.Option("--animate", help="Write an animation too: gif or mp4.", metavar="FORMAT")
     ] = None,
+    no_suggest: Annotated[
+        bool, typer.Option("--no-suggest", help="Where there is no plan, do not look for what would help.")
+    ] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
@@ -121,13 +147,20 @@ def run(
         verbose=verbose,
         plots=not no_plots,
         animation=animation,
+        suggest=not no_suggest,
         overwrite=overwrite,
         command=(NAME, *context.obj),
     )
     raise typer.Exit(run_plan(options))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan check problem.yaml",
+        "ensemble-plan check configs/*.yaml -q",
+        "ensemble-plan check - < problem.yaml",
+    )
+)
 def check(
     configs: Annotated[list[str], typer.Argument(help="Problem files; - reads stdin.", metavar="CONFIG")],
     json: Json = False,
@@ -139,7 +172,12 @@ def check(
     raise typer.Exit(check_files(configs, json, quiet))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan show plans/problem",
+        "ensemble-plan show plans/problem --members 100000 --substeps 10",
+    )
+)
 def show(
     plan: Saved,
     members: Members = None,
@@ -154,7 +192,12 @@ def show(
     raise typer.Exit(show_plan(plan, members, substeps, json))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan report plans/problem",
+        "ensemble-plan report plans/problem -o problem.html",
+    )
+)
 def report(
     plan: Saved,
     output: Annotated[
@@ -167,7 +210,13 @@ def report(
     report_plan(plan, output)
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan plot plans/problem",
+        "ensemble-plan plot plans/problem trajectories -o fleet.pdf",
+        "ensemble-plan plot plans/problem controls moments --format svg",
+    )
+)
 def plot(
     plan: Saved,
     kinds: Annotated[
@@ -195,7 +244,12 @@ def plot(
     plot_plan(plan, kinds or [], output, format)
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan animate plans/problem",
+        "ensemble-plan animate plans/problem -o fleet.mp4 --seconds 10",
+    )
+)
 def animate(
     plan: Saved,
     output: Annotated[
@@ -210,7 +264,12 @@ def animate(
     animate_plan(plan, output, seconds)
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan verify plans/problem",
+        "ensemble-plan verify plans/problem --range traction=0.85:1.15",
+    )
+)
 def verify(
     plan: Annotated[
         Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
@@ -227,7 +286,12 @@ def verify(
     raise typer.Exit(verify_plan(plan, parameter_range or [], members, json))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan compare problem.yaml",
+        "ensemble-plan compare problem.yaml -o compared --no-plots",
+    )
+)
 def compare(
     config: Config,
     output: Output = None,
@@ -243,7 +307,12 @@ def compare(
     raise typer.Exit(compare_guarantees(config, output, overrides or [], json, quiet, not no_plots, overwrite))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan widest problem.yaml",
+        "ensemble-plan widest problem.yaml --parameter traction --tolerance 0.001",
+    )
+)
 def widest(
     config: Config,
     overrides: Overrides = None,
@@ -260,6 +329,68 @@ def widest(
     raise typer.Exit(find_widest(config, overrides or [], tolerance, parameter, json, quiet))
 
 
+@app.command(
+    "import",
+    epilog=_examples(
+        "ensemble-plan import office.geojson              print a problem to complete",
+        "ensemble-plan import map.yaml -o office.yaml     an occupancy grid of ROS",
+        "ensemble-plan import yard.wkt --section >> problem.yaml",
+    ),
+)
+def import_map(
+    source: Annotated[
+        Path, typer.Argument(help="GeoJSON, WKT, or the .yaml of an occupancy grid (ROS).", metavar="MAP")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write this file instead of printing.", metavar="FILE")
+    ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            help="How far obstacles may grow, so that they need fewer pieces [default: 2 cells of a grid, else 0].",
+            metavar="LENGTH",
+        ),
+    ] = None,
+    section: Annotated[bool, typer.Option("--section", help="Only the obstacles and regions.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+) -> None:
+    """Turn a map into a problem file with few convex obstacles."""
+    from ensemble_ctrl.cli.importing import import_file
+
+    import_file(source, output, tolerance, section, overwrite)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan export plans/office -o office.csv",
+        "ensemble-plan export plans/office --to geojson > tube.geojson",
+        "ensemble-plan export plans/office --to rosbag -o office_bag --members 9",
+    )
+)
+def export(
+    plan: Annotated[
+        Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
+    ],
+    form: Annotated[
+        str | None,
+        typer.Option("--to", help="csv, json, geojson or rosbag [default: the ending of FILE].", metavar="FORMAT"),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write this file (rosbag: folder) instead of printing.", metavar="FILE"),
+    ] = None,
+    members: Annotated[
+        int | None,
+        typer.Option(help="Members whose paths are written [default: csv 0, json 5, rosbag 5].", metavar="N", min=0),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+) -> None:
+    """Write a saved plan for other programs."""
+    from ensemble_ctrl.cli.exporting import export_plan
+
+    export_plan(plan, form, output, members, overwrite)
+
+
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""
@@ -270,7 +401,13 @@ def models() -> None:
         say(f"{name:<12}{system.summary}\n{'':<12}controls {controls}; parameters {', '.join(system.parameters)}")
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan examples",
+        "ensemble-plan examples five_obstacles",
+        "ensemble-plan examples five_obstacles --copy",
+    )
+)
 def examples(
     name: Annotated[str | None, typer.Argument(help="The example to print.", metavar="NAME")] = None,
     copy: Annotated[bool, typer.Option("--copy", help="Write it here as NAME.yaml instead.")] = False,
@@ -279,6 +416,42 @@ def examples(
     from ensemble_ctrl.cli.examples import list_or_print
 
     list_or_print(name, copy)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan init",
+        "ensemble-plan init fleet.yaml --schema",
+        "ensemble-plan init - | ensemble-plan check -",
+    )
+)
+def init(
+    file: Annotated[
+        Path, typer.Argument(help="The new file; - prints it instead.", metavar="FILE", show_default="problem.yaml")
+    ] = Path("problem.yaml"),
+    schema: Annotated[bool, typer.Option("--schema", help="Write the JSON Schema beside it too, for editors.")] = False,
+) -> None:
+    """Write a commented problem file to start from."""
+    from ensemble_ctrl.cli.init import start
+
+    start(file, schema)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan schema > problem.schema.json",
+        "ensemble-plan schema -o problem.schema.json",
+    )
+)
+def schema(
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write it to this file instead.", metavar="FILE")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of problem files, for editors."""
+    from ensemble_ctrl.cli.init import print_schema
+
+    print_schema(output)
 
 
 @app.command()
@@ -300,6 +473,8 @@ def invoke(arguments: list[str]) -> int:
     """Run the command line; returns the exit code."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for them reads every installed package's metadata
+    if COMPLETING in os.environ:
+        return _complete()
     as_json = "--json" in arguments
     try:
         command = typer.main.get_command(app)
@@ -320,6 +495,20 @@ def invoke(arguments: list[str]) -> int:
         return _unexpected(error, as_json)
 
 
+def _complete() -> int:
+    """Tell the shell what could come next, also after a problem file that stands where a command could."""
+    typed, place = os.environ.get("COMP_WORDS", ""), os.environ.get("COMP_CWORD", "")
+    words = typed.split()
+    if place.isdecimal() and int(place) > 1 and words[1:] and words[1] not in _command_names():
+        os.environ["COMP_WORDS"] = typed.replace(words[0], f"{words[0]} run", 1)
+        os.environ["COMP_CWORD"] = str(int(place) + 1)
+    try:
+        app(prog_name=NAME)
+    except SystemExit as end:
+        return int(end.code or 0)
+    return codes.OK
+
+
 def with_command(arguments: list[str]) -> list[str]:
     """Put ``run`` before a problem file that stands where a command could; ``./check`` is a file.
 
@@ -328,14 +517,20 @@ def with_command(arguments: list[str]) -> list[str]:
     UsageError
         If there is no such file, and the word is much like a command's name.
     """
-    commands = [command.callback.__name__ for command in app.registered_commands if command.callback]
+    commands = _command_names()
     first = arguments[0] if arguments else ""
-    if not first or first in (*commands, "-h", "--help", "--version"):
+    own = ("-h", "--help", "--version", "--install-completion", "--show-completion")
+    if not first or first in (*commands, *own):
         return arguments
     close = get_close_matches(first, commands, n=1, cutoff=0.65)
     if close and first.isalpha() and not os.path.exists(first):
         raise UsageError(f"{first}: there is no such command or file; did you mean {close[0]!r}?")
     return ["run", *arguments]
+
+
+def _command_names() -> list[str]:
+    """Every command, in the order of the help."""
+    return [command.name or command.callback.__name__ for command in app.registered_commands if command.callback]
 
 
 def _unexpected(error: Exception, as_json: bool) -> int:

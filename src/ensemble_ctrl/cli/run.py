@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ensemble_ctrl.api import Plan, failure_message, plan, with_twin
+from ensemble_ctrl.api import Plan, failure_message, plan, with_suggestions, with_twin
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
@@ -37,6 +37,7 @@ class RunOptions:
     verbose: bool = False
     plots: bool = True
     animation: str | None = None
+    suggest: bool = True
     overwrite: bool = False
     command: tuple[str, ...] = ()
 
@@ -73,6 +74,8 @@ def run(options: RunOptions) -> int:
             found = plan(loaded.problem, progress=progress, guess=guess, log=log, check=False)
             if options.plots and found.problem.report.twin and found.status == "planned":
                 found = _compared(found, progress)
+            if options.suggest and found.problem.report.suggest and progress.stop_signal is None:
+                found = with_suggestions(found, progress)
             written = _write(found, folder, options, progress)
     finally:
         folder.discard()

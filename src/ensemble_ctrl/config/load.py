@@ -99,15 +99,6 @@ def read_text(text: str, name: str = "<text>", overrides: Iterable[str] = ()) ->
     return _read(Text(name, text, FilePath()), overrides)
 
 
-def schema() -> dict[str, Any]:
-    """The JSON Schema of a problem file, for editors."""
-    described = ProblemFile.model_json_schema()
-    obstacles = described["properties"]["obstacles"]
-    listed = obstacles["additionalProperties"]
-    obstacles["additionalProperties"] = {"anyOf": [listed["items"], listed]}
-    return described
-
-
 def _read(text: Text, overrides: Iterable[str]) -> Loaded:
     """All steps."""
     tree = _tree(text)

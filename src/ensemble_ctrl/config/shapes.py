@@ -19,8 +19,10 @@ from pydantic import (
 
 from ensemble_ctrl.checks import STATES
 from ensemble_ctrl.config import fields as f
-from ensemble_ctrl.config.maps import polygons_from_file, polygons_from_wkt
-from ensemble_ctrl.config.wrong import Wrong, show
+from ensemble_ctrl.config.maps import Area, areas_from_file, areas_from_wkt, wrong
+from ensemble_ctrl.config.source import checked_path
+from ensemble_ctrl.config.tree import TextError
+from ensemble_ctrl.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.constraints import Obstacle, Polyhedron, convex_pieces
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.errors import EnsembleError
@@ -29,6 +31,7 @@ Pieces = tuple[Obstacle, ...]
 Floats = NDArray[np.float64]
 Built = TypeVar("Built")
 _EXAMPLE = "for example 'x + 2*y <= 3'"
+_FEATURE = ("feature",)
 
 
 def _side(bounds: tuple[float, float]) -> tuple[float, float]:
@@ -63,20 +66,29 @@ HalfPlanes = Annotated[list[HalfPlane], AfterValidator(_some)]
 
 
 class RegionShape(f.Model):
-    """A convex area, in exactly one of these forms."""
+    """A convex area, in exactly one of these forms; of a map in a file, one feature."""
 
     box: Box | None = None
+    """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
+    """Corners `[[x, y], ...]`, in either direction; convex."""
     halfspaces: HalfPlanes | None = None
+    """Inequalities `["x + 2*y <= 3", ...]`; may be unbounded."""
+    file: str | None = None
+    """A GeoJSON or WKT file, relative to the problem file."""
+    feature: str | None = None
+    """Name of the feature in the file, if it holds several."""
     _area: Polyhedron = PrivateAttr()
 
     @model_validator(mode="after")
-    def _build(self) -> Self:
+    def _build(self, info: ValidationInfo) -> Self:
         """Build the area, so that what is wrong with it is reported with everything else."""
+        _only_of_files(self, ("feature",))
         forms: dict[str, Callable[[Any], Polyhedron]] = {
             "box": Polyhedron.box,
-            "polygon": _convex,
+            "polygon": lambda corners: _convex(_cut(corners)),
             "halfspaces": _intersection,
+            "file": lambda name: _convex(_pieces(_mapped(name, self.feature, 0.0, info))),
         }
         self._area = _built(self, forms)
         return self
@@ -88,25 +100,34 @@ class RegionShape(f.Model):
 
 
 class ObstacleShape(f.Model):
-    """An area to keep out of, in exactly one of these forms; convex or not."""
+    """An area to keep out of, in exactly one of these forms; convex or not. Of a map in a file, all or one feature."""
 
     box: Box | None = None
+    """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
+    """Corners `[[x, y], ...]`, in either direction; any simple polygon."""
     halfspaces: HalfPlanes | None = None
+    """Inequalities `["x + 2*y <= 3", ...]`; bounded."""
     wkt: str | None = None
+    """`POLYGON ((...))` or `MULTIPOLYGON`."""
     file: str | None = None
+    """A GeoJSON or WKT file, or a ROS `map.yaml`, relative to the problem file."""
+    feature: str | None = None
+    """Name of the feature in the file; all of them without it."""
+    tolerance: f.Margin | None = None
+    """Metres by which an area may grow to be simpler; it never shrinks."""
     _pieces: Pieces = PrivateAttr()
 
     @model_validator(mode="after")
     def _build(self, info: ValidationInfo) -> Self:
         """Build the convex pieces, so that what is wrong with them is reported with everything else."""
-        folder = (info.context or {}).get("folder", Path())
+        _only_of_files(self, ("feature", "tolerance"))
         forms: dict[str, Callable[[Any], Pieces]] = {
             "box": lambda box: (Obstacle.box(box),),
-            "polygon": lambda corners: _cut([corners]),
+            "polygon": _cut,
             "halfspaces": lambda rows: (Obstacle(*_rows(rows)),),
-            "wkt": lambda text: _cut(polygons_from_wkt(text)),
-            "file": lambda name: _cut(polygons_from_file(folder / name)),
+            "wkt": lambda text: _pieces(areas_from_wkt(text)),
+            "file": lambda name: _pieces(_mapped(name, self.feature, self.tolerance, info)),
         }
         self._pieces = _built(self, forms)
         return self
@@ -125,19 +146,52 @@ def _built(shape: f.Model, forms: Mapping[str, Callable[[Any], Built]]) -> Built
     try:
         return forms[given[0]](getattr(shape, given[0]))
     except Wrong as error:
-        raise Wrong(error.message, error.hint, (given[0], *error.path), error.offset) from None
+        path = error.path if error.path == _FEATURE else (given[0], *error.path)
+        raise Wrong(error.message, error.hint, path, error.offset) from None
+    except TextError as error:
+        raise Wrong(error.message, error.hint, (given[0],)) from None
     except EnsembleError as error:
         raise Wrong(str(error).partition(": ")[2], path=(given[0],)) from None
 
 
-def _cut(polygons: Iterable[ArrayLike]) -> Pieces:
-    """Convex pieces of some polygons."""
-    return tuple(Obstacle.polygon(piece) for polygon in polygons for piece in convex_pieces(polygon))
+def _only_of_files(shape: f.Model, names: Iterable[str]) -> None:
+    """Refuse fields that say how to read a file where there is none."""
+    for name in names:
+        if getattr(shape, name) is not None and getattr(shape, "file", None) is None:
+            raise Wrong(f"expected {name} only with file", path=(name,))
 
 
-def _convex(corners: ArrayLike) -> Polyhedron:
+def _mapped(name: str, feature: str | None, tolerance: float | None, info: ValidationInfo) -> list[Area]:
+    """The areas of a map that lies with the problem file, or one of them."""
+    path = checked_path((info.context or {}).get("folder", Path()), name)
+    try:
+        areas = areas_from_file(path, tolerance)
+    except TextError as error:
+        raise wrong(path, error) from None
+    found = [area for area in areas if feature in (None, area.name)]
+    if feature is None:
+        found = [area for area in areas if not area.region]
+        if not found:
+            raise Wrong(f"expected obstacles in {path}, got only regions", "name one with feature")
+    if not found:
+        known = [area.name for area in areas if area.name]
+        hint = suggestion(feature, known) or f"it has {', '.join(known) or 'no names'}"
+        raise Wrong(f"{path} has no feature named {show(feature)}", hint, _FEATURE)
+    return found
+
+
+def _pieces(areas: Iterable[Area]) -> Pieces:
+    """The convex pieces of some areas."""
+    return tuple(piece for area in areas for piece in area.pieces)
+
+
+def _cut(corners: ArrayLike) -> Pieces:
+    """The convex pieces of a polygon."""
+    return tuple(Obstacle.polygon(piece) for piece in convex_pieces(corners))
+
+
+def _convex(pieces: Pieces) -> Polyhedron:
     """A convex polygon as a region."""
-    pieces = _cut([corners])
     if len(pieces) > 1:
         hint = f"it splits into {len(pieces)} convex ones: name each and write in(a) or in(b)"
         raise Wrong("expected a convex polygon, got one that is not", hint)

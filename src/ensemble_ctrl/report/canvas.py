@@ -63,6 +63,6 @@ def save(figure: Figure, path: Path, kind: str = "png") -> None:
         figure.savefig(path, format=kind)
         return
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    canvas.draw()  # type: ignore[no-untyped-call]
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
     Image.fromarray(np.ascontiguousarray(pixels)).save(path, "PNG", compress_level=4, dpi=(figure.dpi, figure.dpi))

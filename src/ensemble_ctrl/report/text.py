@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from shlex import quote
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -89,7 +90,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
     if plan.status == "infeasible":
-        rows.append(("try", "a longer horizon, higher input bounds, a narrower parameter range, or wider passages"))
+        rows += _tried(d.get("suggestions", {}))
     rows += proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
@@ -99,6 +100,19 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
     if d.keys() >= {"seconds", "routes", "iterations", "build_seconds"}:
         rows.append(("work", _work(d)))
     return rows
+
+
+def _tried(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What would help, if that was looked for; what could, where nothing was found."""
+    helps, failed = suggestions.get("helps", []), suggestions.get("failed", [])
+    for i, found in enumerate(helps):
+        yield ("" if i else "it works", f"{'or ' if i else ''}with {found['change']}: planned and proven")
+        if found["set"]:
+            yield "", " ".join(f"--set {quote(change)}" for change in found["set"])
+    if failed:
+        yield "", f"no plan even with {'; '.join(failed)}"
+    if not helps:
+        yield "try", "a longer horizon, higher input bounds, a narrower parameter range, or wider passages"
 
 
 def _fleet(problem: Problem) -> str:
