@@ -24,7 +24,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "ocp",
         "replay certificate",
         "arrival conflicts planner",
-        "receding report twin planfile folder",
+        "receding soonest report twin planfile folder",
         "config",
         "api",
         "compare widest results",

@@ -193,7 +193,8 @@ def plan(
     Returns
     -------
     Plan
-        Already replayed with ``problem.verify``.
+        Already replayed with ``problem.verify``. Where a time is to be as short as possible, its problem is that of
+        the time found, and ``details["soonest"]`` says what was tried (`ensemble_ctrl.soonest.Soonest`).
 
     Raises
     ------
@@ -212,14 +213,15 @@ def plan(
     >>> ec.plan(problem).replayed.satisfied
     1.0
     """
-    from ensemble_ctrl.planner import solve
+    from ensemble_ctrl.soonest import solve
 
     controls = guess.controls if isinstance(guess, Plan) else guess
-    solution = solve(problem, progress=progress, guess=controls, log=log)
+    solution, soonest = solve(problem, progress=progress, guess=controls, log=log)
     if progress is not None:
         progress("replay", None)
-    run = replay(problem, solution.controls)
-    found = Plan(problem, solution.controls, solution.status, _details(solution), run, solution.certificate)
+    run = replay(solution.problem, solution.controls)
+    details = _details(solution) | ({} if soonest is None else {"soonest": asdict(soonest)})
+    found = Plan(solution.problem, solution.controls, solution.status, details, run, solution.certificate)
     if check and not (found.status == "planned" and found.verified):
         raise SolveError(failure_message(found), found)
     return found

@@ -190,7 +190,7 @@ def solve(
     search.tell("guess")
     steps = coarse_steps(problem)
     starts = (
-        [Seed(_given(problem, guess, steps), np.zeros((0, 2)), 0.0)]
+        [Seed(given(problem, guess, steps), np.zeros((0, 2)), 0.0)]
         if guess is not None
         else seeds(problem, steps, problem.solve.routes)
     )
@@ -231,12 +231,12 @@ def solve(
     )
 
 
-def _given(problem: Problem, guess: Floats, steps: int) -> Floats:
-    """A caller's guess within the input bounds, on at least `steps` steps so that each window holds a grid time."""
-    given, n_u = np.asarray(guess, dtype=float), len(problem.fleet.system.controls)
-    if given.ndim != 2 or not len(given) or given.shape[1] != n_u or not np.isfinite(given).all():
-        raise ProblemError(f"guess: expected finite controls of shape (steps, {n_u}), got shape {given.shape}")
-    fine = given if len(given) >= steps else _refined(given, steps)
+def given(problem: Problem, guess: Floats, steps: int) -> Floats:
+    """A guess within the input bounds, on at least `steps` steps so that each window holds a grid time."""
+    controls, n_u = np.asarray(guess, dtype=float), len(problem.fleet.system.controls)
+    if controls.ndim != 2 or not len(controls) or controls.shape[1] != n_u or not np.isfinite(controls).all():
+        raise ProblemError(f"guess: expected finite controls of shape (steps, {n_u}), got shape {controls.shape}")
+    fine = controls if len(controls) >= steps else _refined(controls, steps)
     return np.clip(fine, problem.fleet.input_lower, problem.fleet.input_upper)
 
 

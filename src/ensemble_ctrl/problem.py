@@ -45,6 +45,9 @@ class Objective:
         Weight of the control effort.
     smoothness : float
         Weight of the squared rates of the commands, the integral of ``|du/dt|^2``; counted with the effort.
+    earliest : str, optional
+        A region that every member is to pass as soon as possible, before all else; the task goes on to hold
+        (`ensemble_ctrl.soonest`).
     """
 
     robustness: float = 1.0
@@ -52,6 +55,7 @@ class Objective:
     terminal: float = 10.0
     effort: float = 0.1
     smoothness: float = 0.0
+    earliest: str | None = None
 
     def __post_init__(self) -> None:
         if self.target is not None and not isinstance(self.target, Formation | MomentTarget | SpreadTarget):
@@ -177,6 +181,9 @@ class Problem:
         How to check.
     report : ReportOptions
         What to show.
+    least_duration : float or None
+        If given, the plan is as short as possible, from this to `duration` seconds, before all else
+        (`ensemble_ctrl.soonest`); windows without an end, and ``T``, then follow the plan's own duration.
 
     Raises
     ------
@@ -197,6 +204,7 @@ class Problem:
     solve: SolveOptions = field(default_factory=SolveOptions)
     verify: VerifyOptions = field(default_factory=VerifyOptions)
     report: ReportOptions = field(default_factory=ReportOptions)
+    least_duration: float | None = None
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.checks import require_sound

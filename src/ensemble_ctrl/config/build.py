@@ -27,22 +27,24 @@ def build(file: ProblemFile, name: str) -> Problem:
         If parts of it don't fit together.
     """
     horizon = file.horizon
+    duration, least = horizon.bounds
     return Problem(
         name=file.name or name,
         fleet=_fleet(file.fleet),
-        duration=horizon.duration,
-        steps=horizon.steps or max(1, round(horizon.duration / STEP)),
+        duration=duration,
+        steps=horizon.steps or max(1, round(duration / STEP)),
         task=file.task,
         regions={name: shape.area for name, shape in file.regions.items()},
         obstacles={
             name: tuple(piece for shape in shapes for piece in shape.pieces) for name, shapes in file.obstacles.items()
         },
-        motions={name: section.motion(horizon.duration) for name, section in file.motions.items()},
+        motions={name: section.motion(duration) for name, section in file.motions.items()},
         objective=_objective(file.objective),
         order=file.moments.order,
         solve=SolveOptions(**file.solve.model_dump()),
         verify=VerifyOptions(**file.verify.model_dump()),
         report=ReportOptions(**file.report.model_dump()),
+        least_duration=least,
     )
 
 
@@ -94,7 +96,8 @@ def _system(section: FleetSection) -> ArcSystem:
 def _objective(section: ObjectiveSection) -> Objective:
     """What the plan trades off."""
     terminal = section.terminal
+    weights = {name: getattr(section, name) for name in ("robustness", "effort", "smoothness", "earliest")}
     if terminal is None:
-        return Objective(robustness=section.robustness, effort=section.effort, smoothness=section.smoothness)
+        return Objective(**weights)
     target = np.array(terminal.target) if isinstance(terminal.target, tuple) else terminal.target
-    return Objective(section.robustness, target, terminal.weight, section.effort, section.smoothness)
+    return Objective(target=target, terminal=terminal.weight, **weights)

@@ -57,7 +57,7 @@ def to_data(problem: Problem) -> Data:
         "version": 1,
         "name": problem.name,
         "fleet": _fleet(problem.fleet),
-        "horizon": {"duration": float(problem.duration), "steps": int(problem.steps)},
+        "horizon": {"duration": _duration(problem), "steps": int(problem.steps)},
         "moments": {"basis": "legendre", "order": "auto" if problem.order is None else int(problem.order)},
         "regions": {name: _region(region) for name, region in problem.regions.items()},
         "obstacles": {name: _obstacle(pieces) for name, pieces in problem.obstacles.items()},
@@ -68,6 +68,13 @@ def to_data(problem: Problem) -> Data:
         "verify": asdict(problem.verify),
         "report": asdict(problem.report),
     }
+
+
+def _duration(problem: Problem) -> float | Data:
+    """The plan's duration, or its bounds."""
+    if problem.least_duration is None:
+        return float(problem.duration)
+    return {"at_least": float(problem.least_duration), "at_most": float(problem.duration)}
 
 
 def _fleet(fleet: Fleet) -> Data:
@@ -107,6 +114,8 @@ def _objective(objective: Objective) -> Data:
     data: Data = {"robustness": float(objective.robustness), "effort": float(objective.effort)}
     if objective.smoothness:
         data["smoothness"] = float(objective.smoothness)
+    if objective.earliest is not None:
+        data["earliest"] = objective.earliest
     if objective.target is not None:
         data["terminal"] = {"target": target_data(objective.target), "weight": float(objective.terminal)}
     return data

@@ -65,6 +65,27 @@ def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
+def free_duration(value: Any) -> float | tuple[float, float]:
+    """A duration, or the longest and the shortest that it may have."""
+    seconds, least = quantity("time", above=0), quantity("time", 0)
+    if not isinstance(value, dict):
+        return seconds(value)
+    for key in value:
+        if key not in ("at_most", "at_least"):
+            raise Wrong(f"expected at_most and at_least, got {show(key)}", path=(key,))
+    if "at_most" not in value:
+        raise Wrong("expected at_most, the longest that the plan may take, but it is missing")
+    bounds = []
+    for key in ("at_most", "at_least"):
+        try:
+            bounds.append((seconds if key == "at_most" else least)(value.get(key, 0.0)))
+        except Wrong as error:
+            raise Wrong(error.message, error.hint, (key,)) from None
+    if bounds[1] > bounds[0]:
+        raise Wrong(f"expected at_least up to at_most, got {bounds[1]:g} s and {bounds[0]:g} s", path=("at_least",))
+    return bounds[0], bounds[1]
+
+
 def model_name(value: str) -> str:
     """The name of a system."""
     if value not in SYSTEMS:
@@ -132,6 +153,23 @@ Weight = Annotated[float, BeforeValidator(quantity("number", 0)), NUMERIC]
 Length = Annotated[float, BeforeValidator(quantity("length")), NUMERIC]
 Margin = Annotated[float, BeforeValidator(quantity("length", 0)), NUMERIC]
 Duration = Annotated[float, BeforeValidator(quantity("time", above=0)), NUMERIC]
+FreeDuration = Annotated[
+    float | tuple[float, float],
+    BeforeValidator(free_duration),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": ["number", "string"]},
+                {
+                    "type": "object",
+                    "properties": {name: {"type": ["number", "string"]} for name in ("at_most", "at_least")},
+                    "required": ["at_most"],
+                    "additionalProperties": False,
+                },
+            ]
+        }
+    ),
+]
 Angle = Annotated[float, BeforeValidator(quantity("angle")), NUMERIC]
 Speed = Annotated[float, BeforeValidator(quantity("speed")), NUMERIC]
 TurnRate = Annotated[float, BeforeValidator(quantity("turn rate")), NUMERIC]

@@ -110,8 +110,13 @@ class FleetSection(Model):
 class Horizon(Model):
     """How long, in how many steps (one each 0.1 s by default)."""
 
-    duration: f.Duration
+    duration: f.FreeDuration
     steps: Annotated[int, BeforeValidator(whole(1, MAX_STEPS))] | None = None
+
+    @property
+    def bounds(self) -> tuple[float, float | None]:
+        """The duration, or the longest and the shortest."""
+        return self.duration if isinstance(self.duration, tuple) else (self.duration, None)
 
 
 class Moments(Model):
@@ -135,6 +140,7 @@ class ObjectiveSection(Model):
     terminal: Terminal | None = None
     effort: f.Weight = Objective.effort
     smoothness: f.Weight = Objective.smoothness
+    earliest: f.Name | None = None
 
 
 class Solve(Model):

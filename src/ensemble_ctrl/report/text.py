@@ -73,6 +73,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
         ("fleet", _fleet(problem)),
         ("horizon", f"{problem.duration:g} s in {problem.steps} steps"),
         ("task", str(problem.task)),
+        *soonest(d.get("soonest")),
         *measured(plan.replayed),
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
@@ -144,6 +145,14 @@ def measured(run: Replay | None) -> list[tuple[str, str]]:
         )
     )
     return rows
+
+
+def soonest(found: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """How short the time is that was to be as short as possible, and what is known of shorter ones."""
+    if found is None:
+        return []
+    missed = "" if found["missed"] is None else f"; none found for {found['missed']:.3f} s"
+    return [("soonest", f"{found['of']} {found['value']:.3f} s{missed}; none exists below {found['bound']:.3f} s")]
 
 
 def _share(run: Replay) -> str:
