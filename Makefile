@@ -9,7 +9,7 @@ plan: $(VENV)/.installed
 	$(BIN)/ensemble-plan configs/five_obstacles.yaml
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -167,15 +167,23 @@ def test_a_task_without_a_robustness_only_keeps_clear() -> None:
     check_good(solve(small().with_(task=parse("G avoid(post)"))), members=101)
 
 
-def test_a_walled_in_goal_is_infeasible_and_the_wall_is_named() -> None:
+def walled() -> Problem:
     ring = np.array([[[2, 5], [-2, -1]], [[2, 5], [1, 2]], [[2, 2.6], [-2, 2]], [[4.4, 5], [-2, 2]]])
-    walled = small().with_(
+    return small().with_(
         obstacles={"wall": tuple(Obstacle.box(box) for box in ring)},
         task=parse("F[6,8] in(goal) and G avoid(wall)"),
     )
-    solution = solve(walled)
+
+
+def test_without_a_plan_the_limit_of_iterations_is_named_as_a_limit() -> None:
+    assert solve(options(walled(), max_iterations=1)).status == "limit"
+    assert solve(options(small(), max_iterations=1)).status in ("planned", "limit")
+
+
+def test_a_walled_in_goal_is_infeasible_and_the_wall_is_named() -> None:
+    solution = solve(walled())
     assert solution.status == "infeasible"
-    found = conflicts(walled, solution.controls)
+    found = conflicts(walled(), solution.controls)
     assert "wall" in {c.what.removeprefix("avoid(").removesuffix(")") for c in found}
     for conflict in found:
         assert 0.05 < conflict.amount < 5

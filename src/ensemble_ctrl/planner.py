@@ -400,9 +400,12 @@ def _status(search: _Search, attempt: Attempt) -> Status:
     """What became of the search."""
     if search.stopped:
         return "interrupted"
-    if attempt.value.keeps(0.0) and attempt.status == "solved":
+    keeps = attempt.value.keeps(0.0)
+    if keeps and attempt.status == "solved":
         return "planned"
-    return "limit" if search.left() <= 0 else ("planned" if attempt.value.keeps(0.0) else "infeasible")
+    if search.left() <= 0 or (attempt.status == "limit" and not keeps):
+        return "limit"
+    return "planned" if keeps else "infeasible"
 
 
 __all__ = ["Progress", "Solution", "Status", "coarse_steps", "solve"]
