@@ -268,6 +268,28 @@ class Fleet:
                 drawn[:, self.names.index(name)] = column[robots]
         return drawn
 
+    def mass(self, lower: Floats, upper: Floats) -> float:
+        """Share of the fleet in a closed box of parameters, under the laws and the cloud.
+
+        Parameters
+        ----------
+        lower, upper : ndarray, shape (parameters,)
+            The box.
+
+        Returns
+        -------
+        float
+            0 to 1.
+        """
+        cloud, total = self.cloud or {}, 1.0
+        for k, (name, law) in enumerate(self.parameters.items()):
+            if name not in cloud:
+                below = np.nextafter(lower[k], -np.inf)
+                total *= float(law.cdf(upper[k]) - law.cdf(below))
+        columns = [(self.names.index(name), column) for name, column in cloud.items()]
+        inside = [(column >= lower[k]) & (column <= upper[k]) for k, column in columns]
+        return max(0.0, total) * (float(np.all(inside, axis=0).mean()) if inside else 1.0)
+
     def rule(self, count: int) -> tuple[Floats, Floats]:
         """Points and weights that integrate over the bent parameters' laws, or over the cloud.
 

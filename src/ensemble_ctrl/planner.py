@@ -27,6 +27,7 @@ from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
+from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import Seed, seeds
@@ -258,13 +259,22 @@ def _windows(formula: Formula) -> list[tuple[float, float]]:
 
 
 def _coarse_all(search: _Search, guesses: list[Floats]) -> list[Attempt]:
-    """Each seed improved on its own coarse grid at low order; one that could not be solved as it is."""
+    """Each seed improved on its own coarse grid at low order; one that could not be solved as it is.
+
+    Where a share of the fleet is enough, for the best choice of its members.
+    """
     problem = search.problem
-    truncation = coarse(problem)
+    truncation, boxes = coarse(problem), ranges(problem)
 
     def work(own: _Search, candidate: int) -> Attempt:
-        options = own.options(1e-2, 1e-3)
-        return improve(problem, guesses[candidate], truncation, COARSE_ROUNDS, options, own.watch("coarse solve"))
+        tries = []
+        for box in boxes:
+            options, members = own.options(1e-2, 1e-3), replace(truncation, within=box)
+            watch = own.watch("coarse solve")
+            tries.append(improve(problem, guesses[candidate], members, COARSE_ROUNDS, options, watch))
+            if own.over():
+                break
+        return min(tries, key=_rank)
 
     solved = search.side_by_side("coarse solve", work, len(guesses))
     return [a or start(problem, controls, truncation) for a, controls in zip(solved, guesses, strict=True)]
@@ -298,7 +308,7 @@ def _finish_all(search: _Search, solved: list[Attempt]) -> list[_Finished]:
 
 def _finish(search: _Search, found: Attempt) -> _Finished:
     """A coarse solution refined and certified, as far as time allows."""
-    final = found if search.over() else _fine(search, found.controls, search.problem)
+    final = found if search.over() else _fine(search, found, search.problem)
     work = [final] if final is not found else []
     if not search.problem.verify.certificate:
         return _Finished(final, None, tuple(work), 0.0)
@@ -324,7 +334,7 @@ def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate,
         if not np.isfinite(short):
             break
         problem = problem.with_(solve=replace(problem.solve, margin=problem.solve.margin + 1.5 * short + 1e-3))
-        tighter = _fine(search, attempt.controls, problem)
+        tighter = _fine(search, attempt, problem)
         work.append(tighter)
         again = certify(search.problem, _refined(tighter.controls, problem.steps))
         if again.proven == "yes" or min(again.clearance, again.robustness) > min(
@@ -367,10 +377,10 @@ def _no_less_proven(new: Certificate | None, old: Certificate | None) -> bool:
     return old.proven != "yes" and min(new.clearance, new.robustness) >= min(old.clearance, old.robustness)
 
 
-def _fine(search: _Search, controls: Floats, problem: Problem) -> Attempt:
-    """The problem's own grid and order, started from `controls` on that grid."""
-    controls = _refined(controls, problem.steps)
-    truncation = choose(problem, controls)
+def _fine(search: _Search, found: Attempt, problem: Problem) -> Attempt:
+    """The problem's own grid and order, started from what was found before on that grid."""
+    controls = _refined(found.controls, problem.steps)
+    truncation = replace(choose(problem, controls), within=found.truncation.within)
     attempt = start(problem, controls, truncation)
     for _ in range(3):
         options = search.options(1e-3, 1e-3)

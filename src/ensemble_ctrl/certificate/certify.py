@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import Bound, Prover
 from ensemble_ctrl.certificate.enclosure import Flow
+from ensemble_ctrl.certificate.share import boxes, weighed
 from ensemble_ctrl.certificate.task import TaskBound, alignment, bound_task
 from ensemble_ctrl.constraints.stl import Formula, reads_fleet, resolve
-from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
+from ensemble_ctrl.duties import Chance, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.moments import Interval, Law
@@ -131,7 +132,11 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     flow = Flow.of(problem, controls, laws)
     prover = Prover(flow, problem.fleet.names)
     clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
-    parts = tuple(_part(problem, controls, laws, part) for part in other_parts(problem))
+    some = {id(chance.part): chance for chance in chances(problem)}
+    parts = tuple(
+        _share(problem, controls, laws, some[id(part)]) if id(part) in some else _part(problem, controls, laws, part)
+        for part in other_parts(problem)
+    )
     found = _counter_example(clearances, parts)
     good = all(b.proven >= 0 for b in clearances) and all(b.covered and b.proven >= 0 for b in parts)
     verdict: Verdict = "no" if found else "yes" if good else "undecided"
@@ -201,6 +206,21 @@ def _part(problem: Problem, controls: Floats, laws: Mapping[str, Law], part: For
         if bound.proven >= 0 or bound.sampled < 0:
             break
     return replace(bound, part=str(part))
+
+
+def _share(problem: Problem, controls: Floats, laws: dict[str, Law], chance: Chance) -> TaskBound:
+    """The bound of ``share(p, f)``: that of `f` for all members of a box with enough mass, if one is proven."""
+    best: TaskBound | None = None
+    for box, mass in boxes(problem, controls, weighed(problem, laws), chance):
+        prover = Prover(Flow.of(problem, controls, box), problem.fleet.names)
+        bounds = [_clearance(prover, problem, duty).proven for duty in chance.duties]
+        bounds += [_part(problem, controls, box, part).proven for part in chance.others]
+        found = TaskBound(str(chance.part), min(bounds), np.inf, {}, share=mass)
+        if best is None or found.proven > best.proven:
+            best = found
+        if found.proven >= 0:
+            break
+    return best or _part(problem, controls, laws, chance.part)
 
 
 def _counter_example(clearances: Sequence[Bound], parts: Sequence[TaskBound]) -> CounterExample | None:

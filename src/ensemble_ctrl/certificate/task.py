@@ -70,6 +70,8 @@ class TaskBound:
         That centre's parameters; empty where there is none.
     covered : bool
         False if the formula is outside what this method can bound; `proven` is then minus infinity.
+    share : float or None
+        For ``share(p, f)``, a lower bound of the fleet's share for which `f` is proven with that robustness, 0 to 1.
     """
 
     part: str
@@ -77,6 +79,7 @@ class TaskBound:
     sampled: float
     parameters: Member
     covered: bool = True
+    share: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

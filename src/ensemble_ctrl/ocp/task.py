@@ -13,9 +13,10 @@ of the points, because the right-hand side is never above the largest part and e
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import reduce
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -35,15 +36,19 @@ BAND = 0.35
 """Metres below the largest part, at the guess, within which parts of a maximum are kept."""
 
 
+Reading = Literal["all", "some", "mean"]
+"""Whom a row speaks of: everybody, the members that do what a share has to do, or the mean member."""
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
-    """``x px + y py + offset`` at one grid time, for every point or for the mean member."""
+    """``x px + y py + offset`` at one grid time, for every point, for some members, or for the mean one."""
 
     at: int
     x: float
     y: float
     offset: float
-    mean: bool
+    of: Reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +68,12 @@ class GuessValues:
     ----------
     curve : ndarray, shape (steps + 1, points, 2)
         The points under the guess, metres.
-    mean : ndarray, shape (points,)
-        Weights of the points in the mean member's position.
+    places : mapping
+        For each reading the matrix from the points to those that its rows hold for.
     """
 
-    def __init__(self, curve: Floats, mean: Floats) -> None:
-        self.curve, self.mean = curve, mean
+    def __init__(self, curve: Floats, places: Mapping[Reading, Floats]) -> None:
+        self.curves = {of: np.einsum("ij,tjd->tid", matrix, curve) for of, matrix in places.items()}
         self.levels: dict[int, float] = {}
         self._known: dict[Minimum, float] = {}
 
@@ -88,8 +93,8 @@ class GuessValues:
         """The value of one term."""
         if isinstance(term, Level):
             return self.levels[term.index]
-        heights = term.x * self.curve[term.at, :, 0] + term.y * self.curve[term.at, :, 1] + term.offset
-        return float(self.mean @ heights if term.mean else heights.min())
+        at = self.curves[term.of][term.at]
+        return float((term.x * at[:, 0] + term.y * at[:, 1] + term.offset).min())
 
 
 @dataclass(frozen=True)
@@ -99,7 +104,7 @@ class PointSignals:
     steps: int
     step: float
     shift: tuple[float, float] = (0.0, 0.0)
-    averaged: bool = False
+    of: Reading = "all"
     members: int = 1
 
     def leaf(self, predicate: Predicate, first: int, last: int) -> Values:
@@ -111,13 +116,13 @@ class PointSignals:
             raise UnsupportedError(
                 f"task: the planner needs predicates over x and y, got {predicate} ({', '.join(by_name)})"
             )
-        if not self.averaged:
+        if self.of != "mean":
             offset -= abs(x) * self.shift[0] + abs(y) * self.shift[1]
-        return _matrix([(Row(k, x, y, offset, self.averaged),) for k in range(first, last + 1)])
+        return _matrix([(Row(k, x, y, offset, self.of),) for k in range(first, last + 1)])
 
     def mean(self) -> Signals:
         """The same for the mean member."""
-        return PointSignals(self.steps, self.step, self.shift, averaged=True)
+        return replace(self, of="mean")
 
 
 class LevelOps(Ops):
@@ -193,6 +198,7 @@ def task_rows(
     mean: Floats,
     curve: Floats,
     shift: Floats,
+    some: tuple[Sequence[Formula], Floats] | None = None,
 ) -> TaskRows:
     """Rows that keep `level` at or below the robustness of every part.
 
@@ -212,10 +218,15 @@ def task_rows(
         The points under the guess, metres.
     shift : ndarray, shape (2,)
         Half the sides of the box of start positions, metres: predicates hold for all of it.
+    some : pair of sequence of Formula and ndarray, optional
+        Ground formulas for some members alone, and the matrix from the points to theirs.
     """
-    guess = GuessValues(curve, mean)
+    places: dict[Reading, Floats] = {"all": np.eye(layout.count), "mean": mean[None, :]}
+    fewer, places["some"] = ((), places["all"]) if some is None else some
+    guess = GuessValues(curve, places)
     ops, signals = LevelOps(layout, guess), PointSignals(layout.steps, step, (float(shift[0]), float(shift[1])))
-    whole: Minimum = sum((robustness(part, signals, ops) for part in parts), ())
+    read = [(part, signals) for part in parts] + [(part, replace(signals, of="some")) for part in fewer]
+    whole: Minimum = sum((robustness(part, own, ops) for part, own in read), ())
     if whole:
         ops.below.append((level, whole))
         guess.note(level, [guess.of(whole)])
@@ -223,8 +234,7 @@ def task_rows(
     rows = [(low, term) for low, term in pairs if isinstance(term, Row)]
     order = [(low, term.index) for low, term in pairs if isinstance(term, Level)]
     blocks = [
-        *_row_blocks([r for r in rows if not r[1].mean], layout, np.eye(layout.count)),
-        *_row_blocks([r for r in rows if r[1].mean], layout, mean[None, :]),
+        *(block for of in places for block in _row_blocks([r for r in rows if r[1].of == of], layout, places[of])),
         *_maximum_blocks(ops.maxima),
         *_order_blocks(order),
     ]
