@@ -19,7 +19,7 @@ from ensemble_ctrl.constraints.stl import Formula, reads_fleet, resolve
 from ensemble_ctrl.duties import Chance, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
-from ensemble_ctrl.moments import Interval, Law
+from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -173,6 +173,7 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
         fleet.radius,
         problem.duration,
         [(name, law.lower, law.upper) for name, law in laws.items()],
+        _spread(problem, laws) if reads_fleet(problem.task) else [],
         str(problem.task),
         [
             (name, region.A.tolist(), region.lower.tolist(), region.upper.tolist())
@@ -186,6 +187,12 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
     return digest.hexdigest()
 
 
+def _spread(problem: Problem, laws: Mapping[str, Law]) -> list[object]:
+    """How the fleet is spread, for claims about a share or the mean of it."""
+    quantiles = [law.quantile(np.linspace(0.0, 1.0, 65)).tolist() for law in laws.values()]
+    return [quantiles, [(name, column.tolist()) for name, column in (problem.fleet.cloud or {}).items()]]
+
+
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     """The worst piece of one duty."""
     steps = np.flatnonzero(duty.steps(prover.flow.steps, problem.duration))
@@ -194,15 +201,13 @@ def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 
 
-def _part(problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula) -> TaskBound:
+def _part(problem: Problem, controls: Floats, laws: dict[str, Law], part: Formula) -> TaskBound:
     """The bound of one part of the task; on finer time where the bulges between grid times stand in the way."""
     formula = grounded(problem, part)
-    if reads_fleet(formula) and not all(isinstance(law, Interval) for law in laws.values()):
-        return TaskBound(str(part), -np.inf, np.inf, {}, covered=False)  # its cells weigh the same
     first = alignment(resolve(formula, problem.duration), problem.duration / len(controls))
     for split in (first * more for more in SPLITS):
         flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)
-        bound = bound_task(flow, formula, problem.fleet.names)
+        bound = bound_task(flow, formula, weighed(problem, laws))
         if bound.proven >= 0 or bound.sampled < 0:
             break
     return replace(bound, part=str(part))
@@ -220,7 +225,12 @@ def _share(problem: Problem, controls: Floats, laws: dict[str, Law], chance: Cha
             best = found
         if found.proven >= 0:
             break
-    return best or _part(problem, controls, laws, chance.part)
+    if best is not None and best.proven >= 0:
+        return best
+    found = _part(problem, controls, laws, chance.part)  # members that need not be side by side
+    if best is not None and best.proven >= found.proven:
+        return best
+    return replace(found, share=chance.part.p) if found.proven >= 0 else found
 
 
 def _counter_example(clearances: Sequence[Bound], parts: Sequence[TaskBound]) -> CounterExample | None:

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import Formula, Ops, Predicate, Signals, robustness
+from ensemble_ctrl.constraints.stl import Formula, Ops, Predicate, Share, Signals, robustness
 from ensemble_ctrl.errors import UnsupportedError
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import Block, Build
@@ -156,7 +156,7 @@ class LevelOps(Ops):
         """Join members."""
         return np.vstack(rows)
 
-    def ranked(self, value: Values, rank: int) -> Values:
+    def ranked(self, value: Values, share: Share) -> Values:
         """Every point, a lower bound for any share."""
         return value
 

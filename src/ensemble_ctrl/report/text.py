@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import floor
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ensemble_ctrl.fleet import START, Fleet
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import Replay
+from ensemble_ctrl.replay import Replay, ShareSeen
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.certificate import Certificate
+    from ensemble_ctrl.certificate import Certificate, TaskBound
     from ensemble_ctrl.conflicts import Conflict
 
 
@@ -60,7 +61,12 @@ def verdict(plan: PlanLike) -> str:
     bad = int(run.violating.sum())
     proof = ""
     if plan.certificate is not None:
-        proof = "proven for every member, " if plan.certificate.proven == "yes" else "NOT proven for every member, "
+        whom = "for the share asked for" if run.shares else "for every member"
+        proof = f"proven {whom}, " if plan.certificate.proven == "yes" else f"NOT proven {whom}, "
+    if run.shares:
+        least = min(run.shares, key=lambda share: share.satisfied - share.asked)
+        few = "only " if bad else ""
+        return f"{words}, {proof}{few}{_percent(least.satisfied)} % of {run.members} members do it"
     return f"{words}, {proof}" + (
         f"no member of {run.members} violates" if not bad else f"{bad} of {run.members} members VIOLATE it"
     )
@@ -137,6 +143,10 @@ def measured(run: Replay | None) -> list[tuple[str, str]]:
             )
         )
     bad = int(run.violating.sum())
+    if run.shares:
+        looks = f"{run.members} members, {run.substeps} look{'s' if run.substeps > 1 else ''} a step"
+        rows += [("replay", f"{looks}: {_seen(share)}") for share in run.shares]
+        return rows
     rows.append(
         (
             "replay",
@@ -153,6 +163,12 @@ def soonest(found: dict[str, Any] | None) -> list[tuple[str, str]]:
         return []
     missed = "" if found["missed"] is None else f"; none found for {found['missed']:.3f} s"
     return [("soonest", f"{found['of']} {found['value']:.3f} s{missed}; none exists below {found['bound']:.3f} s")]
+
+
+def _seen(share: ShareSeen) -> str:
+    """The share that does a part, and what that says of the whole fleet."""
+    bounds = f"({100 * share.low:.4g} to {100 * share.high:.4g} % of all, 95 % confidence)"
+    return f"{_percent(share.satisfied)} % do what {100 * share.asked:g} % have to {bounds}"
 
 
 def _share(run: Replay) -> str:
@@ -174,7 +190,9 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
     scope = ", ".join([*ranges, "every instant"])
     bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
-    bounds += [f"rest of the task >= {c.robustness:.4f} m"] if c.parts else []
+    bounds += [_proven_share(b) for b in c.parts if b.share is not None]
+    rest = min((b.proven for b in c.parts if b.share is None), default=None)
+    bounds += [] if rest is None else [f"rest of the task >= {rest:.4f} m"]
     work = f"({c.seconds:.2f} s)"
     if c.proven == "yes":
         return [("proven", f"for every {scope}: {', '.join(bounds)} {work}")]
@@ -183,6 +201,12 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     found = c.counter_example
     when = "" if found.time is None else f" at t = {found.time:.2f} s"
     return [("proven", f"NO: {member_text(found.parameters)} violates {found.what} by {found.amount:.3g} m{when}")]
+
+
+def _proven_share(bound: TaskBound) -> str:
+    """A share in percent, rounded down."""
+    share = 100 * floor(1e4 * (bound.share or 0.0)) / 1e4
+    return f"{share:.4g} % of the fleet do {bound.part} with >= {bound.proven:.4f} m"
 
 
 def _percent(share: float) -> str:
