@@ -18,7 +18,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
     for layer in (
         "errors _version",
         "moments systems",
-        "constraints fleet motion target",
+        "constraints fleet motion risk target",
         "problem checks drawing",
         "duties",
         "ocp",

@@ -68,8 +68,8 @@ def random_problem(rng: np.random.Generator, text: str) -> tuple[Problem, Floats
 def true_share(problem: Problem, controls: Floats) -> float:
     """The laws' mass of the members of a dense grid that do the part, by replay of each."""
     (chance,) = chances(problem)
-    single = problem.with_(task=chance.part.child)
-    return float(1 - replay(single, controls, parameters=even_members(problem), substeps=16).violating.mean())
+    single, fine = problem.with_(task=chance.part.child, steps=16 * problem.steps), np.repeat(controls, 16, axis=0)
+    return float(1 - replay(single, fine, parameters=even_members(problem)).violating.mean())
 
 
 def even_members(problem: Problem) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl import planfile
-from ensemble_ctrl.arrival import arrival
+from ensemble_ctrl.arrival import arrival, risk
 from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
@@ -265,6 +265,7 @@ def _details(solution: Solution) -> dict[str, Any]:
         "solve_seconds": solution.solve_seconds,
         "seconds": solution.seconds,
         "arrival": arrival(solution.problem, solution.controls),
+        "at_risk": risk(solution.problem, solution.controls),
         "routes": [{**vars(route), "corners": route.corners.tolist()} for route in solution.routes],
         **({} if solution.nlp is None else {"minlp": _mixed_details(solution.nlp.value.cost, solution)}),
     }

@@ -257,6 +257,22 @@ class Fleet:
         share[:, :1] = np.linspace(0.0, 1.0, count)[:, None]
         return np.asarray(self.lower + share * (self.upper - self.lower))
 
+    def representatives(self, count: int) -> Floats:
+        """Exactly `count` members of equal weight that stand for the laws, shape (count, parameters).
+
+        Even in the law of the first parameter, scattered evenly in those of the others; robots of the cloud stay whole.
+        """
+        share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
+        share[:, :1] = (0.5 + np.arange(count)[:, None]) / count
+        laws = self.parameters.values()
+        members = np.column_stack([law.quantile(s) for law, s in zip(laws, share.T, strict=True)]) if laws else share
+        if self.cloud is not None:
+            first = self.names.index(next(iter(self.cloud)))
+            robots = (share[:, first] * len(next(iter(self.cloud.values())))).astype(int)
+            for name, column in self.cloud.items():
+                members[:, self.names.index(name)] = column[robots]
+        return members
+
     def sample(self, count: int, seed: int) -> Floats:
         """Members drawn from the parameters' laws, shape (count, parameters)."""
         drawn = np.empty((count, len(self.parameters)))

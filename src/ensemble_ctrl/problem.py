@@ -15,6 +15,7 @@ from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet, frozen
 from ensemble_ctrl.motion import Motion
+from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target
 
 Floats = NDArray[np.float64]
@@ -41,10 +42,13 @@ class Objective:
         covariance (`ensemble_ctrl.target`); without it there is no terminal term.
     terminal : float
         Weight of the terminal error, per square metre.
-    effort : float
-        Weight of the control effort.
+    effort : float or array_like of shape (n_u,)
+        Weight of the control effort, the same for all commands or one for each: the energy is the integral of their
+        squares.
     smoothness : float
         Weight of the squared rates of the commands, the integral of ``|du/dt|^2``; counted with the effort.
+    cvar : Risk, optional
+        A price on the worst part of the fleet (`ensemble_ctrl.risk`).
     earliest : str, optional
         A region that every member is to pass as soon as possible, before all else; the task goes on to hold
         (`ensemble_ctrl.soonest`).
@@ -53,16 +57,24 @@ class Objective:
     robustness: float = 1.0
     target: Floats | Target | None = None
     terminal: float = 10.0
-    effort: float = 0.1
+    effort: float | Floats = 0.1
     smoothness: float = 0.0
+    cvar: Risk | None = None
     earliest: str | None = None
 
     def __post_init__(self) -> None:
         if self.target is not None and not isinstance(self.target, Formation | MomentTarget | SpreadTarget):
             object.__setattr__(self, "target", frozen(self.target, (2,), "objective.terminal.target"))
-        weights = [self.robustness, self.terminal, self.effort, self.smoothness]
+        if not isinstance(self.effort, int | float):
+            object.__setattr__(self, "effort", frozen(self.effort, (2,), "objective.effort"))
+        weights = [self.robustness, self.terminal, *self.efforts.tolist(), self.smoothness]
         if not np.isfinite(weights).all() or min(weights) < 0:
             raise ProblemError(f"objective: expected finite weights >= 0, got {weights}")
+
+    @property
+    def efforts(self) -> Floats:
+        """The weight of each command, shape (2,)."""
+        return np.broadcast_to(np.asarray(self.effort, dtype=float), (2,))
 
     @property
     def place(self) -> Floats | None:

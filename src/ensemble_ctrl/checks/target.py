@@ -19,7 +19,8 @@ SLACK = 1e-9
 
 
 def target_findings(problem: Problem) -> Iterator[Finding]:
-    """What is wrong with the terminal target."""
+    """What is wrong with the terminal target, and with a price of risk."""
+    yield from _risk(problem)
     match problem.objective.target:
         case Formation() as target:
             yield from _formation(problem, target)
@@ -27,6 +28,21 @@ def target_findings(problem: Problem) -> Iterator[Finding]:
             yield from _moments(problem, target)
         case SpreadTarget() as target:
             yield from _spread(problem, target)
+
+
+def _risk(problem: Problem) -> Iterator[Finding]:
+    """Distances need places to be away from; clearances are those that separating lines leave the fleet."""
+    risk, target = problem.objective.cvar, problem.objective.target
+    if risk is None:
+        return
+    path = ("objective", "cvar", "of")
+    if risk.of == "terminal" and (target is None or isinstance(target, MomentTarget | SpreadTarget)):
+        came = "none" if target is None else "moments of the whole fleet"
+        message = f"expected a place, or a place for each member, in objective.terminal.target, got {came}"
+        yield Finding(path, message, "a distance at the end is that from a member's place")
+    if risk.of == "clearance" and (problem.solve.method == "minlp" or problem.solve.guarantee == "moment"):
+        chosen = "method minlp" if problem.solve.method == "minlp" else "guarantee moment"
+        yield Finding(path, f"expected no price on clearance with {chosen}", "use nlp, and nodes or hull")
 
 
 def _formation(problem: Problem, target: Formation) -> Iterator[Finding]:

@@ -12,6 +12,7 @@ from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemF
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Law, Samples
 from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.systems import SYSTEMS, ArcSystem, Bicycle
 
 STEP = 0.1
@@ -39,7 +40,7 @@ def build(file: ProblemFile, name: str) -> Problem:
             name: tuple(piece for shape in shapes for piece in shape.pieces) for name, shapes in file.obstacles.items()
         },
         motions={name: section.motion(duration) for name, section in file.motions.items()},
-        objective=_objective(file.objective),
+        objective=_objective(file.objective, SYSTEMS[file.fleet.model].controls),
         order=file.moments.order,
         solve=SolveOptions(**file.solve.model_dump()),
         verify=VerifyOptions(**file.verify.model_dump()),
@@ -93,10 +94,14 @@ def _system(section: FleetSection) -> ArcSystem:
     return SYSTEMS[section.model](heading_from=section.start.heading_from)
 
 
-def _objective(section: ObjectiveSection) -> Objective:
+def _objective(section: ObjectiveSection, controls: tuple[str, ...]) -> Objective:
     """What the plan trades off."""
     terminal = section.terminal
     weights = {name: getattr(section, name) for name in ("robustness", "effort", "smoothness", "earliest")}
+    if isinstance(section.effort, dict):
+        weights["effort"] = np.array([section.effort.get(name, 0.0) for name in controls])
+    if section.cvar is not None:
+        weights["cvar"] = Risk(section.cvar.of, section.cvar.level, section.cvar.weight)
     if terminal is None:
         return Objective(**weights)
     target = np.array(terminal.target) if isinstance(terminal.target, tuple) else terminal.target

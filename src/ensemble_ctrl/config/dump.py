@@ -63,7 +63,7 @@ def to_data(problem: Problem) -> Data:
         "obstacles": {name: _obstacle(pieces) for name, pieces in problem.obstacles.items()},
         "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
         "task": str(problem.task),
-        "objective": _objective(problem.objective),
+        "objective": _objective(problem.objective, problem.fleet.system.controls),
         "solve": asdict(problem.solve),
         "verify": asdict(problem.verify),
         "report": asdict(problem.report),
@@ -109,9 +109,14 @@ def _motion(motion: Motion) -> Data:
     return {"path": [[time, offset] for time, offset in pairs]}
 
 
-def _objective(objective: Objective) -> Data:
+def _objective(objective: Objective, controls: tuple[str, ...]) -> Data:
     """The section on the objective."""
-    data: Data = {"robustness": float(objective.robustness), "effort": float(objective.effort)}
+    effort: float | Data = dict(zip(controls, objective.efforts.tolist(), strict=True))
+    if isinstance(objective.effort, int | float):
+        effort = float(objective.effort)
+    data: Data = {"robustness": float(objective.robustness), "effort": effort}
+    if objective.cvar is not None:
+        data["cvar"] = asdict(objective.cvar)
     if objective.smoothness:
         data["smoothness"] = float(objective.smoothness)
     if objective.earliest is not None:

@@ -65,6 +65,28 @@ def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
+def level(value: Any) -> float:
+    """A share of the fleet that is left out."""
+    number = quantity("number", 0)(value)
+    if number >= 1:
+        raise Wrong(f"expected a share from 0 to below 1, got {show(value)}", "0.9 looks at the worst tenth")
+    return number
+
+
+def effort(value: Any) -> float | dict[str, float]:
+    """One weight, or one for each command by its name."""
+    weight = quantity("number", 0)
+    if not isinstance(value, dict):
+        return weight(value)
+    weights = {}
+    for name, given in value.items():
+        try:
+            weights[name] = weight(given)
+        except Wrong as error:
+            raise Wrong(error.message, error.hint, (name,)) from None
+    return weights
+
+
 def free_duration(value: Any) -> float | tuple[float, float]:
     """A duration, or the longest and the shortest that it may have."""
     seconds, least = quantity("time", above=0), quantity("time", 0)
@@ -153,6 +175,18 @@ Weight = Annotated[float, BeforeValidator(quantity("number", 0)), NUMERIC]
 Length = Annotated[float, BeforeValidator(quantity("length")), NUMERIC]
 Margin = Annotated[float, BeforeValidator(quantity("length", 0)), NUMERIC]
 Duration = Annotated[float, BeforeValidator(quantity("time", above=0)), NUMERIC]
+Effort = Annotated[
+    float | dict[str, float],
+    BeforeValidator(effort),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": ["number", "string"]},
+                {"type": "object", "additionalProperties": {"type": ["number", "string"]}},
+            ]
+        }
+    ),
+]
 FreeDuration = Annotated[
     float | tuple[float, float],
     BeforeValidator(free_duration),

@@ -18,6 +18,7 @@ from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal as TerminalTarget
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.problem import Guarantee, Method, Objective, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.systems import SYSTEMS, Bicycle
 
 
@@ -133,13 +134,22 @@ class Terminal(Model):
     weight: f.Weight = Objective.terminal
 
 
+class CvarSection(Model):
+    """A price on the worst part of the fleet."""
+
+    of: Literal["terminal", "clearance"]
+    level: Annotated[float, BeforeValidator(f.level)] = Risk.level
+    weight: f.Weight = Risk.weight
+
+
 class ObjectiveSection(Model):
     """What the plan trades off."""
 
     robustness: f.Weight = Objective.robustness
     terminal: Terminal | None = None
-    effort: f.Weight = Objective.effort
+    effort: f.Effort = 0.1
     smoothness: f.Weight = Objective.smoothness
+    cvar: CvarSection | None = None
     earliest: f.Name | None = None
 
 
@@ -194,3 +204,12 @@ class ProblemFile(Model):
     solve: Solve = Solve()
     verify: Verify = Verify()
     report: ReportSection = ReportSection()
+
+    @model_validator(mode="after")
+    def _weights_of_its_model(self) -> Self:
+        """Weights of the commands that the model has."""
+        controls, effort = SYSTEMS[self.fleet.model].controls, self.objective.effort
+        for name in sorted((set(effort) if isinstance(effort, dict) else set()) - set(controls)):
+            message = f"expected weights of {' and '.join(controls)}, got {name!r}"
+            raise Wrong(message, path=("objective", "effort", name))
+        return self

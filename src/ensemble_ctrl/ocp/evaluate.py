@@ -13,6 +13,7 @@ from ensemble_ctrl.duties import chances, duties, grounded, other_parts
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
 from ensemble_ctrl.ocp.chance import all_lines, members_within
 from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
 from ensemble_ctrl.problem import Problem
@@ -31,7 +32,7 @@ class Value:
     Attributes
     ----------
     cost : float
-        ``-w robustness + terminal + effort``.
+        ``-w robustness + terminal + effort + risk``.
     robustness : float
         Exact robustness in metres of the task without its ``G avoid`` parts, worst of some members at the grid times:
         those of a Gauss rule and the corners of the ranges.
@@ -40,6 +41,8 @@ class Value:
         robot, for the guarantee ``moment``).
     excess : float
         By how much a command changes faster than it may, per second; negative where all rates are kept.
+    risk : float
+        The price of risk (`ensemble_ctrl.ocp.risk`).
     """
 
     cost: float
@@ -48,6 +51,7 @@ class Value:
     effort: float
     gap: float
     excess: float = -np.inf
+    risk: float = 0.0
 
     def keeps(self, margin: float) -> bool:
         """Whether the task holds, every obstacle is at least `margin` metres away, and rates are kept."""
@@ -78,15 +82,16 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     worst = min(values, default=0.0)
     terminal = terminal_cost(problem, controls, order)
     change = np.diff(controls, axis=0) / step
-    effort = step * (aim.effort * float((controls**2).sum()) + aim.smoothness * float((change**2).sum()))
+    effort = step * (float((controls**2).sum(axis=0) @ aim.efforts) + aim.smoothness * float((change**2).sum()))
+    risk = risk_cost(problem, controls)
     rates = np.full(2, np.inf) if fleet.rate_bounds is None else fleet.rate_bounds
     excess = float((np.abs(change) - rates).max(initial=-np.inf))
     if in_moments:
         lines = separate(average[:, None], duties(problem), problem.duration)
     else:
         lines = all_lines(problem, truncation, points(problem, controls, truncation))
-    cost = -aim.robustness * worst + terminal + effort
-    return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)), excess)
+    cost = -aim.robustness * worst + terminal + effort + risk
+    return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)), excess, risk)
 
 
 def _worst(problem: Problem, controls: Floats, order: int, within: Range | None) -> StateSignals:

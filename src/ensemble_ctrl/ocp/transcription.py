@@ -1,6 +1,7 @@
 r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in nodal coordinates::
 
-    minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt + price * slacks
+    minimise    -w_rho level + w_T |m(T) - m_F|^2 + sum_n (w_v v_n^2 + w_omega omega_n^2) dt + price * slacks
+                (+ a price of risk, `ensemble_ctrl.ocp.risk`)
 
     over        v_n, omega_n         the broadcast commands of step n
                 turned_n             the integral of the turn rate before step n, shared by every member
@@ -30,10 +31,11 @@ from ensemble_ctrl.constraints.stl import Mean
 from ensemble_ctrl.duties import chances, grounded, other_parts
 from ensemble_ctrl.ocp.arrays import CasadiArrays
 from ensemble_ctrl.ocp.layout import Layout
-from ensemble_ctrl.ocp.lines import Lines
+from ensemble_ctrl.ocp.lines import Lines, separate
 from ensemble_ctrl.ocp.margins import bulge, curvature, keeping
 from ensemble_ctrl.ocp.moment_form import moment_blocks, region_blocks
 from ensemble_ctrl.ocp.program import Block, Build, Program, assemble
+from ensemble_ctrl.ocp.risk import RiskRows, risk_rows
 from ensemble_ctrl.ocp.switches import Choice, switch_blocks
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.terminal import terminal_blocks
@@ -129,8 +131,14 @@ def transcribe(
     blocks += _rates(problem, layout, step)
     blocks.append(_satisfying(level, short[0], problem.solve.margin if rated else 0.0))
     terms = _terms(problem, truncation, layout, rated)
+    risk = _risk(problem, truncation, layout, curve, avoiding)
+    if risk is not None:
+        blocks += risk.blocks
+        terms += risk.terms
     lower, upper = _bounds(problem, layout, None if rated else level)
     guess = _guess(problem, layout, controls, curve, step, task)
+    if risk is not None:
+        guess[risk.index], lower[risk.index], upper[risk.index] = risk.guess, risk.lower, risk.upper
     if isinstance(avoiding, Choice):
         _switching(avoiding, layout, guess, lower, upper)
     return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
@@ -235,7 +243,8 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, rated: bool
     none = np.zeros((1, 0))
 
     def effort(z: ca.SX, d: ca.SX) -> ca.SX:
-        return aim.effort * step * ca.sumsqr(z)
+        cost: ca.SX = step * ca.dot(ca.DM(aim.efforts), z**2)
+        return cost
 
     terms = [Block("effort", effort, layout.controls, np.zeros((layout.steps, 0)), none, none)]
     if aim.smoothness and layout.steps > 1:
@@ -264,6 +273,16 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, rated: bool
         terms.append(Block("robustness", reward, levels[None, :], none, none, none))
     terms += terminal_blocks(problem, truncation, layout)
     return terms
+
+
+def _risk(
+    problem: Problem, truncation: Truncation, layout: Layout, curve: Floats, avoiding: Avoiding | Choice
+) -> RiskRows | None:
+    """The price of risk; clearances are those that fixed lines leave."""
+    if isinstance(avoiding, Avoiding):
+        return risk_rows(problem, truncation, layout, curve, avoiding.lines, avoiding.pairs)
+    none = separate(curve, (), problem.duration)
+    return risk_rows(problem, truncation, layout, curve, none, none.active)
 
 
 def _bounds(problem: Problem, layout: Layout, idle: int | None) -> tuple[Floats, Floats]:

@@ -89,6 +89,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     rows += proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
+    rows += [("risk", text) for text in _at_risk(d.get("at_risk", {}))]
     rows += [("arrival", text) for text in _arrival(d.get("arrival", {}))]
     if "minlp" in d:
         rows += _mixed(d["minlp"])
@@ -217,9 +218,11 @@ def _percent(share: float) -> str:
 
 def _cost(d: dict[str, Any]) -> str:
     """The cost and its parts."""
+    risk = d.get("risk", 0.0)
     return (
         f"{d['cost']:.4f} = effort {d['effort']:.4f} + terminal {d['terminal']:.4f}"
-        f" - weighted robustness {d['effort'] + d['terminal'] - d['cost']:.4f}"
+        + (f" + risk {risk:.4f}" if risk else "")
+        + f" - weighted robustness {d['effort'] + d['terminal'] + risk - d['cost']:.4f}"
     )
 
 
@@ -238,6 +241,19 @@ def _mixed(m: dict[str, Any]) -> list[tuple[str, str]]:
     lead = f"Bonmin's gap: {', '.join(gaps)}; it" if gaps else "This"
     rows.append(("", f"{lead} is no proof of optimality: the problem is not convex, and only nearby facets were tried"))
     return rows
+
+
+def _at_risk(found: dict[str, Any]) -> Iterator[str]:
+    """How the worst part of the fleet does, in what it has a price on."""
+    if found:
+        sign, what = (1.0, "distance from the target") if found["of"] == "terminal" else (-1.0, "clearance")
+        worst = f"{100 * (1 - found['level']):.4g} %"
+        yield f"{what} of the worst {worst}: {sign * found['cvar']:.4f} m on average, {_limit(found, sign)}"
+
+
+def _limit(found: dict[str, Any], sign: float) -> str:
+    """The value at risk."""
+    return f"{'at least' if sign > 0 else 'at most'} {sign * found['value_at_risk']:.4f} m"
 
 
 def _arrival(found: dict[str, Any]) -> Iterator[str]:
