@@ -21,7 +21,7 @@ from ensemble_ctrl.checks.numbers import (
 from ensemble_ctrl.checks.places import area_findings, start_findings
 from ensemble_ctrl.checks.reach import reach_findings
 from ensemble_ctrl.checks.soonest import soonest_findings
-from ensemble_ctrl.checks.target import target_findings
+from ensemble_ctrl.checks.target import place_findings, target_findings
 from ensemble_ctrl.checks.task import STATES, task_findings, unused_findings
 from ensemble_ctrl.errors import ProblemError
 
@@ -84,6 +84,7 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
         soonest_findings,
         motion_findings,
         start_findings,
+        place_findings,
         reach_findings,
         unused_findings,
     )
