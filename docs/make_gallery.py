@@ -35,6 +35,8 @@ SECTIONS = {
     "fleets": "Several parameters, uncertain starts, bicycles",
     "moving": "Moving obstacles",
     "targets": "Targets of the whole fleet",
+    "time": "As soon as possible",
+    "risk": "Risk, and a share of the fleet",
     "laws": "Other laws of the parameter",
 }
 """Folders of `configs/` and their titles, in reading order."""
