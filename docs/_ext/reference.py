@@ -178,6 +178,8 @@ def _default(info: Any, path: str) -> str:
     """A default as it would stand in a file."""
     if path == "objective.terminal.target":
         return "required with `terminal`"
+    if path == "objective.cvar.of":
+        return "required with `cvar`"
     if info.is_required():
         return "**required**"
     value = info.default
