@@ -16,16 +16,18 @@ ROOT = Path(ensemble_ctrl.__file__).parent
 LAYERS: tuple[frozenset[str], ...] = tuple(
     frozenset(layer.split())
     for layer in (
-        "errors _version",
+        "errors _version plain",
         "moments systems",
-        "constraints fleet motion risk target",
+        "constraints ensemble motion risk target",
+        "fleet ode_fleet",
         "problem checks drawing",
         "duties",
         "ocp",
         "replay certificate",
         "arrival conflicts planner",
-        "receding soonest report twin planfile folder",
+        "receding report soonest suggest twin planfile folder",
         "config",
+        "export",
         "api",
         "compare widest results",
         "cli",

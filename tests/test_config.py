@@ -256,7 +256,7 @@ CASES = {
     "unknown model": (
         ("unicycle", "unicicle"),
         (3, 10, "fleet.model"),
-        "'unicicle' is not one of unicycle, bicycle",
+        "'unicicle' is not one of unicycle, bicycle, double_integrator, quadrotor",
         "did you mean 'unicycle'?",
     ),
     "unknown field": (
@@ -519,11 +519,23 @@ CASES = {
         "expected WKT, got 'POLYGON ((0 0, 1 1'",
         "for example 'POLYGON ((0 0, 2 0, 1 1, 0 0))'",
     ),
-    "WKT with a hole": (
-        (O1, "{wkt: 'POLYGON ((0 0, 9 0, 9 9, 0 0), (5 1, 6 1, 6 2, 5 1))'}"),
+    "WKT with a hole outside": (
+        (O1, "{wkt: 'POLYGON ((5 0, 9 0, 9 9, 5 0), (15 1, 16 1, 16 2, 15 1))'}"),
         (11, 13, "obstacles.o1.wkt"),
-        "expected polygons without holes, got one with a hole",
-        "split it along the hole",
+        "expected holes that are inside of the polygon and apart, got Hole lies outside shell[15 1]",
+        "",
+    ),
+    "map in another folder": (
+        (O1, "{file: ../map.json}"),
+        (11, 14, "obstacles.o1.file"),
+        "expected a file in the same folder or below, got '../map.json'",
+        "copy it there",
+    ),
+    "feature without a map": (
+        (O1, "{box: [[2, 3], [1, 3]], feature: shed}"),
+        (11, 40, "obstacles.o1.feature"),
+        "expected feature only with file",
+        "",
     ),
     "WKT of a point": (
         (O1, "{wkt: POINT (1 1)}"),
@@ -723,7 +735,7 @@ def test_the_layout() -> None:
     with pytest.raises(ConfigError) as refusal:
         config.load_text(edited(("unicycle", "unicicle")), "bad.yaml")
     assert str(refusal.value) == (
-        "bad.yaml:3:10: error: fleet.model: 'unicicle' is not one of unicycle, bicycle\n"
+        "bad.yaml:3:10: error: fleet.model: 'unicicle' is not one of unicycle, bicycle, double_integrator, quadrotor\n"
         "       3 |   model: unicicle\n"
         "         |          ^\n"
         "    hint: did you mean 'unicycle'?\n"
@@ -773,7 +785,7 @@ def test_warnings_have_a_place_too() -> None:
     assert {w.message for w in warnings} == {
         "this region is unbounded",
         "the task never mentions this region",
-        "the task never mentions the obstacles",
+        "the task never mentions the obstacles, so robots may drive through them",
     }
 
 

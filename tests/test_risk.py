@@ -124,8 +124,8 @@ def test_a_price_on_the_way_raises_the_least_clearances() -> None:
 def test_each_command_has_a_weight() -> None:
     text = GATE.replace("effort: 0.1", "effort: {v: 0.1, omega: 0.4}")
     problem = load_text(text)
-    assert problem.objective.efforts.tolist() == [0.1, 0.4]
-    assert load_text(dump(problem)).objective.efforts.tolist() == [0.1, 0.4]
+    assert problem.objective.efforts().tolist() == [0.1, 0.4]
+    assert load_text(dump(problem)).objective.efforts().tolist() == [0.1, 0.4]
     assert load_text(dump(load_text(GATE))).objective.effort == 0.1
     found = solve(problem)
     step = problem.duration / len(found.attempt.controls)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from pydantic import BaseModel
-
 from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.config import fields as f
-from ensemble_ctrl.config.laws import Measured, MixturePart
+from ensemble_ctrl.config import meanings
+from ensemble_ctrl.config.clouds import Cloud
+from ensemble_ctrl.config.fields import Model
+from ensemble_ctrl.config.laws import LawSection, Measured, MixturePart, PartSection
+from ensemble_ctrl.config.motions import MotionSection, Velocity
 from ensemble_ctrl.config.schema import ProblemFile
+from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
+from ensemble_ctrl.config.targets import Terminal
 from ensemble_ctrl.systems import SYSTEMS
 
 UNITS: list[tuple[Any, str]] = [
@@ -29,6 +33,12 @@ UNITS: list[tuple[Any, str]] = [
     (f.Effort, "number, ≥ 0, or one for each"),
     (f.Angle, "rad"),
     (f.Weight, "number, ≥ 0"),
+    (f.Positive, "number, > 0"),
+    (f.Wheelbase, "m, > 0"),
+    (f.SteeringBounds, "[rad, rad]"),
+    (Cloud, "a file's name, or columns"),
+    (Velocity, "[m/s, m/s]"),
+    (Terminal, "[m, m], or a [target](targets.md)"),
     (f.Task, "formula"),
     (f.Order, "1 to 50, or `auto`"),
     (f.Routes, "1 to 1000, or `all`"),
@@ -39,101 +49,62 @@ UNITS: list[tuple[Any, str]] = [
 ]
 """What a field's type is measured in."""
 
-MEANING = {
-    "version": "Version of the file's format.",
-    "name": "Names the results folder; by default the file's name.",
-    "fleet.model": "The dynamics all members share; `ensemble-plan models` lists them.",
-    "fleet.wheelbase": "Bicycle only: distance between the axles; 0.3 m if not given.",
-    "fleet.parameters": "What differs between members; without the section, `traction` from 0.9 to 1.1.",
-    "fleet.parameters.traction.range": "Factor on speed and turn rate at once, uniform; above 0.",
-    "fleet.parameters.linear_traction.range": "Factor on the speed alone, uniform; above 0.",
-    "fleet.parameters.angular_traction.range": "Factor on the turn rate alone, uniform; above 0.",
-    "fleet.parameters.start_x.range": "Offset of the start from `start.position`, uniform.",
-    "fleet.parameters.start_y.range": "Offset of the start from `start.position`, uniform.",
-    "fleet.parameters.start_heading.range": "Offset of the heading from `start.heading`, counter-clockwise, uniform.",
-    "fleet.cloud": "Measured robots whose parameters belong together: a CSV file with a column for each, or columns.",
-    "fleet.start.position": "Start of all members, but for `start_x` and `start_y`.",
-    "fleet.start.heading": "Start heading of all members, but for `start_heading`.",
-    "fleet.parameters.traction.law": "How it is spread over the range; see [laws](laws.md).",
-    "fleet.parameters.traction.a": "Shape of a Beta law at the low end.",
-    "fleet.parameters.traction.b": "Shape of a Beta law at the high end.",
-    "fleet.parameters.traction.mean": "Mean of a normal law, before it is cut off at the range's ends.",
-    "fleet.parameters.traction.deviation": "Standard deviation of a normal law, before it is cut off.",
-    "fleet.parameters.traction.samples": "Measured values, or a CSV file of them, in place of a range.",
-    "fleet.parameters.traction.mixture": "A list of laws, each with a `weight`, in place of a range.",
-    "fleet.start.heading_from": "`x`: from +x, counter-clockwise. `y`: from +y, clockwise (the paper's).",
-    "fleet.input_bounds.v": "Bounds of the commanded speed.",
-    "fleet.input_bounds.omega": "Unicycle: bounds of the commanded turn rate.",
-    "fleet.input_bounds.delta": "Bicycle: bounds of the steering angle, within ±1.5 rad.",
-    "fleet.rate_bounds.v": "Largest change of the speed per second, m/s².",
-    "fleet.rate_bounds.omega": "Unicycle: largest change of the turn rate per second, rad/s².",
-    "fleet.rate_bounds.delta": "Bicycle: largest change of the steering angle per second, rad/s.",
-    "fleet.radius": "Radius of a robot; what `avoid(...)` names grows by it.",
-    "horizon.duration": "Length of the plan, `T` in the task; or the shortest: [minimum time](objectives.md).",
-    "horizon.steps": "Control steps of equal length; by default one each 0.1 s.",
-    "moments.basis": "Polynomials of the moments.",
-    "moments.order": "Truncation order N: moments 0 to N. `auto` takes the lowest one that errs by less than 0.1 mm.",
-    "regions.<name>": "A named convex area; see *Areas* below.",
-    "obstacles.<name>": "A named area to keep out of, one shape or a list of shapes; see *Areas* below.",
-    "motions.<name>.velocity": "Obstacle of that name: constant velocity from where it is drawn.",
-    "motions.<name>.path": "Or its displacement over time: `[[time, [x, y]], ...]`, linear in between.",
-    "task": "What every member has to do; see [the task language](task_language.md).",
-    "objective.robustness": "Reward for each metre of the task's robustness.",
-    "objective.terminal.target": "Where the fleet should end, see [targets](targets.md); without it no terminal term.",
-    "objective.terminal.weight": "Price of the squared terminal moment error, per m².",
-    "objective.effort": "Price of the integral of the squared commands; or one for each: `{v: 0.1, omega: 0.02}`.",
-    "objective.cvar.of": "What the worst part of the fleet has a price on; see [risk](objectives.md).",
-    "objective.cvar.level": "Share of the fleet that is left out of the mean.",
-    "objective.cvar.weight": "Price of a metre.",
-    "objective.earliest": "A region to pass as soon as can be; see [objectives](objectives.md).",
-    "objective.smoothness": "Price of the integral of the squared rates of the commands.",
-    "solve.method": "`nlp`: nonlinear program, IPOPT.",
-    "solve.guarantee": "For whom the program's constraints hold; see [guarantees](guarantees.md).",
-    "solve.time_limit": "The best plan so far is returned after this time.",
-    "solve.seed": "Seed of the replayed members.",
-    "solve.margin": "What the program keeps to spare, from obstacles and in the robustness.",
-    "solve.routes": "Routes tried on a coarse grid before the best is refined. `all`: see *Routes* below.",
-    "solve.max_iterations": "Iterations of one solve.",
-    "solve.cells": "Parts of the first parameter's range with separating lines of their own; for wide fleets.",
-    "verify.members": "Members replayed.",
-    "verify.substeps": "Looks at the obstacles in each step of the replay.",
-    "verify.certificate": "Prove the plan for all parameters and times, and tighten until that succeeds.",
-    "report.twin": "Plan the same problem without obstacles and bounding regions too, and draw it dashed.",
-}
-"""What a field says; a field that is missing here shows without a remark."""
+Row = tuple[str, Any, str, str]
+"""Path, type, default and meaning of a field."""
 
 
 def write_reference(folder: Path) -> None:
     """Write every generated page into `folder`."""
     folder.mkdir(exist_ok=True)
-    for name, lines in (("fields.md", field_table()), ("commands.md", command_help())):
+    pages = {"fields.md": field_table(), "areas.md": area_table(), "commands.md": command_help()}
+    for name, lines in pages.items():
         (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def field_table() -> Iterator[str]:
-    """Every field of a problem file: unit, default, meaning."""
-    yield "| field | unit or values | default | meaning |"
-    yield "|---|---|---|---|"
-    for path, annotation, default in fields(ProblemFile):
-        yield f"| `{path}` | {unit(annotation)} | {default} | {MEANING.get(path, '')} |"
+    """Every field of a problem file: unit, default, meaning; then those of a law."""
+    yield from _table("field", fields(ProblemFile))
+    yield from ("", "### A law", "", "The fields of each of `fleet.parameters`:", "")
+    yield from _table("field", fields(LawSection))
 
 
-def fields(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, Any, str]]:
-    """Path, type and default of every field, sections opened."""
+def area_table() -> Iterator[str]:
+    """The forms of an area."""
+    regions, obstacles = meanings(RegionShape), meanings(ObstacleShape)
+    yield from ("| form | of a region | of an obstacle |", "|---|---|---|")
+    for form in ObstacleShape.model_fields:
+        yield f"| `{form}` | {regions.get(form, 'no')} | {obstacles[form]} |"
+
+
+def _table(head: str, rows: Iterable[Row]) -> Iterator[str]:
+    """Rows as a table."""
+    yield from (f"| {head} | unit or values | default | meaning |", "|---|---|---|---|")
+    yield from (f"| `{path}` | {unit(kind)} | {default} | {meaning} |" for path, kind, default, meaning in rows)
+
+
+def fields(model: type[Model], prefix: str = "") -> Iterator[Row]:
+    """Path, type, default and meaning of every field, sections opened."""
+    said = meanings(model)
     for name, info in model.model_fields.items():
         path, kind = f"{prefix}{name}", _plain(info.annotation)
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
+        if isinstance(kind, type) and issubclass(kind, PartSection):
+            yield path, "a law", "the same for all", said[name]
+        elif isinstance(kind, type) and issubclass(kind, Model):
             yield from fields(kind, f"{path}.")
+        elif name == "motions":
+            yield from fields(MotionSection, f"{path}.<name>.")
         elif name in ("regions", "obstacles"):
-            yield f"{path}.<name>", "an area", "none"
+            yield f"{path}.<name>", "an area", "none", f"{said[name]} See *Areas* below."
         else:
-            yield path, _annotated(model, name), _default(info, path)
+            yield path, _annotated(model, name), _default(info, path), said[name]
 
 
 def unit(annotation: Any) -> str:
     """What a value is measured in, or the values there are."""
     if annotation == "an area":
-        return "area"
+        return "[area](#areas)"
+    if annotation == "a law":
+        return "[law](laws.md)"
     required = _required(annotation)
     for known, text in UNITS:
         if known in (annotation, required):
@@ -155,7 +126,7 @@ def command_help() -> Iterator[str]:
         yield from (f"## `{NAME} {name}`", "", "```text", printed.getvalue().strip(), "```", "")
 
 
-def _annotated(model: type[BaseModel], name: str) -> Any:
+def _annotated(model: type[Model], name: str) -> Any:
     """A field's type with its validators, as it was written."""
     return get_type_hints(model, include_extras=True)[name]
 

@@ -18,13 +18,15 @@ from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
 from ensemble_ctrl.moments import Law
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import Replay, replay
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
 
     from ensemble_ctrl.planner import Progress, Solution, Status
+    from ensemble_ctrl.suggest import Suggestions
 
 Floats = NDArray[np.float64]
 
@@ -106,11 +108,125 @@ class Plan:
         """What fails, by how much, when and for whom; empty for a good plan."""
         return conflicts(self.problem, self.controls)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw map and trajectories on `ax`, or on a new figure; returns the axes and shows nothing."""
-        from ensemble_ctrl.report.figures import draw_trajectories
+    def suggest(self, seconds: float = 30.0, *, progress: Progress | None = None) -> Suggestions:
+        """Where no plan was found: a change of the problem for which there is one; see `ensemble_ctrl.suggest`."""
+        from ensemble_ctrl.suggest import suggest
 
-        return draw_trajectories(self.problem, self.controls, ax, self.twin)
+        return suggest(self.problem, self.controls, seconds=seconds, progress=progress)
+
+    def plot(self, kind: str = "trajectories", ax: Axes | None = None) -> Axes:
+        """Draw one kind of picture; returns the axes and shows nothing.
+
+        Parameters
+        ----------
+        kind : {"trajectories", "controls", "moments", "robustness", "clearance", "certificate"}
+            What to draw. For a certificate the plan is certified if it is not yet.
+        ax : matplotlib Axes, optional
+            Where to; without it a new figure of pyplot's.
+
+        Raises
+        ------
+        ProblemError
+            For another kind.
+        """
+        from ensemble_ctrl.report.plot import draw
+
+        needs = kind == "certificate" and self.certificate is None
+        return draw(replace(self, certificate=self.certify()) if needs else self, kind, ax)
+
+    def animate(self, path: str | Path, seconds: float = 6.0) -> Path:
+        """Write the fleet on its way as ``.gif``, or as ``.mp4`` where the program ffmpeg is installed.
+
+        Parameters
+        ----------
+        path : path
+            The file; written whole or not at all.
+        seconds : float
+            How long it runs, whatever the plan's own duration.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        AnimationError
+            For another ending, a length that is none, and for a film without ffmpeg.
+        """
+        from ensemble_ctrl.report.animation import animate
+
+        return animate(self.problem, self.controls, Path(path), seconds)
+
+    def to_dataframe(self, members: int = 0) -> DataFrame:
+        """The table of `export` as a data frame; needs pandas.
+
+        Parameters
+        ----------
+        members : int
+            Members whose positions and headings are columns too, spread over the ranges of the parameters.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row for each step, its index the time of its beginning in seconds; with members one more row for the
+            end, without commands.
+
+        Raises
+        ------
+        UnsupportedError
+            If pandas is not installed.
+        """
+        from ensemble_ctrl.export import frame
+
+        return frame(self.problem, self.controls, members)
+
+    def export(
+        self,
+        path: str | Path,
+        form: str | None = None,
+        *,
+        members: int | None = None,
+        overwrite: bool = False,
+    ) -> Path:
+        """Write the plan for other programs; see `ensemble_ctrl.export`.
+
+        Parameters
+        ----------
+        path : path
+            A file, or for a ROS 2 bag a folder.
+        form : {"csv", "json", "geojson", "rosbag"}, optional
+            The ending of `path` if not given.
+        members : int, optional
+            Members whose trajectories are written, spread over the ranges of the parameters.
+        overwrite : bool
+            Whether what is there may be replaced.
+
+        Returns
+        -------
+        Path
+            What was written.
+
+        Raises
+        ------
+        ProblemError
+            For an unknown form or a number of members out of range.
+        UnsupportedError
+            For ``rosbag`` without the library ``rosbags``.
+        FolderError
+            If the path is taken or can't be written.
+
+        Notes
+        -----
+        *Guarantee*: what is proven of a plan is proven of robots that receive its commands. It says nothing of robots
+        that follow one of the paths by a controller of their own.
+        """
+        from ensemble_ctrl.export import export
+
+        path = Path(path)
+        form = path.suffix.removeprefix(".") if form is None else form
+        export(self.problem, self.controls, self.certificate, form, path, members, overwrite)
+        return path
 
     def save(self, path: str | Path) -> Path:
         """Write everything needed to load the plan again to one ``.npz`` file, without pickle.
@@ -131,8 +247,14 @@ class Plan:
         return path
 
     @classmethod
-    def load(cls, path: str | Path) -> Plan:
+    def load(cls, path: str | Path, *, trust: bool = False) -> Plan:
         """Read a plan that `save` wrote: a file, or a results folder that holds ``plan.npz``.
+
+        Parameters
+        ----------
+        path : path
+        trust : bool
+            Whether to run the Python file of a user's own system, which has to lie next to the plan.
 
         Raises
         ------
@@ -143,7 +265,7 @@ class Plan:
         """
         path = planfile.path_of(path)
         saved = planfile.read(path)
-        problem = load_text(saved.problem, f"{path}: problem")
+        problem = load_text(saved.problem, f"{path}: problem", trust=trust)
         try:
             return cls(problem, saved.controls, cast("Status", saved.status), saved.details)
         except ProblemError as error:
@@ -158,13 +280,9 @@ class Plan:
         return f"Plan({self.problem.name!r}: {self.status}{worth}, {self.problem.steps} steps, {', '.join(checks)})"
 
     def _repr_html_(self) -> str:
-        from html import escape
+        from ensemble_ctrl.report import plan_card
 
-        from ensemble_ctrl.report import plan_svg, summary_lines
-
-        drawing = plan_svg(self.problem, self.controls)
-        text = escape("\n".join(summary_lines(self)))
-        return f'<div style="display:flex;gap:1em;align-items:flex-start">{drawing}<pre>{text}</pre></div>'
+        return plan_card(self)
 
 
 def plan(
@@ -249,6 +367,19 @@ def with_twin(plan: Plan, progress: Progress | None = None) -> Plan:
 
     solution = solve(unconstrained(plan.problem), progress=progress)
     return replace(plan, twin=solution.controls if solution.status == "planned" else None)
+
+
+def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
+    """The plan with what would help in its details, where no plan was found and as far as the time limit allows."""
+    from ensemble_ctrl.suggest import SECONDS
+
+    left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())
+    if plan.status != "infeasible" or left <= 0 or isinstance(plan.problem, OdeProblem):
+        return plan
+    found = plan.suggest(min(SECONDS, left), progress=progress)
+    helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]
+    tried = {"helps": helps, "failed": list(found.failed), "seconds": found.seconds}
+    return replace(plan, details={**plan.details, "suggestions": tried})
 
 
 def _details(solution: Solution) -> dict[str, Any]:

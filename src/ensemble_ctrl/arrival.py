@@ -94,5 +94,5 @@ def _clearances(problem: Problem, controls: Floats, members: Floats) -> Floats:
 
 
 def _final(problem: Problem, controls: Floats, members: Floats) -> Floats:
-    """Final positions of members, shape (members, 2), metres."""
+    """Final positions of members, shape (members, d), metres."""
     return trajectories(problem, controls, members)[:, -1]

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
 
 from ensemble_ctrl.errors import EnsembleError
 
+KINDS = ("trajectories", "controls", "moments", "robustness", "clearance", "certificate")
+"""Kinds of pictures that ``ensemble-plan plot`` draws (`ensemble_ctrl.report.plot`)."""
 RESULT_FILES = frozenset(
     {
         "certificate.json",
@@ -22,11 +24,14 @@ RESULT_FILES = frozenset(
         "provenance.json",
         "report.html",
         "solver.log",
+        "spread.png",
         "summary.json",
         "trajectories.png",
+        *(f"figure-{kind}.{ending}" for kind in KINDS for ending in ("png", "pdf", "svg")),
+        *(f"animation.{ending}" for ending in ("gif", "mp4")),
     }
 )
-"""What a run may write; ``--overwrite`` leaves a folder alone that holds anything else."""
+"""What a run, and later commands on its plan may write; ``--overwrite`` leaves a folder with anything else alone."""
 
 
 class FolderError(EnsembleError):
@@ -147,9 +152,46 @@ def _checked(target: Path, overwrite: bool) -> bool:
         raise FolderError(f"{target}: this folder is not empty; {hint}")
     if "plan.npz" not in found:
         raise FolderError(f"{target}: --overwrite replaces only folders of earlier results, found no plan.npz here")
-    strange = [name for name in found if name not in RESULT_FILES]
+    strange = [name for name in found if name not in RESULT_FILES and not name.endswith(".py")]
     if strange:
         raise FolderError(f"{target}: --overwrite would remove {strange[0]}, which is not a result; move it away first")
     if Path.cwd().is_relative_to(target.resolve()):
         raise FolderError(f"{target}: --overwrite can't replace the working directory; run from another folder")
     return True
+
+
+def write_text(path: Path, text: str, overwrite: bool = False) -> None:
+    """Write a file as a whole or not at all.
+
+    Raises
+    ------
+    FolderError
+        If it is there already, unless it may be overwritten, or can't be written.
+    """
+    if os.path.lexists(path) and not (overwrite and path.is_file()):
+        hint = "add --overwrite to replace it" if path.is_file() else "choose another name"
+        raise FolderError(f"{path}: this exists already; {hint}")
+    with in_place_of(path) as working:
+        working.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def in_place_of(path: Path) -> Iterator[Path]:
+    """A path of the same name, out of sight, for what takes the place of `path` once it is complete.
+
+    Raises
+    ------
+    FolderError
+        If it can't be written; what was there before is there still.
+    """
+    hidden = path.parent / f".ensemble-plan-{token_hex(4)}"
+    try:
+        hidden.mkdir()
+        yield hidden / path.name
+        if path.is_dir():
+            os.rename(path, hidden / "old")
+        os.replace(hidden / path.name, path)
+    except OSError as error:
+        raise FolderError(f"{path}: can't be written ({error.strerror or error})") from None
+    finally:
+        shutil.rmtree(hidden, ignore_errors=True)

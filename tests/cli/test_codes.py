@@ -32,7 +32,17 @@ def test_a_walled_in_goal_names_what_conflicts(command: Command, place: Path) ->
     assert again.code == 3
     assert again.out.startswith("walled: NO PLAN FOUND")
     assert re.search(rf"\n  violated +.*{conflict}\n", again.out), again.out
-    assert re.search("\n  try .*longer horizon.*input bounds.*narrower", again.out)
+    assert "\n  it works   with no obstacle west: planned and proven\n" in again.out
+    assert re.search("\n  +no plan even with a horizon of .*; traction .*; nothing kept to spare", again.out)
+    tried = done.data["details"]["suggestions"]
+    assert [(found["change"], found["set"]) for found in tried["helps"]] == [("no obstacle west", [])]
+
+
+def test_without_suggestions(command: Command, place: Path) -> None:
+    for arguments in (("--no-suggest",), ("--set", "report.suggest=false")):
+        done = command("walled.yaml", *QUICK, *arguments)
+        assert done.code == 3
+        assert re.search("\n  try .*longer horizon.*input bounds.*narrower", done.out)
 
 
 def test_a_plan_that_some_members_violate(command: Command, results: Path) -> None:

@@ -18,7 +18,8 @@ from ensemble_ctrl.results import LIBRARIES
 from .conftest import Command
 from .tools import SMALL, environment
 
-NAMES = ["run", "check", "show", "verify", "compare", "widest", "models", "examples", "doctor"]
+NAMES = ["run", "check", "show", "report", "plot", "animate", "verify", "compare", "widest"]
+NAMES += ["import", "export", "models", "examples", "init", "schema", "doctor"]
 
 
 def loaded(err: str) -> set[str]:
@@ -182,9 +183,11 @@ def test_examples(command: Command, place: Path) -> None:
     names = [line.split()[0] for line in listed.out.splitlines()]
     assert "five_obstacles" in names
     assert all(len(line.split(maxsplit=1)) == 2 for line in listed.out.splitlines())
+    configs = Path(__file__).parents[2] / "configs"
+    assert names == sorted(path.stem for path in configs.rglob("*.yaml"))
+    assert ec.load_text(command("examples", "five_obstacles").out).name == "five_obstacles"
     for name in names:
-        text = command("examples", name).out
-        assert ec.load_text(text).name == name
+        assert command("examples", name).out.startswith("# ")
 
 
 def test_examples_copy(command: Command, place: Path) -> None:
@@ -237,7 +240,7 @@ def test_doctor_where_something_is_wrong(command: Command, monkeypatch: pytest.M
 def test_every_command_has_help_that_fits_80_columns(command: Command) -> None:
     listing = command("--help").out
     assert "..." not in listing.split("Commands:")[1]
-    assert [c.callback.__name__ for c in app.registered_commands if c.callback] == NAMES
+    assert [c.name or c.callback.__name__ for c in app.registered_commands if c.callback] == NAMES
     for name in NAMES:
         assert f"\n  {name} " in listing
     for arguments in ([], *([name] for name in NAMES)):
@@ -246,6 +249,10 @@ def test_every_command_has_help_that_fits_80_columns(command: Command) -> None:
             assert (done.code, done.err) == (0, "")
             assert done.out.startswith("Usage: ensemble-plan")
             assert max(map(len, done.out.splitlines())) <= 80
+    for name in set(NAMES) - {"models", "doctor"}:
+        assert (
+            f"Examples:\n    ensemble-plan {name if name != 'run' else 'problem.yaml'}" in command(name, "--help").out
+        )
     assert "Exit codes:" in command("run", "--help").out
     assert "Exit codes:" in command("small.yaml", "--help").out
 

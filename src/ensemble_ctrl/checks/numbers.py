@@ -12,6 +12,7 @@ from ensemble_ctrl.checks.finding import Finding, Path
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.leaves import RESERVED
 from ensemble_ctrl.moments import Law, Mixture, Samples
+from ensemble_ctrl.systems import ArcSystem
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -36,6 +37,10 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     if least is not None and not 0 <= least <= problem.duration:
         message = f"expected at_least from 0 s up to at_most, {problem.duration:g} s, got {least:g} s"
         yield Finding(("horizon", "duration"), message)
+    count = len(problem.fleet.system.controls)
+    if np.size(problem.objective.effort) not in (1, count):
+        message = f"expected one weight, or {count}, got {np.size(problem.objective.effort)}"
+        yield Finding(("objective", "effort"), message)
     yield from _whole(("horizon", "steps"), problem.steps, 1, MAX_STEPS)
     if problem.order is not None:
         yield from _whole(("moments", "order"), problem.order, 1, MAX_ORDER, " (or auto)")
@@ -83,7 +88,8 @@ def _factors(problem: Problem) -> Iterator[Finding]:
     """Factors are positive, since a robot with traction zero can't move; and a file can hold the laws."""
     for name, law in problem.fleet.parameters.items():
         path = ("fleet", "parameters", name)
-        if name in problem.fleet.system.parameters and law.lower <= 0:
+        factor = isinstance(problem.fleet.system, ArcSystem) and name in problem.fleet.system.parameters
+        if factor and law.lower <= 0:
             field = {Samples: "samples", Mixture: "mixture"}.get(type(law), "range")
             yield Finding((*path, field), f"expected a range above 0, got [{law.lower:g}, {law.upper:g}]")
         count = _measured(law)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from contextvars import copy_context
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +18,8 @@ from ensemble_ctrl.cli.streams import complain, fail, fail_with, say, silence
 from ensemble_ctrl.errors import EnsembleError
 
 NAME = "ensemble-plan"
+COMPLETING = "_ENSEMBLE_PLAN_COMPLETE"
+"""Set by a shell's completion script."""
 EXIT_CODES = """\b
 Exit codes:
   0    planned, proven for every member, and no replayed member violates
@@ -27,13 +30,24 @@ Exit codes:
   5    limit reached; the best plan so far is saved
   130  interrupted (143: terminated); the best plan so far is saved"""
 
+
+def _examples(*lines: str, more: str = "") -> str:
+    """The end of a command's help: what one would type."""
+    return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)]) + (f"\n\n{more}" if more else "")
+
+
 app = typer.Typer(
     name=NAME,
     help="Plan one broadcast control for a whole fleet of unequal robots.\n\n"
     "'ensemble-plan CONFIG' is the same as 'ensemble-plan run CONFIG'.",
-    epilog="Start with: ensemble-plan examples",
+    epilog=_examples(
+        "ensemble-plan init                   write problem.yaml, to start from",
+        "ensemble-plan check problem.yaml     say what is wrong with it",
+        "ensemble-plan problem.yaml           plan, prove, write plans/problem/",
+        "ensemble-plan verify plans/problem   prove the saved plan again",
+        more="'ensemble-plan COMMAND --help' says more, with examples.",
+    ),
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -51,6 +65,19 @@ Overrides = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")]
+Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")]
+
+
+def _consent(given: bool) -> bool:
+    """Let the Python file of a user's own system run, for this call of the command."""
+    if given:
+        from ensemble_ctrl.config.own import CONSENT
+
+        CONSENT.set(True)
+    return given
+
+
+Trust = Annotated[bool, typer.Option("--trust", help="Run the Python file that fleet.model names.", callback=_consent)]
 Members = Annotated[int | None, typer.Option(help="Members to replay (verify.members).", metavar="N", min=1)]
 
 
@@ -67,13 +94,23 @@ def _main(
         raise typer.Exit
 
 
-@app.command(epilog=EXIT_CODES)
+@app.command(
+    epilog=_examples(
+        "ensemble-plan problem.yaml",
+        "ensemble-plan problem.yaml -o out --overwrite --time-limit 60s",
+        "ensemble-plan problem.yaml --set horizon.duration=20s",
+        "ensemble-plan problem.yaml --guess plans/problem --json > result.json",
+        more=EXIT_CODES,
+    )
+)
 def run(
     context: typer.Context,
     config: Config,
     output: Output = None,
     overrides: Overrides = None,
-    method: Annotated[str | None, typer.Option(help="Solution method (solve.method): nlp.", metavar="METHOD")] = None,
+    method: Annotated[
+        str | None, typer.Option(help="Solution method (solve.method): nlp or minlp.", metavar="METHOD")
+    ] = None,
     time_limit: Annotated[
         str | None,
         typer.Option(help="Stop after this long with the best plan so far (solve.time_limit).", metavar="60s"),
@@ -91,8 +128,15 @@ def run(
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="A line for each iteration, and the routes tried.")
     ] = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures and write no report.")] = False,
+    animation: Annotated[
+        str | None, typer.Option("--animate", help="Write an animation too: gif or mp4.", metavar="FORMAT")
+    ] = None,
+    no_suggest: Annotated[
+        bool, typer.Option("--no-suggest", help="Where there is no plan, do not look for what would help.")
+    ] = False,
     overwrite: Overwrite = False,
+    trust: Trust = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
     if quiet and verbose:
@@ -116,17 +160,26 @@ def run(
         quiet=quiet,
         verbose=verbose,
         plots=not no_plots,
+        suggest=not no_suggest,
+        animation=animation,
         overwrite=overwrite,
         command=(NAME, *context.obj),
     )
     raise typer.Exit(run_plan(options))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan check problem.yaml",
+        "ensemble-plan check configs/*.yaml -q",
+        "ensemble-plan check - < problem.yaml",
+    )
+)
 def check(
     configs: Annotated[list[str], typer.Argument(help="Problem files; - reads stdin.", metavar="CONFIG")],
     json: Json = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say only what is wrong.")] = False,
+    trust: Trust = False,
 ) -> None:
     """Check problem files without solving."""
     from ensemble_ctrl.cli.check import check_files
@@ -134,14 +187,20 @@ def check(
     raise typer.Exit(check_files(configs, json, quiet))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan show plans/problem",
+        "ensemble-plan show plans/problem --members 100000 --substeps 10",
+    )
+)
 def show(
-    plan: Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")],
+    plan: Saved,
     members: Members = None,
     substeps: Annotated[
         int | None, typer.Option(help="Times looked at in each step (verify.substeps).", metavar="N", min=1)
     ] = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Replay a saved plan and print its summary again."""
     from ensemble_ctrl.cli.show import show_plan
@@ -149,7 +208,84 @@ def show(
     raise typer.Exit(show_plan(plan, members, substeps, json))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan report plans/problem",
+        "ensemble-plan report plans/problem -o problem.html",
+    )
+)
+def report(
+    plan: Saved,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The file [default: report.html beside it].", metavar="FILE")
+    ] = None,
+) -> None:
+    """Write a saved plan's report.html again."""
+    from ensemble_ctrl.cli.report import report_plan
+
+    report_plan(plan, output)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan plot plans/problem",
+        "ensemble-plan plot plans/problem trajectories -o map.pdf",
+        "ensemble-plan plot plans/problem clearance moments --format svg",
+    )
+)
+def plot(
+    plan: Saved,
+    kinds: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Kinds of pictures [default: all]: trajectories, controls, moments, robustness, clearance, "
+            "certificate.",
+            metavar="KIND",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="The file; of several kinds the folder [default: beside the plan].", metavar="FILE"
+        ),
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option("--format", help="png, pdf or svg [default: as FILE ends, or png].", metavar="FORMAT")
+    ] = None,
+) -> None:
+    """Draw a saved plan for a paper, a column wide."""
+    from ensemble_ctrl.cli.plot import plot_plan
+
+    plot_plan(plan, kinds or [], output, format)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan animate plans/problem",
+        "ensemble-plan animate plans/problem -o problem.mp4 --seconds 10",
+    )
+)
+def animate(
+    plan: Saved,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="A .gif or .mp4 [default: animation.gif beside it].", metavar="FILE"),
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="How long it runs.", metavar="N")] = 6.0,
+) -> None:
+    """Show a saved plan's fleet on its way."""
+    from ensemble_ctrl.cli.animate import animate_plan
+
+    animate_plan(plan, output, seconds)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan verify plans/problem",
+        "ensemble-plan verify plans/problem --range traction=0.85:1.15",
+    )
+)
 def verify(
     plan: Annotated[
         Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
@@ -159,6 +295,7 @@ def verify(
     ] = None,
     members: Members = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Prove a saved plan again from its files alone."""
     from ensemble_ctrl.cli.verify import verify_plan
@@ -166,7 +303,12 @@ def verify(
     raise typer.Exit(verify_plan(plan, parameter_range or [], members, json))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan compare problem.yaml",
+        "ensemble-plan compare problem.yaml -o compared --no-plots",
+    )
+)
 def compare(
     config: Config,
     output: Output = None,
@@ -182,7 +324,12 @@ def compare(
     raise typer.Exit(compare_guarantees(config, output, overrides or [], json, quiet, not no_plots, overwrite))
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan widest problem.yaml",
+        "ensemble-plan widest problem.yaml --parameter traction --tolerance 0.001",
+    )
+)
 def widest(
     config: Config,
     overrides: Overrides = None,
@@ -199,17 +346,89 @@ def widest(
     raise typer.Exit(find_widest(config, overrides or [], tolerance, parameter, json, quiet))
 
 
+@app.command(
+    "import",
+    epilog=_examples(
+        "ensemble-plan import office.geojson              print a problem to complete",
+        "ensemble-plan import map.yaml -o office.yaml     an occupancy grid of ROS",
+        "ensemble-plan import yard.wkt --section >> problem.yaml",
+    ),
+)
+def import_map(
+    source: Annotated[
+        Path, typer.Argument(help="GeoJSON, WKT, or the .yaml of an occupancy grid (ROS).", metavar="MAP")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write this file instead of printing.", metavar="FILE")
+    ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            help="How far obstacles may grow, so that they need fewer pieces [default: 2 cells of a grid, else 0].",
+            metavar="LENGTH",
+        ),
+    ] = None,
+    section: Annotated[bool, typer.Option("--section", help="Only the obstacles and regions.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+) -> None:
+    """Turn a map into a problem file with few convex obstacles."""
+    from ensemble_ctrl.cli.importing import import_file
+
+    import_file(source, output, tolerance, section, overwrite)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan export plans/office -o office.csv",
+        "ensemble-plan export plans/office --to geojson > tube.geojson",
+        "ensemble-plan export plans/office --to rosbag -o office_bag --members 9",
+    )
+)
+def export(
+    plan: Annotated[
+        Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
+    ],
+    form: Annotated[
+        str | None,
+        typer.Option("--to", help="csv, json, geojson or rosbag [default: the ending of FILE].", metavar="FORMAT"),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write this file (rosbag: folder) instead of printing.", metavar="FILE"),
+    ] = None,
+    members: Annotated[
+        int | None,
+        typer.Option(help="Members whose paths are written [default: csv 0, json 5, rosbag 5].", metavar="N", min=0),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+) -> None:
+    """Write a saved plan for other programs."""
+    from ensemble_ctrl.cli.exporting import export_plan
+
+    export_plan(plan, form, output, members, overwrite)
+
+
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""
-    from ensemble_ctrl.systems import SYSTEMS
+    from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS, ArcSystem, OdeSystem
 
-    for name, system in SYSTEMS.items():
+    known: dict[str, type[ArcSystem] | type[OdeSystem]] = {**SYSTEMS, **ODE_SYSTEMS}
+    for name, system in known.items():
         controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
-        say(f"{name:<12}{system.summary}\n{'':<12}controls {controls}; parameters {', '.join(system.parameters)}")
+        say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {', '.join(system.parameters)}")
+        if name in ODE_SYSTEMS:
+            say(f"{'':<18}states {', '.join(ODE_SYSTEMS[name].states)}; replayed, not proven")
+    say("your own: fleet: {model: {python: my_system.py:MySystem}}, with --trust")
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan examples",
+        "ensemble-plan examples five_obstacles",
+        "ensemble-plan examples five_obstacles --copy",
+    )
+)
 def examples(
     name: Annotated[str | None, typer.Argument(help="The example to print.", metavar="NAME")] = None,
     copy: Annotated[bool, typer.Option("--copy", help="Write it here as NAME.yaml instead.")] = False,
@@ -218,6 +437,42 @@ def examples(
     from ensemble_ctrl.cli.examples import list_or_print
 
     list_or_print(name, copy)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan init",
+        "ensemble-plan init fleet.yaml --schema",
+        "ensemble-plan init - | ensemble-plan check -",
+    )
+)
+def init(
+    file: Annotated[
+        Path, typer.Argument(help="The new file; - prints it instead.", metavar="FILE", show_default="problem.yaml")
+    ] = Path("problem.yaml"),
+    schema: Annotated[bool, typer.Option("--schema", help="Write the JSON Schema beside it too, for editors.")] = False,
+) -> None:
+    """Write a commented problem file to start from."""
+    from ensemble_ctrl.cli.init import start
+
+    start(file, schema)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan schema > problem.schema.json",
+        "ensemble-plan schema -o problem.schema.json",
+    )
+)
+def schema(
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write it to this file instead.", metavar="FILE")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of problem files, for editors."""
+    from ensemble_ctrl.cli.init import print_schema
+
+    print_schema(output)
 
 
 @app.command()
@@ -239,7 +494,14 @@ def invoke(arguments: list[str]) -> int:
     """Run the command line; returns the exit code."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for them reads every installed package's metadata
+    if COMPLETING in os.environ:
+        return _complete()
     as_json = "--json" in arguments
+    return copy_context().run(_invoked, arguments, as_json)
+
+
+def _invoked(arguments: list[str], as_json: bool) -> int:
+    """The command line in a context of its own, so that a consent ends with it."""
     try:
         command = typer.main.get_command(app)
         with command.make_context(NAME, with_command(arguments), obj=tuple(arguments)) as context:
@@ -259,6 +521,20 @@ def invoke(arguments: list[str]) -> int:
         return _unexpected(error, as_json)
 
 
+def _complete() -> int:
+    """Tell the shell what could come next, also after a problem file that stands where a command could."""
+    typed, place = os.environ.get("COMP_WORDS", ""), os.environ.get("COMP_CWORD", "")
+    words = typed.split()
+    if place.isdecimal() and int(place) > 1 and words[1:] and words[1] not in _command_names():
+        os.environ["COMP_WORDS"] = typed.replace(words[0], f"{words[0]} run", 1)
+        os.environ["COMP_CWORD"] = str(int(place) + 1)
+    try:
+        app(prog_name=NAME)
+    except SystemExit as end:
+        return int(end.code or 0)
+    return codes.OK
+
+
 def with_command(arguments: list[str]) -> list[str]:
     """Put ``run`` before a problem file that stands where a command could; ``./check`` is a file.
 
@@ -267,14 +543,20 @@ def with_command(arguments: list[str]) -> list[str]:
     UsageError
         If there is no such file, and the word is much like a command's name.
     """
-    commands = [command.callback.__name__ for command in app.registered_commands if command.callback]
+    commands = _command_names()
     first = arguments[0] if arguments else ""
-    if not first or first in (*commands, "-h", "--help", "--version"):
+    own = ("-h", "--help", "--version", "--install-completion", "--show-completion")
+    if not first or first in (*commands, *own):
         return arguments
     close = get_close_matches(first, commands, n=1, cutoff=0.65)
     if close and first.isalpha() and not os.path.exists(first):
         raise UsageError(f"{first}: there is no such command or file; did you mean {close[0]!r}?")
     return ["run", *arguments]
+
+
+def _command_names() -> list[str]:
+    """Every command, in the order of the help."""
+    return [command.name or command.callback.__name__ for command in app.registered_commands if command.callback]
 
 
 def _unexpected(error: Exception, as_json: bool) -> int:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.config.laws import law_of
+from ensemble_ctrl.config.ode_section import OdeProblemFile
 from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemFile
+from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Law, Samples
-from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.problem import Objective, OdeProblem, Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.systems import SYSTEMS, ArcSystem, Bicycle
 
@@ -27,11 +31,19 @@ def build(file: ProblemFile, name: str) -> Problem:
     ProblemError
         If parts of it don't fit together.
     """
+    if isinstance(file, OdeProblemFile):
+        robots = file.fleet.fleet()
+        return OdeProblem(fleet=robots, **_rest(file, name, robots.system.controls))
+    fleet = _fleet(file.fleet)
+    return Problem(fleet=fleet, **_rest(file, name, fleet.system.controls))
+
+
+def _rest(file: ProblemFile, name: str, controls: tuple[str, ...]) -> dict[str, Any]:
+    """Everything but the fleet, which has these commands."""
     horizon = file.horizon
     duration, least = horizon.bounds
-    return Problem(
+    return dict(
         name=file.name or name,
-        fleet=_fleet(file.fleet),
         duration=duration,
         steps=horizon.steps or max(1, round(duration / STEP)),
         task=file.task,
@@ -40,7 +52,7 @@ def build(file: ProblemFile, name: str) -> Problem:
             name: tuple(piece for shape in shapes for piece in shape.pieces) for name, shapes in file.obstacles.items()
         },
         motions={name: section.motion(duration) for name, section in file.motions.items()},
-        objective=_objective(file.objective, SYSTEMS[file.fleet.model].controls),
+        objective=_objective(file.objective, controls),
         order=file.moments.order,
         solve=SolveOptions(**file.solve.model_dump()),
         verify=VerifyOptions(**file.verify.model_dump()),
@@ -99,6 +111,11 @@ def _objective(section: ObjectiveSection, controls: tuple[str, ...]) -> Objectiv
     terminal = section.terminal
     weights = {name: getattr(section, name) for name in ("robustness", "effort", "smoothness", "earliest")}
     if isinstance(section.effort, dict):
+        for name in sorted(set(section.effort) - set(controls)):
+            message = f"expected weights of {' and '.join(controls)}, got {name!r}"
+            wrong = ProblemError(f"objective.effort: {message}")
+            wrong.findings = (Finding(("objective", "effort", name), message, on_key=True),)
+            raise wrong
         weights["effort"] = np.array([section.effort.get(name, 0.0) for name in controls])
     if section.cvar is not None:
         weights["cvar"] = Risk(section.cvar.of, section.cvar.level, section.cvar.weight)

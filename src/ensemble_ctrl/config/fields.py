@@ -9,15 +9,14 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, WithJsonSchema
 
 from ensemble_ctrl.checks import ALL_OBSTACLES
-from ensemble_ctrl.config.units import quantity
+from ensemble_ctrl.config.units import pattern, quantity
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.constraints.stl.leaves import RESERVED
 from ensemble_ctrl.problem import MAX_ORDER
-from ensemble_ctrl.systems import SYSTEMS
+from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS
 from ensemble_ctrl.systems.bicycle import STEEPEST
 
-NUMERIC = WithJsonSchema({"type": ["number", "string"]})
 _NAME = re.compile(r"[^\W\d][\w.-]*")
 _FOLDER = re.compile(r"(?!\.{1,2}$)[^/\\:*?\"<>|\x00-\x1f\x7f]{1,100}")
 
@@ -26,6 +25,21 @@ class Model(BaseModel):
     """A section: no unknown fields, immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+def numeric(kind: str, **limits: float) -> WithJsonSchema:
+    """The JSON Schema of a number that may carry a unit of `kind`; `limits` are for numbers without one."""
+    return WithJsonSchema({"anyOf": [{"type": "number", **limits}, {"type": "string", "pattern": pattern(kind)}]})
+
+
+def either(number: WithJsonSchema, section: dict[str, Any]) -> WithJsonSchema:
+    """The JSON Schema of a number or of a section."""
+    return WithJsonSchema({"anyOf": [number.json_schema, {"type": "object", **section}]})
+
+
+def integer(least: int, most: int, word: str) -> WithJsonSchema:
+    """The JSON Schema of a whole number in a range, or a word."""
+    return WithJsonSchema({"anyOf": [{"type": "integer", "minimum": least, "maximum": most}, {"const": word}]})
 
 
 def whole(least: int, most: int, also: str = "") -> Callable[[Any], int]:
@@ -110,8 +124,9 @@ def free_duration(value: Any) -> float | tuple[float, float]:
 
 def model_name(value: str) -> str:
     """The name of a system."""
+    known = (*SYSTEMS, *ODE_SYSTEMS)
     if value not in SYSTEMS:
-        raise Wrong(f"{show(value)} is not one of {', '.join(SYSTEMS)}", suggestion(value, SYSTEMS))
+        raise Wrong(f"{show(value)} is not one of {', '.join(known)}", suggestion(value, known))
     return value
 
 
@@ -169,58 +184,48 @@ def steering(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
-Number = Annotated[float, BeforeValidator(quantity("number")), NUMERIC]
-Positive = Annotated[float, BeforeValidator(quantity("number", above=0)), NUMERIC]
-Weight = Annotated[float, BeforeValidator(quantity("number", 0)), NUMERIC]
-Length = Annotated[float, BeforeValidator(quantity("length")), NUMERIC]
-Margin = Annotated[float, BeforeValidator(quantity("length", 0)), NUMERIC]
-Duration = Annotated[float, BeforeValidator(quantity("time", above=0)), NUMERIC]
-Effort = Annotated[
-    float | dict[str, float],
-    BeforeValidator(effort),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": ["number", "string"]},
-                {"type": "object", "additionalProperties": {"type": ["number", "string"]}},
-            ]
-        }
-    ),
-]
+Number = Annotated[float, BeforeValidator(quantity("number")), numeric("number")]
+Positive = Annotated[float, BeforeValidator(quantity("number", above=0)), numeric("number", exclusiveMinimum=0)]
+Weight = Annotated[float, BeforeValidator(quantity("number", 0)), numeric("number", minimum=0)]
+Length = Annotated[float, BeforeValidator(quantity("length")), numeric("length")]
+Margin = Annotated[float, BeforeValidator(quantity("length", 0)), numeric("length", minimum=0)]
+Duration = Annotated[float, BeforeValidator(quantity("time", above=0)), numeric("time", exclusiveMinimum=0)]
 FreeDuration = Annotated[
     float | tuple[float, float],
     BeforeValidator(free_duration),
-    WithJsonSchema(
+    either(
+        numeric("time", exclusiveMinimum=0),
         {
-            "anyOf": [
-                {"type": ["number", "string"]},
-                {
-                    "type": "object",
-                    "properties": {name: {"type": ["number", "string"]} for name in ("at_most", "at_least")},
-                    "required": ["at_most"],
-                    "additionalProperties": False,
-                },
-            ]
-        }
+            "properties": {
+                "at_most": numeric("time", exclusiveMinimum=0).json_schema,
+                "at_least": numeric("time", minimum=0).json_schema,
+            },
+            "required": ["at_most"],
+            "additionalProperties": False,
+        },
     ),
 ]
-Angle = Annotated[float, BeforeValidator(quantity("angle")), NUMERIC]
-Speed = Annotated[float, BeforeValidator(quantity("speed")), NUMERIC]
-TurnRate = Annotated[float, BeforeValidator(quantity("turn rate")), NUMERIC]
+Effort = Annotated[
+    float | dict[str, float],
+    BeforeValidator(effort),
+    either(numeric("number", minimum=0), {"additionalProperties": numeric("number", minimum=0).json_schema}),
+]
+Angle = Annotated[float, BeforeValidator(quantity("angle")), numeric("angle")]
+Speed = Annotated[float, BeforeValidator(quantity("speed")), numeric("speed")]
+TurnRate = Annotated[float, BeforeValidator(quantity("turn rate")), numeric("turn rate")]
 LOW_HIGH = (BeforeValidator(pair("[low, high]")), AfterValidator(ordered))
 Point = Annotated[tuple[Length, Length], BeforeValidator(pair("[x, y]"))]
 Name = Annotated[str, AfterValidator(place_name)]
 Range = Annotated[tuple[Number, Number], *LOW_HIGH, AfterValidator(positive_range)]
+AnyRange = Annotated[tuple[Number, Number], *LOW_HIGH]
 Offsets = Annotated[tuple[Length, Length], *LOW_HIGH]
 AngleRange = Annotated[tuple[Angle, Angle], *LOW_HIGH]
 SteeringBounds = Annotated[tuple[Angle, Angle], *LOW_HIGH, AfterValidator(steering)]
-Wheelbase = Annotated[float, BeforeValidator(quantity("length", above=0)), NUMERIC]
+Wheelbase = Annotated[float, BeforeValidator(quantity("length", above=0)), numeric("length", exclusiveMinimum=0)]
 SpeedBounds = Annotated[tuple[Speed, Speed], *LOW_HIGH]
 TurnRateBounds = Annotated[tuple[TurnRate, TurnRate], *LOW_HIGH]
 ModelName = Annotated[str, AfterValidator(model_name), WithJsonSchema({"enum": list(SYSTEMS)})]
-Order = Annotated[int | None, BeforeValidator(order_or_auto), WithJsonSchema({"type": ["integer", "string"]})]
-Routes = Annotated[
-    int | Literal["all"], BeforeValidator(routes_or_all), WithJsonSchema({"type": ["integer", "string"]})
-]
+Order = Annotated[int | None, BeforeValidator(order_or_auto), integer(1, MAX_ORDER, "auto")]
+Routes = Annotated[int | Literal["all"], BeforeValidator(routes_or_all), integer(1, 1000, "all")]
 Task = Annotated[Formula, BeforeValidator(formula), WithJsonSchema({"type": "string"})]
 FolderName = Annotated[str, AfterValidator(folder_name)]

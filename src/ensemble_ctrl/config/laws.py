@@ -27,23 +27,35 @@ SHAPES: dict[str, dict[str, str]] = {
 }
 """Numbers that a law takes, with examples."""
 
-Positive = Annotated[float, BeforeValidator(quantity("number", above=0.0)), f.NUMERIC]
-NUMBERS = WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "number"}}]})
-Measured = Annotated[Values | str, BeforeValidator(samples), NUMBERS]
-Lengths = Annotated[Values | str, BeforeValidator(lambda value: samples(value, quantity("length"))), NUMBERS]
-Angles = Annotated[Values | str, BeforeValidator(lambda value: samples(value, quantity("angle"))), NUMBERS]
+
+def _values(kind: str) -> WithJsonSchema:
+    """The JSON Schema of measured values: a file's name, or a list of numbers that may carry a unit of `kind`."""
+    items = f.numeric(kind).json_schema
+    return WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": items, "minItems": 1}]})
+
+
+Measured = Annotated[Values | str, BeforeValidator(samples), _values("number")]
+Lengths = Annotated[Values | str, BeforeValidator(lambda value: samples(value, quantity("length"))), _values("length")]
+Angles = Annotated[Values | str, BeforeValidator(lambda value: samples(value, quantity("angle"))), _values("angle")]
 
 
 class PartSection(f.Model):
     """How a parameter is spread: a law over a range, or measured values."""
 
     range: f.Range = (0.9, 1.1)
+    """Low and high end, `[low, high]`."""
     law: Literal["uniform", "beta", "normal"] = "uniform"
+    """How it is spread over the range."""
     a: f.Number | None = None
+    """Shape of a Beta law at the low end."""
     b: f.Number | None = None
+    """Shape of a Beta law at the high end."""
     mean: f.Number | None = None
+    """Mean of a normal law, before it is cut off at the range's ends."""
     deviation: f.Number | None = None
+    """Standard deviation of a normal law, before it is cut off."""
     samples: Measured | None = None
+    """Measured values, or the name of a CSV file of them, in place of a range."""
     _columns: Columns = PrivateAttr(default_factory=dict)
     _above: ClassVar[float] = 0.0
 
@@ -83,13 +95,15 @@ class PartSection(f.Model):
 class MixturePart(PartSection):
     """One law of a mixture."""
 
-    weight: Positive = 1.0
+    weight: f.Positive = 1.0
+    """Share of this law, relative to the others."""
 
 
 class LawSection(PartSection):
     """How a parameter is spread over the fleet: a law over a range, a mixture of laws, or measured values."""
 
     mixture: list[MixturePart] | None = None
+    """A list of laws, each with a `weight`, in place of a range."""
 
     @model_validator(mode="after")
     def _check_mixture(self) -> Self:
@@ -102,6 +116,7 @@ class OffsetPart(PartSection):
     """How an offset of the start position is spread."""
 
     range: f.Offsets = (0.0, 0.0)
+    """Low and high end of the offset, `[low, high]`."""
     mean: f.Length | None = None
     deviation: f.Length | None = None
     samples: Lengths | None = None
@@ -111,13 +126,15 @@ class OffsetPart(PartSection):
 class OffsetMixturePart(OffsetPart):
     """One law of a mixture."""
 
-    weight: Positive = 1.0
+    weight: f.Positive = 1.0
+    """Share of this law, relative to the others."""
 
 
 class OffsetSection(OffsetPart):
     """How an offset of the start position is spread over the fleet."""
 
     mixture: list[OffsetMixturePart] | None = None
+    """A list of laws, each with a `weight`, in place of a range."""
 
     @model_validator(mode="after")
     def _check_mixture(self) -> Self:
@@ -131,6 +148,7 @@ class TurnPart(PartSection):
     """How an offset of the start heading is spread."""
 
     range: f.AngleRange = (0.0, 0.0)
+    """Low and high end of the offset, `[low, high]`."""
     mean: f.Angle | None = None
     deviation: f.Angle | None = None
     samples: Angles | None = None
@@ -140,13 +158,15 @@ class TurnPart(PartSection):
 class TurnMixturePart(TurnPart):
     """One law of a mixture."""
 
-    weight: Positive = 1.0
+    weight: f.Positive = 1.0
+    """Share of this law, relative to the others."""
 
 
 class TurnSection(TurnPart):
     """How an offset of the start heading is spread over the fleet."""
 
     mixture: list[TurnMixturePart] | None = None
+    """A list of laws, each with a `weight`, in place of a range."""
 
     @model_validator(mode="after")
     def _check_mixture(self) -> Self:
@@ -156,8 +176,37 @@ class TurnSection(TurnPart):
         return self
 
 
-AnySection = LawSection | OffsetSection | TurnSection
-AnyPart = MixturePart | OffsetMixturePart | TurnMixturePart
+class PlainPart(PartSection):
+    """How a parameter of any sign, in its own unit, is spread."""
+
+    range: f.AnyRange = (0.0, 0.0)
+    """Smallest and largest value, in the parameter's own unit."""
+    _above: ClassVar[float] = -inf
+
+
+class PlainMixturePart(PlainPart):
+    """One law of a mixture."""
+
+    weight: f.Positive = 1.0
+    """Share of the fleet, relative to the other parts."""
+
+
+class PlainSection(PlainPart):
+    """How a parameter of a system that is no robot on arcs is spread over the fleet."""
+
+    mixture: list[PlainMixturePart] | None = None
+    """A list of laws, each with a `weight`, in place of a range."""
+
+    @model_validator(mode="after")
+    def _check_mixture(self) -> Self:
+        """A mixture has parts, and nothing beside it; a law has a range."""
+        _check_range(self)
+        _check_mixture(self)
+        return self
+
+
+AnySection = LawSection | OffsetSection | TurnSection | PlainSection
+AnyPart = MixturePart | OffsetMixturePart | TurnMixturePart | PlainMixturePart
 
 
 def _check_mixture(section: AnySection) -> None:

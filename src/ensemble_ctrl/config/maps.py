@@ -1,57 +1,206 @@
-"""Polygons from well-known text and GeoJSON; shapely is imported at the first use."""
+"""Maps from other tools as named areas: GeoJSON, well-known text and occupancy grids; shapely is loaded when needed."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.config.geojson import Shape, shapes_of
+from ensemble_ctrl.config.occupancy import read_occupancy
 from ensemble_ctrl.config.source import MAX_MAP_BYTES, read_bytes, text_of
 from ensemble_ctrl.config.tree import TextError
 from ensemble_ctrl.config.wrong import Wrong, show
+from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
+from ensemble_ctrl.constraints.cells import DECIMALS
+from ensemble_ctrl.errors import ProblemError
 
-Corners = NDArray[np.float64]
+Floats = NDArray[np.float64]
+
+MAX_PIECES = 1_000
+MAX_CORNERS = 10_000
+"""Convex pieces and corners that one map may have, before and after they are cut: a problem file has to hold them."""
+MAX_NESTING = 20
+LARGEST = 1e7
+"""Metres: an Earth's quarter."""
+CELLS = 2.0
+"""Cells by which an occupancy grid may grow unless a tolerance is given."""
+_EXAMPLE = "for example 'POLYGON ((0 0, 2 0, 1 1, 0 0))'"
+_SIMPLER = "give a tolerance (in metres), or cut out what you need"
 
 
-def polygons_from_wkt(text: str) -> list[Corners]:
-    """Corners of the polygons of a POLYGON, a MULTIPOLYGON or a collection of them, in metres."""
+@dataclass(frozen=True, eq=False)
+class Area:
+    """A named area of a map.
+
+    Attributes
+    ----------
+    name : str
+        Empty where the map gives none.
+    corners : tuple of ndarray, shape (corners, 2)
+        Of its convex pieces, counter-clockwise, metres.
+    region : bool
+        Whether it is meant as a region, not as an obstacle.
+    """
+
+    name: str
+    corners: tuple[Floats, ...]
+    region: bool = False
+
+    @property
+    def pieces(self) -> tuple[Obstacle, ...]:
+        """Its convex pieces."""
+        return tuple(Obstacle.box(box_of(c)) if is_box(c) else Obstacle.polygon(c) for c in self.corners)
+
+
+def is_box(corners: Floats) -> bool:
+    """Whether a convex polygon is a rectangle along the axes."""
+    ends = np.array([corners.min(axis=0), corners.max(axis=0)])
+    return len(corners) == 4 and bool((corners[:, None] == ends).any(axis=1).all())
+
+
+def box_of(corners: Floats) -> Floats:
+    """The smallest box along the axes round some points, ``[[x low, x high], [y low, y high]]``."""
+    return np.column_stack([corners.min(axis=0), corners.max(axis=0)])
+
+
+def areas_from_wkt(text: str, tolerance: float = 0.0) -> list[Area]:
+    """The polygons of a POLYGON, a MULTIPOLYGON or a collection of them, in metres, as one area.
+
+    Raises
+    ------
+    TextError
+        If it is not WKT, or holds something else.
+    """
     import shapely
 
+    if _nesting(text) > MAX_NESTING:
+        raise TextError(f"expected WKT nested at most {MAX_NESTING} deep, got more")
     try:
-        geometry = shapely.from_wkt(text)
+        with np.errstate(invalid="ignore"):  # NaN is told of below
+            geometry = shapely.from_wkt(text)
     except shapely.errors.GEOSException:
-        raise Wrong(f"expected WKT, got {show(text)}", "for example 'POLYGON ((0 0, 2 0, 1 1, 0 0))'") from None
-    return _polygons(geometry)
+        raise TextError(f"expected WKT, got {show(text)}", hint=_EXAMPLE) from None
+    return _areas(list(_shapes(geometry)), tolerance)
 
 
-def polygons_from_file(path: Path) -> list[Corners]:
-    """Corners of the polygons in a GeoJSON or WKT file, in metres."""
-    import shapely
+def areas_from_file(path: Path, tolerance: float | None = None) -> list[Area]:
+    """The areas of a map: features of a GeoJSON file by their names, a WKT file as one, an occupancy grid as one.
 
+    Parameters
+    ----------
+    path : Path
+        GeoJSON, WKT, or the ``.yaml`` that goes with an image of an occupancy grid.
+    tolerance : float, optional
+        Metres by which areas may grow, so that they need fewer pieces: 0, or `CELLS` of a grid's cells, if not given.
+
+    Raises
+    ------
+    TextError
+        If it can't be read, with the place where that is known; if it holds something else than polygons; if it is too
+        large.
+
+    Notes
+    -----
+    *Guarantee*: the pieces cover the areas, to a nanometre, and nothing further than the tolerance from them.
+    """
+    if path.suffix.lower() in (".pgm", ".png"):
+        raise TextError(
+            "expected a map, got an image alone", hint="name the .yaml that tells its resolution and origin"
+        )
+    text = text_of(read_bytes(path, MAX_MAP_BYTES), MAX_MAP_BYTES)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return [_grid(path, text, tolerance)]
+    if text.lstrip().startswith(("{", "[")):
+        return _areas(shapes_of(text), tolerance or 0.0)
+    return areas_from_wkt(text.strip(), tolerance or 0.0)
+
+
+def _grid(path: Path, text: str, tolerance: float | None) -> Area:
+    """The occupied cells of a grid."""
+    cells = read_occupancy(path, text)
     try:
-        text = text_of(read_bytes(path, MAX_MAP_BYTES), MAX_MAP_BYTES)
-    except TextError as error:
-        raise Wrong(f"{path}: {error.message}", error.hint) from None
-    if not text.lstrip().startswith("{"):
-        return polygons_from_wkt(text.strip())
+        corners = cells.pieces(CELLS * cells.size if tolerance is None else tolerance)
+    except ProblemError as error:
+        raise TextError(str(error).partition(": ")[2], hint="give a larger tolerance (in metres)") from None
+    return Area("walls", _no_more_than_fit(corners))
+
+
+def _areas(shapes: list[Shape], tolerance: float) -> list[Area]:
+    """Polygons by the names of their features."""
+    if not shapes:
+        raise TextError("expected at least one polygon, got none")
+    if len(shapes) > MAX_PIECES:
+        raise TextError(f"expected at most {MAX_PIECES} polygons, got {len(shapes)}", hint="cut out what you need")
+    count = sum(len(ring) for shape in shapes for ring in shape.rings)
+    if count > MAX_CORNERS:
+        raise TextError(f"expected at most {MAX_CORNERS} corners, got {count}", hint="simplify the polygons first")
+    for shape in shapes:
+        _check_size(shape)
+    named: dict[tuple[str, bool], list[Floats]] = {}
+    for shape in shapes:
+        named.setdefault((shape.name, shape.region), []).extend(_cut(shape, 0.0 if shape.region else tolerance))
+    _no_more_than_fit([piece for pieces in named.values() for piece in pieces])
+    return [Area(name, tuple(pieces), region) for (name, region), pieces in named.items()]
+
+
+def _check_size(shape: Shape) -> None:
+    """Refuse coordinates that no robot will ever see."""
+    for x, y in (corner for ring in shape.rings for corner in ring):
+        if not max(abs(x), abs(y)) <= LARGEST:
+            where = f"{shape.where}: " if shape.where else ""
+            raise TextError(f"{where}expected coordinates of at most {LARGEST:g} m, got [{x:g}, {y:g}]")
+
+
+def _cut(shape: Shape, tolerance: float) -> list[Floats]:
+    """The convex pieces of one polygon."""
+    outline, *holes = shape.rings
     try:
-        return _polygons(shapely.from_geojson(text))
-    except shapely.errors.GEOSException as error:
-        raise Wrong(f"{path}: expected GeoJSON or WKT, got an error from its reader: {error}") from None
+        if tolerance == 0:
+            return convex_pieces(outline, holes)
+        return [np.round(piece, DECIMALS) + 0.0 for piece in convex_cover(outline, holes, tolerance)]
+    except ProblemError as error:
+        where = f"{shape.where}: " if shape.where else ""
+        name = f"{shape.name!r}: " if shape.name else ""
+        raise TextError(f"{where}{name}{str(error).partition(': ')[2]}") from None
 
 
-def _polygons(geometry: Any) -> list[Corners]:
-    """Corners of every polygon, without the repeated last one."""
-    parts = [part for outer in getattr(geometry, "geoms", [geometry]) for part in getattr(outer, "geoms", [outer])]
-    found = []
-    for part in parts:
-        if part.geom_type != "Polygon" or part.is_empty:
-            raise Wrong(f"expected polygons, got {'an empty one' if part.is_empty else part.geom_type}")
-        if part.interiors:
-            raise Wrong("expected polygons without holes, got one with a hole", "split it along the hole")
-        found.append(np.asarray(part.exterior.coords)[:-1, :2])
-    if not found:
-        raise Wrong("expected at least one polygon, got none")
-    return found
+def _no_more_than_fit(pieces: Sequence[Floats]) -> tuple[Floats, ...]:
+    """The pieces, if a problem file can hold them."""
+    count = sum(map(len, pieces))
+    if len(pieces) > MAX_PIECES or count > MAX_CORNERS:
+        wanted = f"at most {MAX_PIECES} convex pieces with {MAX_CORNERS} corners"
+        raise TextError(f"expected {wanted}, got {len(pieces)} with {count}", hint=_SIMPLER)
+    return tuple(pieces)
+
+
+def _shapes(geometry: Any) -> Iterable[Shape]:
+    """The polygons of a shapely geometry."""
+    if hasattr(geometry, "geoms"):
+        for part in geometry.geoms:
+            yield from _shapes(part)
+        return
+    if geometry.geom_type != "Polygon" or geometry.is_empty:
+        raise TextError(f"expected polygons, got {'an empty one' if geometry.is_empty else geometry.geom_type}")
+    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (geometry.exterior, *geometry.interiors)]
+    yield Shape("", [[(float(x), float(y)) for x, y in ring] for ring in rings], "")
+
+
+def _nesting(text: str) -> int:
+    """How deep the brackets of a text are nested at most."""
+    depth = deepest = 0
+    for bracket in re.findall(r"[()]", text):
+        depth += 1 if bracket == "(" else -1
+        deepest = max(deepest, depth)
+    return deepest
+
+
+def wrong(path: Path, error: TextError) -> Wrong:
+    """What is wrong with a map, told where a problem file names it."""
+    place = f":{error.place.line}:{error.place.column}" if error.place else ""
+    return Wrong(f"{path}{place}: {error.message}", error.hint)

@@ -40,7 +40,9 @@ class MotionSection(f.Model):
     """How an obstacle moves from where it is drawn: with a velocity, or along a path in time."""
 
     velocity: Velocity | None = None
+    """Constant velocity `[vx, vy]`, in m/s."""
     path: Annotated[list[Entry] | None, BeforeValidator(_path), WithJsonSchema({"type": "array"})] = None
+    """Displacement over time, `[[time, [x, y]], ...]`, linear in between."""
 
     @model_validator(mode="after")
     def _one(self) -> Self:

@@ -26,11 +26,17 @@ class Parameters(Model):
     """The parameters that differ between members; those left out are the same for all."""
 
     traction: LawSection | None = None
+    """Factor on speed and turn rate at once; above 0."""
     linear_traction: LawSection | None = None
+    """Factor on the speed alone; above 0."""
     angular_traction: LawSection | None = None
+    """Factor on the turn rate alone; above 0."""
     start_x: OffsetSection | None = None
+    """Offset of the start from `start.position`, in metres."""
     start_y: OffsetSection | None = None
+    """Offset of the start from `start.position`, in metres."""
     start_heading: TurnSection | None = None
+    """Offset of the heading from `start.heading`, counter-clockwise, in radians."""
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
@@ -45,37 +51,54 @@ class Start(Model):
     """Where all members start; the heading counts counter-clockwise from +x, or clockwise from +y."""
 
     position: f.Point
+    """Start of all members, `[x, y]`, but for the offsets `start_x` and `start_y`."""
     heading: f.Angle
+    """Start heading of all members, but for the offset `start_heading`."""
     heading_from: Literal["x", "y"] = "x"
+    """`x`: from +x, counter-clockwise. `y`: from +y, clockwise (the paper's)."""
 
 
 class InputBounds(Model):
     """Bounds of the commands: v and omega for a unicycle, v and delta for a bicycle."""
 
     v: f.SpeedBounds | None = None
+    """Bounds of the commanded speed, `[low, high]`."""
     omega: f.TurnRateBounds | None = None
+    """Unicycle: bounds of the commanded turn rate, `[low, high]`."""
     delta: f.SteeringBounds | None = None
+    """Bicycle: bounds of the steering angle, `[low, high]`, within ±1.5 rad."""
 
 
 class RateBounds(Model):
     """Largest change of each command per second."""
 
     v: f.Positive | None = None
+    """Largest change of the speed per second, m/s²."""
     omega: f.Positive | None = None
+    """Unicycle: largest change of the turn rate per second, rad/s²."""
     delta: f.Positive | None = None
+    """Bicycle: largest change of the steering angle per second, rad/s."""
 
 
 class FleetSection(Model):
     """Who moves."""
 
     model: f.ModelName
+    """The dynamics all members share; `ensemble-plan models` lists them."""
     wheelbase: f.Wheelbase | None = None
+    """Bicycle only: distance between the axles; 0.3 m if not given."""
     parameters: Parameters = Parameters(traction=LawSection())
+    """What differs between members; without the section, `traction` from 0.9 to 1.1."""
     cloud: Cloud | None = None
+    """Measured robots whose parameters belong together: a CSV file with a column for each, or columns."""
     start: Start
+    """Where all members start."""
     input_bounds: InputBounds = InputBounds()
+    """Bounds of the commands."""
     rate_bounds: RateBounds | None = None
+    """Largest change of each command per second, from each step to the next."""
     radius: f.Margin = 0.0
+    """Radius of a robot; what `avoid(...)` names grows by it."""
     _robots: Columns = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
@@ -112,7 +135,9 @@ class Horizon(Model):
     """How long, in how many steps (one each 0.1 s by default)."""
 
     duration: f.FreeDuration
+    """Length of the plan, `T` in the task; or `{at_most: ..., at_least: ...}`, and the plan is as short as can be."""
     steps: Annotated[int, BeforeValidator(whole(1, MAX_STEPS))] | None = None
+    """Control steps of equal length; by default one each 0.1 s."""
 
     @property
     def bounds(self) -> tuple[float, float | None]:
@@ -124,60 +149,87 @@ class Moments(Model):
     """How the fleet is represented."""
 
     basis: Literal["legendre"] = "legendre"
+    """Polynomials of the moments."""
     order: f.Order = None
+    """Truncation order N: moments 0 to N. `auto` takes the lowest one that errs by less than 0.1 mm."""
 
 
 class Terminal(Model):
     """Where the fleet should end."""
 
     target: TerminalTarget
+    """Where the fleet should end: `[x, y]`, or a formation, moments, or mean and covariance."""
     weight: f.Weight = Objective.terminal
+    """Price of the squared terminal moment error, per m²."""
 
 
 class CvarSection(Model):
     """A price on the worst part of the fleet."""
 
     of: Literal["terminal", "clearance"]
+    """What the price is on: the distance from the target at the end, or the clearance on the way."""
     level: Annotated[float, BeforeValidator(f.level)] = Risk.level
+    """Share of the fleet that is left out of the mean, 0 to below 1."""
     weight: f.Weight = Risk.weight
+    """Price of a metre."""
 
 
 class ObjectiveSection(Model):
     """What the plan trades off."""
 
     robustness: f.Weight = Objective.robustness
+    """Reward for each metre of the task's robustness."""
     terminal: Terminal | None = None
+    """Where the fleet should end; without it no terminal term."""
     effort: f.Effort = 0.1
+    """Price of the integral of the squared commands; or one for each, `{v: 0.1, omega: 0.02}`."""
     smoothness: f.Weight = Objective.smoothness
+    """Price of the integral of the squared rates of the commands."""
     cvar: CvarSection | None = None
+    """A price on the worst part of the fleet."""
     earliest: f.Name | None = None
+    """A region that every member is to pass as soon as can be, before all else."""
 
 
 class Solve(Model):
     """How to solve."""
 
     method: Method = SolveOptions.method
+    """`nlp`: nonlinear program, IPOPT. `minlp`: facets of the obstacles chosen anew with Bonmin."""
     guarantee: Guarantee = SolveOptions.guarantee
+    """For whom the program's constraints hold: every member (`hull`), the Gauss nodes, or the moments."""
     time_limit: f.Duration = SolveOptions.time_limit
+    """The best plan so far is returned after this time."""
     seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = SolveOptions.seed
+    """Seed of the replayed members."""
     margin: f.Margin = SolveOptions.margin
+    """What the program keeps to spare, from obstacles and in the robustness."""
     routes: f.Routes = SolveOptions.routes
+    """Routes tried on a coarse grid before the best is refined. `all`: every way round the obstacles without loops."""
     max_iterations: Annotated[int, BeforeValidator(whole(1, 1_000_000))] = SolveOptions.max_iterations
+    """Iterations of one solve."""
     cells: Annotated[int, BeforeValidator(whole(1, 64))] = SolveOptions.cells
+    """Parts of the first parameter's range with separating lines of their own; for wide fleets."""
 
 
 class Verify(Model):
     """How to check a plan."""
 
     members: Annotated[int, BeforeValidator(whole(1, MAX_MEMBERS))] = VerifyOptions.members
+    """Members replayed."""
     substeps: Annotated[int, BeforeValidator(whole(1, 1000))] = VerifyOptions.substeps
+    """Looks at the obstacles in each step of the replay."""
     certificate: Annotated[bool, BeforeValidator(f.flag)] = VerifyOptions.certificate
+    """Prove the plan for all parameters and times, and tighten until that succeeds."""
 
 
 class ReportSection(Model):
-    """What figures show."""
+    """What figures and summary show."""
 
     twin: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.twin
+    """Plan the same problem without obstacles and bounding regions too, and draw it dashed."""
+    suggest: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.suggest
+    """Where no plan is found, look up to 30 s for a change of the problem that would help."""
 
 
 def _listed(value: Any) -> Any:
@@ -192,24 +244,28 @@ class ProblemFile(Model):
     """A problem: only the model, the start, the duration and the task are required."""
 
     version: Annotated[int, BeforeValidator(f.format_version)] = 1
+    """Version of the file's format."""
     name: f.FolderName | None = None
+    """Names the results folder; by default the file's name."""
     fleet: FleetSection
+    """Who moves: the model, what differs between its members, where they start."""
     horizon: Horizon
+    """How long, in how many steps."""
     moments: Moments = Moments()
+    """How the fleet is represented."""
     regions: dict[f.Name, RegionShape] = Field(default_factory=dict)
+    """Named convex areas that the task speaks of."""
     obstacles: dict[f.Name, Shapes] = Field(default_factory=dict)
+    """Named areas that the task can say `avoid(...)` of, each one shape or a list of shapes."""
     motions: dict[f.Name, MotionSection] = Field(default_factory=dict)
+    """How obstacles move from where they are drawn; those not named here stand still."""
     task: f.Task
+    """What every member has to do, a formula such as `F[14, 16] in(goal) and G avoid(obstacles)`."""
     objective: ObjectiveSection = ObjectiveSection()
+    """What the plan trades off."""
     solve: Solve = Solve()
+    """How to solve."""
     verify: Verify = Verify()
+    """How to check a plan."""
     report: ReportSection = ReportSection()
-
-    @model_validator(mode="after")
-    def _weights_of_its_model(self) -> Self:
-        """Weights of the commands that the model has."""
-        controls, effort = SYSTEMS[self.fleet.model].controls, self.objective.effort
-        for name in sorted((set(effort) if isinstance(effort, dict) else set()) - set(controls)):
-            message = f"expected weights of {' and '.join(controls)}, got {name!r}"
-            raise Wrong(message, path=("objective", "effort", name))
-        return self
+    """What figures and summary show."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    Field,
     PrivateAttr,
     ValidationInfo,
     WithJsonSchema,
@@ -19,9 +20,11 @@ from pydantic import (
 
 from ensemble_ctrl.checks import STATES
 from ensemble_ctrl.config import fields as f
-from ensemble_ctrl.config.maps import polygons_from_file, polygons_from_wkt
-from ensemble_ctrl.config.wrong import Wrong, show
-from ensemble_ctrl.constraints import Obstacle, Polyhedron, convex_pieces
+from ensemble_ctrl.config.maps import Area, areas_from_file, areas_from_wkt, wrong
+from ensemble_ctrl.config.source import checked_path
+from ensemble_ctrl.config.tree import TextError
+from ensemble_ctrl.config.wrong import Wrong, show, suggestion
+from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid, convex_pieces
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.errors import EnsembleError
 
@@ -29,6 +32,7 @@ Pieces = tuple[Obstacle, ...]
 Floats = NDArray[np.float64]
 Built = TypeVar("Built")
 _EXAMPLE = "for example 'x + 2*y <= 3'"
+_FEATURE = ("feature",)
 
 
 def _side(bounds: tuple[float, float]) -> tuple[float, float]:
@@ -38,15 +42,30 @@ def _side(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
-def _halfplane(value: Any) -> Predicate:
-    """A linear inequality in x and y."""
-    predicate = parse(value) if isinstance(value, str) else None
+def _places(info: ValidationInfo) -> tuple[str, ...]:
+    """Names of the position's coordinates."""
+    return tuple((info.context or {}).get("places", STATES))
+
+
+def _halfplane(value: Any, info: ValidationInfo) -> Predicate:
+    """A linear inequality in the position's coordinates, x and y in the plane."""
+    predicate, places = parse(value) if isinstance(value, str) else None, _places(info)
+    wanted = f"an inequality in {' and '.join(places)}"
     if not isinstance(predicate, Predicate):
-        raise Wrong(f"expected an inequality in x and y, got {show(value)}", _EXAMPLE)
-    unknown = [name for name, _ in predicate.coefficients if name not in STATES]
+        raise Wrong(f"expected {wanted}, got {show(value)}", _EXAMPLE)
+    unknown = [name for name, _ in predicate.coefficients if name not in places]
     if unknown:
-        raise Wrong(f"expected an inequality in x and y, got the unknown {unknown[0]!r}", _EXAMPLE)
+        raise Wrong(f"expected {wanted}, got the unknown {unknown[0]!r}", _EXAMPLE)
     return predicate
+
+
+def _sides(value: Any, info: ValidationInfo) -> Any:
+    """One [low, high] for each coordinate."""
+    places = _places(info)
+    if not isinstance(value, list | tuple) or len(value) != len(places):
+        shape = ", ".join(f"[{name} low, {name} high]" for name in places)
+        raise Wrong(f"expected [{shape}], got {show(value)}")
+    return value
 
 
 def _some(values: list[Any]) -> list[Any]:
@@ -57,26 +76,39 @@ def _some(values: list[Any]) -> list[Any]:
 
 
 Side = Annotated[tuple[f.Length, f.Length], BeforeValidator(f.pair("[low, high]")), AfterValidator(_side)]
-Box = Annotated[tuple[Side, Side], BeforeValidator(f.pair("[[x low, x high], [y low, y high]]"))]
+Box = Annotated[tuple[Side, ...], BeforeValidator(_sides), Field(json_schema_extra={"minItems": 1, "maxItems": 3})]
+ObstacleBox = Annotated[
+    tuple[Side, ...], BeforeValidator(_sides), Field(json_schema_extra={"minItems": 2, "maxItems": 3})
+]
 HalfPlane = Annotated[Predicate, BeforeValidator(_halfplane), WithJsonSchema({"type": "string"})]
 HalfPlanes = Annotated[list[HalfPlane], AfterValidator(_some)]
 
 
 class RegionShape(f.Model):
-    """A convex area, in exactly one of these forms."""
+    """A convex area, in exactly one of these forms; of a map in a file, one feature."""
 
     box: Box | None = None
+    """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
+    """Corners `[[x, y], ...]`, in either direction; convex."""
     halfspaces: HalfPlanes | None = None
+    """Inequalities `["x + 2*y <= 3", ...]`; may be unbounded."""
+    file: str | None = None
+    """A GeoJSON or WKT file, relative to the problem file."""
+    feature: str | None = None
+    """Name of the feature in the file, if it holds several."""
     _area: Polyhedron = PrivateAttr()
 
     @model_validator(mode="after")
-    def _build(self) -> Self:
+    def _build(self, info: ValidationInfo) -> Self:
         """Build the area, so that what is wrong with it is reported with everything else."""
+        _only_of_files(self, ("feature",))
+        places = _places(info)
         forms: dict[str, Callable[[Any], Polyhedron]] = {
             "box": Polyhedron.box,
-            "polygon": _convex,
-            "halfspaces": _intersection,
+            "polygon": lambda corners: _convex(_cut(corners)),
+            "halfspaces": lambda rows: _intersection(rows, places),
+            "file": lambda name: _convex(_pieces(_mapped(name, self.feature, 0.0, info))),
         }
         self._area = _built(self, forms)
         return self
@@ -88,25 +120,36 @@ class RegionShape(f.Model):
 
 
 class ObstacleShape(f.Model):
-    """An area to keep out of, in exactly one of these forms; convex or not."""
+    """An area to keep out of, in exactly one of these forms; convex or not. Of a map in a file, all or one feature."""
 
-    box: Box | None = None
+    box: ObstacleBox | None = None
+    """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
+    """Corners `[[x, y], ...]`, in either direction; any simple polygon."""
     halfspaces: HalfPlanes | None = None
+    """Inequalities `["x + 2*y <= 3", ...]`; bounded."""
     wkt: str | None = None
+    """`POLYGON ((...))` or `MULTIPOLYGON`."""
     file: str | None = None
+    """A GeoJSON or WKT file, or a ROS `map.yaml`, relative to the problem file."""
+    feature: str | None = None
+    """Name of the feature in the file; all of them without it."""
+    tolerance: f.Margin | None = None
+    """Metres by which an area may grow to be simpler; it never shrinks."""
     _pieces: Pieces = PrivateAttr()
 
     @model_validator(mode="after")
     def _build(self, info: ValidationInfo) -> Self:
         """Build the convex pieces, so that what is wrong with them is reported with everything else."""
-        folder = (info.context or {}).get("folder", Path())
+        _only_of_files(self, ("feature", "tolerance"))
+        places = _places(info)
+        kind = Solid if len(places) == 3 else Obstacle
         forms: dict[str, Callable[[Any], Pieces]] = {
-            "box": lambda box: (Obstacle.box(box),),
-            "polygon": lambda corners: _cut([corners]),
-            "halfspaces": lambda rows: (Obstacle(*_rows(rows)),),
-            "wkt": lambda text: _cut(polygons_from_wkt(text)),
-            "file": lambda name: _cut(polygons_from_file(folder / name)),
+            "box": lambda box: (kind.box(box),),
+            "polygon": _cut,
+            "halfspaces": lambda rows: (kind(*_rows(rows, places)),),
+            "wkt": lambda text: _pieces(areas_from_wkt(text)),
+            "file": lambda name: _pieces(_mapped(name, self.feature, self.tolerance, info)),
         }
         self._pieces = _built(self, forms)
         return self
@@ -125,33 +168,66 @@ def _built(shape: f.Model, forms: Mapping[str, Callable[[Any], Built]]) -> Built
     try:
         return forms[given[0]](getattr(shape, given[0]))
     except Wrong as error:
-        raise Wrong(error.message, error.hint, (given[0], *error.path), error.offset) from None
+        path = error.path if error.path == _FEATURE else (given[0], *error.path)
+        raise Wrong(error.message, error.hint, path, error.offset) from None
+    except TextError as error:
+        raise Wrong(error.message, error.hint, (given[0],)) from None
     except EnsembleError as error:
         raise Wrong(str(error).partition(": ")[2], path=(given[0],)) from None
 
 
-def _cut(polygons: Iterable[ArrayLike]) -> Pieces:
-    """Convex pieces of some polygons."""
-    return tuple(Obstacle.polygon(piece) for polygon in polygons for piece in convex_pieces(polygon))
+def _only_of_files(shape: f.Model, names: Iterable[str]) -> None:
+    """Refuse fields that say how to read a file where there is none."""
+    for name in names:
+        if getattr(shape, name) is not None and getattr(shape, "file", None) is None:
+            raise Wrong(f"expected {name} only with file", path=(name,))
 
 
-def _convex(corners: ArrayLike) -> Polyhedron:
+def _mapped(name: str, feature: str | None, tolerance: float | None, info: ValidationInfo) -> list[Area]:
+    """The areas of a map that lies with the problem file, or one of them."""
+    path = checked_path((info.context or {}).get("folder", Path()), name)
+    try:
+        areas = areas_from_file(path, tolerance)
+    except TextError as error:
+        raise wrong(path, error) from None
+    found = [area for area in areas if feature in (None, area.name)]
+    if feature is None:
+        found = [area for area in areas if not area.region]
+        if not found:
+            raise Wrong(f"expected obstacles in {path}, got only regions", "name one with feature")
+    if not found:
+        known = [area.name for area in areas if area.name]
+        hint = suggestion(feature, known) or f"it has {', '.join(known) or 'no names'}"
+        raise Wrong(f"{path} has no feature named {show(feature)}", hint, _FEATURE)
+    return found
+
+
+def _pieces(areas: Iterable[Area]) -> Pieces:
+    """The convex pieces of some areas."""
+    return tuple(piece for area in areas for piece in area.pieces)
+
+
+def _cut(corners: ArrayLike) -> Pieces:
+    """The convex pieces of a polygon."""
+    return tuple(Obstacle.polygon(piece) for piece in convex_pieces(corners))
+
+
+def _convex(pieces: Pieces) -> Polyhedron:
     """A convex polygon as a region."""
-    pieces = _cut([corners])
     if len(pieces) > 1:
         hint = f"it splits into {len(pieces)} convex ones: name each and write in(a) or in(b)"
         raise Wrong("expected a convex polygon, got one that is not", hint)
     return Polyhedron(pieces[0].A, pieces[0].b, np.full(len(pieces[0].b), np.inf))
 
 
-def _intersection(halfplanes: list[Predicate]) -> Polyhedron:
+def _intersection(halfplanes: list[Predicate], places: tuple[str, ...]) -> Polyhedron:
     """The points that satisfy every inequality."""
-    A, lower = _rows(halfplanes)
+    A, lower = _rows(halfplanes, places)
     return Polyhedron(A, lower, np.full(len(lower), np.inf))
 
 
-def _rows(halfplanes: list[Predicate]) -> tuple[Floats, Floats]:
+def _rows(halfplanes: list[Predicate], places: tuple[str, ...]) -> tuple[Floats, Floats]:
     """Inequalities as ``A x >= b``."""
     coefficients = [dict(halfplane.coefficients) for halfplane in halfplanes]
-    A = np.array([[row.get(state, 0.0) for state in STATES] for row in coefficients])
+    A = np.array([[row.get(state, 0.0) for state in places] for row in coefficients])
     return A, np.array([0.0 - halfplane.offset for halfplane in halfplanes])

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import IO
 
 from ensemble_ctrl.config.tree import Place, TextError
-from ensemble_ctrl.config.wrong import suggestion
+from ensemble_ctrl.config.wrong import Wrong, show, suggestion
 
 MAX_BYTES = 1_000_000
 MAX_MAP_BYTES = 5_000_000
@@ -71,11 +71,33 @@ def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
         raise TextError(f"can't be read: {getattr(error, 'strerror', None) or error}") from None
 
 
+def checked_path(folder: Path, name: str) -> Path:
+    """The path of a file that another one in `folder` names: in that folder or below it, links followed.
+
+    Raises
+    ------
+    Wrong
+        If it is elsewhere.
+    """
+    path = folder / name
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+        readable = path.is_file() or path.is_dir() or not path.exists()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise Wrong(f"expected the name of a file, got {show(name)} ({error})") from None
+    if not inside:
+        raise Wrong(f"expected a file in the same folder or below, got {show(name)}", "copy it there")
+    if not readable:  # a pipe would keep us waiting
+        raise Wrong(f"expected the name of a file, got {show(name)}, which is none")
+    return path
+
+
 def text_of(content: bytes, most: int = MAX_BYTES) -> str:
     """Bytes as text."""
     if len(content) > most:
         limit = most // 1_000_000
-        raise TextError(f"expected at most {limit} MB, got more", hint="put large shapes in a `file` of their own")
+        hint = "put large shapes in a `file` of their own" if most == MAX_BYTES else "cut out what you need"
+        raise TextError(f"expected at most {limit} MB, got more", hint=hint)
     if b"\0" in content[:10_000] and not content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise TextError("expected a text file, got a binary one")
     try:

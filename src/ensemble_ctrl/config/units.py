@@ -65,6 +65,22 @@ def quantity(kind: str, least: float = -math.inf, *, above: float = -math.inf) -
     return convert
 
 
+def pattern(kind: str) -> str:
+    """A regular expression, for JSON Schema, of the texts that are a number, or a number with a unit of `kind`.
+
+    Examples
+    --------
+    >>> bool(re.search(pattern("speed"), "5 km/h")), bool(re.search(pattern("speed"), "5 km"))
+    (True, False)
+    """
+    units = [unit for unit, (measured, _, _) in UNITS.items() if measured == kind]
+    above = [unit for unit, (measured, _, _) in UNITS.items() if RATES.get(measured) == kind]
+    below = [unit for unit, (measured, _, _) in UNITS.items() if measured == "time"]
+    units += [rf"({'|'.join(above)})\s*/\s*({'|'.join(below)})"] if above else []
+    unit = rf"(\s*({'|'.join(units)}))?" if units else ""
+    return rf"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?{unit}\s*$"
+
+
 def _in_si(value: Any, kind: str) -> float:
     """A number, or a text with a unit, in SI units."""
     if isinstance(value, int | float) and not isinstance(value, bool):

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ensemble_ctrl.constraints.cover import CORNERS, Shapes, adding_at_most, joined, with_fewer_corners, within
 from ensemble_ctrl.errors import ProblemError
+
+if TYPE_CHECKING:
+    from shapely import Polygon
 
 Array = NDArray[np.float64]
 
 
-def convex_pieces(vertices: ArrayLike) -> list[Array]:
+def convex_pieces(vertices: ArrayLike, holes: Iterable[ArrayLike] = ()) -> list[Array]:
     """Cut a simple polygon into convex ones that meet only along their sides.
 
     Parameters
     ----------
     vertices : array_like, shape (corners, 2)
         Metres; either direction, the first corner not repeated (a repeated one is dropped).
+    holes : iterable of array_like, shape (corners, 2)
+        Simple polygons inside of it that are cut out.
 
     Returns
     -------
@@ -29,7 +36,7 @@ def convex_pieces(vertices: ArrayLike) -> list[Array]:
     Raises
     ------
     ProblemError
-        If the polygon crosses or touches itself, or has no area.
+        If the polygon or a hole crosses or touches itself or has no area, or a hole is not inside.
 
     Examples
     --------
@@ -38,10 +45,67 @@ def convex_pieces(vertices: ArrayLike) -> list[Array]:
     2
     """
     corners = ring(vertices, "convex_pieces")
-    if is_convex(corners):
+    inner = [ring(hole, "convex_pieces") for hole in holes]
+    if not inner and is_convex(corners):
         return [corners]
-    pieces = _merged(corners, _triangles(corners))
-    return [_without_straight_corners(corners[piece]) for piece in pieces]
+    polygon = _valid(corners, inner, "convex_pieces")
+    return _rings(joined(_triangles(polygon), adding_at_most(1e-12 * polygon.area)))
+
+
+def convex_cover(vertices: ArrayLike, holes: Iterable[ArrayLike], tolerance: float) -> list[Array]:
+    """Few convex polygons that cover a simple polygon and may grow by a tolerance.
+
+    Parameters
+    ----------
+    vertices, holes
+        As for `convex_pieces`.
+    tolerance : float
+        Metres, above 0.
+
+    Returns
+    -------
+    list of ndarray, shape (corners, 2)
+        Counter-clockwise; they may overlap. Those with more than 8 corners lose some where the tolerance allows it.
+
+    Notes
+    -----
+    *Guarantee*: together they cover the polygon, to rounding, and no point of them is further than `tolerance` from it.
+
+    Examples
+    --------
+    >>> bent = [[0, 0], [2, 0], [4, 0.1], [4, 0.6], [2, 0.5], [0, 0.5]]
+    >>> len(convex_pieces(bent)), len(convex_cover(bent, [], 0.1))
+    (2, 1)
+    """
+    name = "convex_cover"
+    polygon = _valid(ring(vertices, name), [ring(hole, name) for hole in holes], name)
+    area = polygon.buffer(tolerance)
+    pieces = _rings(joined(_triangles(polygon), within(area)))
+    return [with_fewer_corners(piece, area, CORNERS) for piece in pieces]
+
+
+def _triangles(polygon: Polygon) -> Shapes:
+    """A polygon cut along diagonals."""
+    import shapely
+
+    return np.array(shapely.constrained_delaunay_triangles(polygon).geoms, dtype=object)
+
+
+def _rings(pieces: Shapes) -> list[Array]:
+    """The corners of convex polygons."""
+    import shapely
+
+    return [ring(shapely.get_coordinates(piece), "convex_pieces") for piece in pieces]
+
+
+def _valid(corners: Array, inner: list[Array], name: str) -> Polygon:
+    """A polygon with holes that are inside of it and apart."""
+    from shapely import Polygon
+
+    polygon = Polygon(corners, inner)
+    if inner:
+        _check_valid(polygon, name, "holes that are inside of the polygon and apart")
+    return polygon
 
 
 def ring(vertices: ArrayLike, name: str) -> Array:
@@ -86,72 +150,24 @@ def _without_straight_corners(corners: Array) -> Array:
         middle = (_turns(corners) == 0) & (np.einsum("ij,ij->i", before, after) > 0)
         if not middle.any():
             break
-        corners = np.delete(corners, np.flatnonzero(middle)[0], axis=0)
+        corners = corners[~middle]
     return corners
 
 
 def _check_simple(corners: Array, name: str) -> None:
     """Refuse a polygon that crosses or touches itself."""
     from shapely import Polygon
-    from shapely.validation import explain_validity
 
     polygon = Polygon(corners)
     scale = float(np.ptp(corners, axis=0).max())
     if polygon.area <= 1e-12 * scale**2:
         raise ProblemError(f"{name}: expected a polygon with an area, got area {polygon.area:g}")
+    _check_valid(polygon, name, "a polygon that does not cross itself")
+
+
+def _check_valid(polygon: Polygon, name: str, wanted: str) -> None:
+    """Refuse rings that cross or touch themselves or each other."""
+    from shapely.validation import explain_validity
+
     if not polygon.is_valid:
-        raise ProblemError(f"{name}: expected a polygon that does not cross itself, got {explain_validity(polygon)}")
-
-
-def _triangles(corners: Array) -> list[list[int]]:
-    """Ear clipping: indices of the triangles of a simple counter-clockwise polygon."""
-    left = list(range(len(corners)))
-    ears: list[list[int]] = []
-    while len(left) > 3:
-        place = _best_ear(corners, left)
-        ears.append([left[place - 1], left[place], left[(place + 1) % len(left)]])
-        del left[place]
-    return [ear for ear in [*ears, left] if signed_area(corners[ear]) > 0]
-
-
-def _best_ear(corners: Array, left: list[int]) -> int:
-    """Place of the ear with the sharpest corner; a straight corner if no ear is left."""
-    turns = _turns(corners[left])
-    for place in np.argsort(-turns, kind="stable"):
-        ear = [left[place - 1], left[place], left[(place + 1) % len(left)]]
-        if turns[place] > 0 and not _any_inside(corners, ear, left):
-            return int(place)
-    return int(np.argmin(np.abs(turns)))
-
-
-def _any_inside(corners: Array, ear: list[int], left: list[int]) -> bool:
-    """Whether another corner lies in the ear or on its border."""
-    others = corners[[i for i in left if i not in ear]]
-    start = corners[ear]
-    side = np.roll(start, -1, axis=0) - start
-    offset = others[:, None, :] - start
-    return bool((side[:, 0] * offset[..., 1] - side[:, 1] * offset[..., 0] >= 0).all(axis=1).any())
-
-
-def _merged(corners: Array, pieces: list[list[int]]) -> list[list[int]]:
-    """Remove every cut whose two pieces together are convex."""
-    merged = True
-    while merged:
-        merged = False
-        for i, j in combinations(range(len(pieces)), 2):
-            union = _union(pieces[i], pieces[j])
-            if union and (_turns(corners[union]) >= 0).all():
-                pieces = [piece for k, piece in enumerate(pieces) if k not in (i, j)] + [union]
-                merged = True
-                break
-    return pieces
-
-
-def _union(first: list[int], second: list[int]) -> list[int]:
-    """The polygon of two that share one side; empty if they share none."""
-    for k, start in enumerate(first):
-        end = first[(k + 1) % len(first)]
-        if end in second and second[(second.index(end) + 1) % len(second)] == start:
-            at = second.index(start)
-            return first[k + 1 :] + first[: k + 1] + (second[at:] + second[:at])[1:-1]
-    return []
+        raise ProblemError(f"{name}: expected {wanted}, got {explain_validity(polygon)}")

@@ -82,7 +82,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     worst = min(values, default=0.0)
     terminal = terminal_cost(problem, controls, order)
     change = np.diff(controls, axis=0) / step
-    effort = step * (float((controls**2).sum(axis=0) @ aim.efforts) + aim.smoothness * float((change**2).sum()))
+    effort = step * (float((controls**2).sum(axis=0) @ aim.efforts()) + aim.smoothness * float((change**2).sum()))
     risk = risk_cost(problem, controls)
     rates = np.full(2, np.inf) if fleet.rate_bounds is None else fleet.rate_bounds
     excess = float((np.abs(change) - rates).max(initial=-np.inf))

@@ -117,7 +117,7 @@ def transcribe(
     fewer = [grounded(problem, part) for chance in some for part in chance.others]
     curve = points(problem, controls, truncation)
     inner = (fewer, truncation.inner) if fewer else None
-    task = task_rows(parts, level, layout, step, truncation.mean, curve, problem.fleet.shift, inner)
+    task = task_rows(parts, level, layout, step, truncation.mean, curve, problem.fleet.shift, some=inner)
     rated = bool(parts or fewer)
     blocks = [_turning(problem, layout, step), _moving(problem, truncation, layout, step)]
     if isinstance(avoiding, Choice):
@@ -243,7 +243,7 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, rated: bool
     none = np.zeros((1, 0))
 
     def effort(z: ca.SX, d: ca.SX) -> ca.SX:
-        cost: ca.SX = step * ca.dot(ca.DM(aim.efforts), z**2)
+        cost: ca.SX = step * ca.dot(ca.DM(aim.efforts()), z**2)
         return cost
 
     terms = [Block("effort", effort, layout.controls, np.zeros((layout.steps, 0)), none, none)]

@@ -1,0 +1,79 @@
+"""Where the whole fleet is during each step: hulls that hold every member, for drawing and for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.clearance import CELLS
+from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells, signs_of
+from ensemble_ctrl.moments import Law
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+TIGHT = 2e-3
+"""Metres of radius below which cells are not made smaller."""
+MOST_CELLS = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """Hulls of points, each grown by a radius, for every step and cell of parameters.
+
+    Attributes
+    ----------
+    points : ndarray, shape (steps, cells, points, 2)
+        Metres.
+    radius : ndarray, shape (steps, cells)
+        Metres.
+
+    Notes
+    -----
+    *Guarantee*: every member of the exact model with its parameters in the ranges is, at every instant of a step, in
+    the hull of the points of one of the cells, grown by its radius; rounding included.
+    """
+
+    points: Floats
+    radius: Floats
+
+
+def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = None) -> Tube:
+    """The tube of the fleet, or of one with other ranges of the same parameters.
+
+    Parameters
+    ----------
+    problem : Problem
+        Whose fleet moves.
+    controls : ndarray, shape (steps, n_u)
+        Broadcast commands.
+    ranges : mapping of str to Law, optional
+        The laws of all parameters, instead of the fleet's.
+    """
+    whole = Flow.of(problem, controls, ranges)
+    flow, shift = whole.bent(), whole.shift()
+    each = CELLS.get(len(flow.lower), 2)
+    found = _enclosed(flow, each)
+    while found.radius.max() > TIGHT and (2 * each) ** len(flow.lower) <= MOST_CELLS and len(flow.lower):
+        each *= 2
+        found = _enclosed(flow, each)
+    corners = shift * signs_of(2) if shift.any() else np.zeros((1, 2))
+    points = (found.points[..., None, :] + corners).reshape(*found.points.shape[:2], -1, 2)
+    return Tube(points, found.radius + whole.rounding())
+
+
+def _enclosed(flow: Flow, each: int) -> Tube:
+    """The tube of members that start at one place, with so many cells of each parameter."""
+    centres, half = first_cells(flow.lower, flow.upper, each)
+    track, steps = Track.of(flow, centres), np.arange(flow.steps)
+    arms = signs_of(half.shape[1]) @ (half[:, None, :, None] * track.slope)
+    ends = track.position[:, :, None] + arms
+    points = np.concatenate([ends[:, :-1], ends[:, 1:]], axis=2)
+    drives = np.broadcast_to(flow.drives(centres)[:, None], (len(centres), flow.steps, 5))
+    halves = np.broadcast_to(half[:, None], (len(centres), flow.steps, half.shape[1]))
+    span = np.full((len(centres), flow.steps), flow.step)
+    radius = flow.remainder_at(halves, steps + 1) + flow.growth(steps, span, drives, halves)
+    return Tube(points.swapaxes(0, 1), radius.T)

@@ -1,0 +1,39 @@
+"""``ensemble-plan import``: a map from another tool as a problem file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ensemble_ctrl.cli.streams import complain, say
+from ensemble_ctrl.config import import_map
+from ensemble_ctrl.config.units import quantity
+from ensemble_ctrl.config.wrong import Wrong
+from ensemble_ctrl.errors import EnsembleError
+from ensemble_ctrl.folder import write_text
+
+
+def import_file(source: Path, output: Path | None, tolerance: str | None, section: bool, overwrite: bool) -> None:
+    """Print a map as a problem file, or write it.
+
+    Raises
+    ------
+    EnsembleError
+        If the map or the tolerance is not what was wanted, or the file is there already.
+    """
+    found = import_map(source, None if tolerance is None else _length(tolerance))
+    text = found.section if section else found.problem
+    kept = f"{found.obstacles} obstacle{'s' * (found.obstacles != 1)} in {found.pieces} convex pieces"
+    if output is None:
+        say(text.rstrip("\n"))
+        complain(f"{source}: {kept}")
+    else:
+        write_text(output, text, overwrite)
+        say(f"wrote {output}: {kept}" + ("" if section else f"; now run: ensemble-plan check {output}"))
+
+
+def _length(text: str) -> float:
+    """A length of at least 0, with a unit or in metres."""
+    try:
+        return quantity("length", 0)(text)
+    except Wrong as error:
+        raise EnsembleError(f"--tolerance: {error.message}") from None

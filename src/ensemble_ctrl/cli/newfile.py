@@ -1,0 +1,38 @@
+"""Files that the command makes for a user: never over one that is there, never half of one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ensemble_ctrl.errors import EnsembleError
+
+EDITOR_LINE = "# yaml-language-server: $schema="
+"""How a problem file names its schema for an editor, on its first line."""
+
+
+def write_new(path: Path, content: str | bytes) -> None:
+    """Write a new file.
+
+    Raises
+    ------
+    EnsembleError
+        If it is there already, or can't be written.
+    """
+    try:
+        with path.open("xb") as file:
+            try:
+                file.write(content.encode() if isinstance(content, str) else content)
+            except OSError:
+                path.unlink(missing_ok=True)
+                raise
+    except FileExistsError:
+        kind = "a folder of this name" if path.is_dir() else "this file"
+        raise EnsembleError(f"{path}: {kind} exists already; nothing was written") from None
+    except (OSError, ValueError) as error:
+        raise EnsembleError(f"{path}: can't be written ({getattr(error, 'strerror', None) or error})") from None
+
+
+def without_editor_line(text: str) -> str:
+    """A problem file's text without the name of its schema, which lies elsewhere once the file is copied."""
+    first, newline, rest = text.partition("\n")
+    return rest if newline and first.startswith(EDITOR_LINE) else text

@@ -1,0 +1,134 @@
+"""Occupied cells of a grid as few convex polygons that cover them all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from math import cos, floor, sin, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.cover import CORNERS, joined, with_fewer_corners, within
+from ensemble_ctrl.constraints.polygon import ring
+from ensemble_ctrl.errors import ProblemError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+MAX_RECTANGLES = 20_000
+"""Largest number of rectangles that polygons are made of."""
+DECIMALS = 9
+"""Corners are given to a nanometre."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """A grid of square cells on the plane; what lies outside of it counts as occupied.
+
+    Parameters
+    ----------
+    occupied : ndarray of bool, shape (rows, columns)
+        Row 0 is the lowest, column 0 the leftmost, before the grid is turned.
+    size : float
+        Side of a cell in metres.
+    origin : tuple of float
+        Place of the lower left corner of the grid, metres.
+    yaw : float
+        Angle in radians, counter-clockwise, by which the grid is turned about its origin.
+    """
+
+    occupied: Mask
+    size: float
+    origin: tuple[float, float] = (0.0, 0.0)
+    yaw: float = 0.0
+
+    def pieces(self, tolerance: float) -> list[Array]:
+        """Convex polygons that cover every occupied cell, and a frame around the grid.
+
+        Parameters
+        ----------
+        tolerance : float
+            Metres by which the occupied area may grow, so that there are fewer pieces.
+
+        Returns
+        -------
+        list of ndarray, shape (corners, 2)
+            Counter-clockwise, metres. They may overlap.
+
+        Raises
+        ------
+        ProblemError
+            If the cells are too many and too scattered for the tolerance.
+
+        Notes
+        -----
+        *Guarantee*: every occupied cell lies in one of the pieces, to a nanometre, and no point of a piece is further
+        than `tolerance` from an occupied cell, or from the outside of the grid.
+
+        Examples
+        --------
+        >>> stairs = Cells(np.tri(6, dtype=bool), 0.1)
+        >>> len(stairs.pieces(0.0)), len(stairs.pieces(0.1))
+        (8, 4)
+        """
+        import shapely
+
+        reach = tolerance / self.size + 1e-9
+        merge = max(1, floor((reach + sqrt(2)) / (sqrt(2) + 1.5)))
+        mask = np.pad(_coarse(self.occupied, merge), 1, constant_values=True)
+        reach = (reach - sqrt(2) * (merge - 1)) / merge
+        area = shapely.union_all(_boxes(_spread(mask, reach)))
+        shapes = joined(_boxes(mask), within(area), min(reach, 1.0))
+        found = []
+        for shape in shapes:
+            corners = with_fewer_corners(ring(shapely.get_coordinates(shape), "Cells"), area, CORNERS)
+            found.append(np.round(self._placed((corners - 1) * merge), DECIMALS) + 0.0)
+        return found
+
+    def _placed(self, corners: Array) -> Array:
+        """Columns and rows as places in the plane."""
+        c, s = cos(self.yaw), sin(self.yaw)
+        return np.asarray(self.origin + self.size * corners @ np.array([[c, s], [-s, c]]))
+
+
+def _coarse(mask: Mask, merge: int) -> Mask:
+    """Squares of `merge` by `merge` cells, occupied where any of them is, or lies outside of the grid."""
+    rows, columns = (-n % merge for n in mask.shape)
+    whole = np.pad(mask, ((0, rows), (0, columns)), constant_values=True)
+    blocks = whole.reshape(whole.shape[0] // merge, merge, whole.shape[1] // merge, merge)
+    return np.asarray(blocks.any(axis=(1, 3)))
+
+
+def _spread(mask: Mask, reach: float) -> Mask:
+    """The cells of which no point is further than `reach` cells from an occupied one."""
+    rows, columns = mask.shape
+    found = mask.copy()
+    whole = range(-floor(reach), floor(reach) + 1)
+    for up, right in product(whole, whole):
+        if 0 < up**2 + right**2 <= reach**2:
+            found[_part(up, rows), _part(right, columns)] |= mask[_part(-up, rows), _part(-right, columns)]
+    return found
+
+
+def _part(shift: int, length: int) -> slice:
+    """The indices that are in range after a shift."""
+    return slice(max(shift, 0), length + min(shift, 0))
+
+
+def _boxes(mask: Mask) -> Any:
+    """Rectangles that the cells are made of: runs of a row, joined with the same run of the next rows."""
+    import shapely
+
+    edges = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    (row, left), right = np.nonzero(edges == 1), np.nonzero(edges == -1)[1]
+    order = np.lexsort((row, right, left))
+    row, left, right = row[order], left[order], right[order]
+    first = np.ones(len(row), dtype=bool)
+    first[1:] = (np.diff(left) != 0) | (np.diff(right) != 0) | (np.diff(row) != 1)
+    starts = np.flatnonzero(first)
+    if len(starts) > MAX_RECTANGLES:
+        raise ProblemError(f"Cells: expected at most {MAX_RECTANGLES} rectangles of cells, got {len(starts)}")
+    ends = np.append(starts[1:], len(row)) - 1
+    return np.atleast_1d(shapely.box(left[starts], row[starts], right[starts], row[ends] + 1))

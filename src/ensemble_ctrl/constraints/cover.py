@@ -1,0 +1,161 @@
+"""Few convex polygons that cover a set: neighbours are joined to their hull wherever that is allowed.
+
+Every polygon that is given stays inside one of those that come back, so joining can only grow what is covered. The
+pairs that add the least area are joined first, as many at a time as have no polygon in common.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Shapes = NDArray[np.object_]
+"""An array of shapely polygons."""
+Allowed = Callable[[Shapes, Floats], NDArray[np.bool_]]
+"""Which hulls may replace their two polygons, from the hulls and the area that each adds."""
+
+CORNERS = 8
+"""Polygons with more corners lose some, where a tolerance allows it."""
+
+
+def joined(shapes: Shapes, allowed: Allowed, reach: float = 0.0) -> Shapes:
+    """Join convex polygons to convex polygons, until no hull of two neighbours is allowed.
+
+    Parameters
+    ----------
+    shapes : ndarray of shapely.Polygon, shape (n,)
+        Convex.
+    allowed : callable
+        ``allowed(hulls, added)`` with the area that each hull adds to its two polygons, which counts their overlap
+        twice.
+    reach : float
+        Largest distance between polygons that are neighbours.
+
+    Returns
+    -------
+    ndarray of shapely.Polygon, shape (m,)
+        Convex. *Guarantee*: each of `shapes` lies in one of them, to the last bit.
+    """
+    import shapely
+
+    found = _Pairs(np.asarray(shapes, dtype=object), allowed, reach)
+    while len(chosen := found.disjoint()):
+        hulls = found.hulls[chosen]
+        gone = np.zeros(len(found.shapes), dtype=bool)
+        gone[found.pairs[chosen]] = True
+        gone[shapely.STRtree(found.shapes).query(hulls, predicate="covers")[1]] = True
+        found.replace(gone, hulls)
+    return found.shapes
+
+
+class _Pairs:
+    """The polygons there are, and the allowed hulls of two neighbours."""
+
+    def __init__(self, shapes: Shapes, allowed: Allowed, reach: float) -> None:
+        self.shapes, self._allowed, self._reach = shapes, allowed, reach
+        self.pairs = np.zeros((0, 2), dtype=np.int64)
+        self.hulls: Shapes = np.zeros(0, dtype=object)
+        self._added = np.zeros(0)
+        self._find(0)
+
+    def disjoint(self) -> NDArray[np.int64]:
+        """Indices of pairs that have no polygon in common, those that add least first."""
+        taken, chosen = np.zeros(len(self.shapes), dtype=bool), []
+        for k in np.argsort(self._added, kind="stable").tolist():
+            a, b = self.pairs[k]
+            if not (taken[a] or taken[b]):
+                taken[a] = taken[b] = True
+                chosen.append(k)
+        return np.array(chosen, dtype=np.int64)
+
+    def replace(self, gone: NDArray[np.bool_], hulls: Shapes) -> None:
+        """Take some polygons out and put others in."""
+        kept = ~gone[self.pairs].any(axis=1)
+        place = np.cumsum(~gone) - 1
+        self.pairs, self.hulls, self._added = place[self.pairs[kept]], self.hulls[kept], self._added[kept]
+        self.shapes = np.concatenate([self.shapes[~gone], hulls])
+        self._find(len(self.shapes) - len(hulls))
+
+    def _find(self, first: int) -> None:
+        """Add the allowed pairs of the polygons from `first` on with all others."""
+        import shapely
+
+        new, old = shapely.STRtree(self.shapes).query(self.shapes[first:], predicate="dwithin", distance=self._reach)
+        new = new + first
+        once = (old < first) | (old < new)
+        pairs = np.column_stack([new[once], old[once]])
+        hulls = shapely.convex_hull(shapely.geometrycollections(self.shapes[pairs]))
+        area = shapely.area(self.shapes)
+        added = shapely.area(hulls) - area[pairs].sum(axis=1)
+        good = self._allowed(hulls, added)
+        self.pairs = np.concatenate([self.pairs, pairs[good]])
+        self.hulls = np.concatenate([self.hulls, hulls[good]])
+        self._added = np.concatenate([self._added, added[good]])
+
+
+def within(area: Any) -> Allowed:
+    """Allow the hulls that a shapely geometry covers."""
+    import shapely
+
+    shapely.prepare(area)
+
+    def allowed(hulls: Shapes, added: Floats) -> NDArray[np.bool_]:
+        return np.asarray(shapely.covers(area, hulls), dtype=bool)
+
+    return allowed
+
+
+def adding_at_most(area: float) -> Allowed:
+    """Allow the hulls that add no more than an area to their two polygons."""
+
+    def allowed(hulls: Shapes, added: Floats) -> NDArray[np.bool_]:
+        return np.asarray(added <= area)
+
+    return allowed
+
+
+def with_fewer_corners(corners: Floats, area: Any, most: int) -> Floats:
+    """Grow a convex polygon until it has at most `most` corners, as far as it stays inside of an area.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (n, 2)
+        Counter-clockwise, without straight ones.
+    area : shapely geometry
+        Prepared, if many polygons are asked about.
+    most : int
+        Sides are taken out one by one, those that add least first, and their neighbours extended until they meet.
+
+    Returns
+    -------
+    ndarray, shape (m, 2)
+        *Guarantee*: contains the polygon, to rounding.
+    """
+    import shapely
+
+    while len(corners) > most:
+        tips = _tips(corners)
+        sides = np.flatnonzero(np.isfinite(tips).all(axis=1))
+        ears = shapely.polygons(np.stack([corners, tips, np.roll(corners, -1, axis=0)], axis=1)[sides])
+        order = np.argsort(shapely.area(ears), kind="stable").tolist()
+        side = next((int(sides[k]) for k in order if shapely.covers(area, ears[k])), None)
+        if side is None:
+            break
+        corners = np.delete(np.roll(corners, -side, axis=0), 0, axis=0)
+        corners[0] = tips[side]
+    return corners
+
+
+def _tips(corners: Floats) -> Floats:
+    """Where the neighbours of each side meet beyond it, shape (n, 2); not finite where they do not."""
+    along = np.roll(corners, -1, axis=0) - corners
+    before, behind = np.roll(along, 1, axis=0), np.roll(along, -1, axis=0)
+    turn = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0]
+    share = along[:, 0] * behind[:, 1] - along[:, 1] * behind[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ahead = np.where(turn > 1e-12, share / turn, np.nan)
+    return np.asarray(corners + ahead[:, None] * before)

@@ -1,0 +1,123 @@
+"""A plan as a ROS 2 bag, written without ROS by ``rosbags`` (the extra ``ros``)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.errors import UnsupportedError
+from ensemble_ctrl.export.members import Members
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+FRAME = "map"
+COMMAND, DRIVE = "/cmd_vel", "/ackermann_cmd"
+PATH = "/member_{}/path"
+_ACKERMANN = "ackermann_msgs/msg/AckermannDrive"
+_DEFINITIONS = {
+    _ACKERMANN: "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\n"
+    "float32 acceleration\nfloat32 jerk",
+    f"{_ACKERMANN}Stamped": f"std_msgs/Header header\n{_ACKERMANN.replace('/msg', '')} drive",
+}
+
+
+def write_bag(path: Path, problem: Problem, controls: Floats, members: Members) -> None:
+    """Write a bag: the commands at the start of each step, a stop at the end, and the path of each member.
+
+    Parameters
+    ----------
+    path : Path
+        A folder that does not exist.
+    problem : Problem
+        Whose plan it is.
+    controls : ndarray, shape (steps, n_u)
+        Broadcast commands.
+    members : Members
+        Whose paths are written.
+
+    Raises
+    ------
+    UnsupportedError
+        If ``rosbags`` is not installed.
+
+    Notes
+    -----
+    A unicycle's commands are ``geometry_msgs/TwistStamped`` on ``/cmd_vel``, a bicycle's
+    ``ackermann_msgs/AckermannDriveStamped`` on ``/ackermann_cmd``, whose numbers have single precision. Paths are
+    ``nav_msgs/Path`` on ``/member_0/path`` and so on, in the frame ``map``, at time 0. Times count from 0.
+    """
+    try:
+        from rosbags.rosbag2 import Writer
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError:
+        raise UnsupportedError("rosbags is not installed: pip install 'ensemble-ctrl[ros]'") from None
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in _DEFINITIONS.items():
+        store.register(get_types_from_msg(text, name))
+    messages = _Messages(store.types)
+    with Writer(path, version=8) as writer:
+
+        def topic(name: str, kind: str) -> Any:
+            connection = writer.add_connection(name, kind, typestore=store)
+            return lambda t, message: writer.write(connection, _nanoseconds(t), store.serialize_cdr(message, kind))
+
+        for k, (positions, headings) in enumerate(zip(members.positions, members.headings, strict=True)):
+            send = topic(PATH.format(k), "nav_msgs/msg/Path")
+            send(0.0, messages.path(problem.times, positions, headings))
+        steers = problem.fleet.system.controls[1] == "delta"
+        make = messages.drive if steers else messages.twist
+        send = topic(DRIVE if steers else COMMAND, make(0.0, 0.0, 0.0).__msgtype__)
+        for t, (speed, turn) in zip(problem.times, [*controls.tolist(), (0.0, 0.0)], strict=True):
+            send(t, make(t, speed, turn))
+
+
+def _nanoseconds(t: float) -> int:
+    """Seconds as nanoseconds."""
+    return round(t * 1e9)
+
+
+class _Messages:
+    """Makes messages of the types in a store."""
+
+    def __init__(self, types: Any) -> None:
+        self._types = types
+
+    def twist(self, t: float, speed: float, turn: float) -> Any:
+        """Speed and turn rate."""
+        twist = self._of("geometry_msgs/msg/Twist", self._vector(speed), self._vector(0.0, 0.0, turn))
+        return self._of("geometry_msgs/msg/TwistStamped", self._header(t), twist)
+
+    def drive(self, t: float, speed: float, steering: float) -> Any:
+        """Speed and steering angle."""
+        drive = self._of(_ACKERMANN, *(np.float32(x) for x in (steering, 0.0, speed, 0.0, 0.0)))
+        return self._of(f"{_ACKERMANN}Stamped", self._header(t), drive)
+
+    def path(self, times: Floats, positions: Floats, headings: Floats) -> Any:
+        """The poses of one member at the grid times."""
+        poses = [
+            self._of("geometry_msgs/msg/PoseStamped", self._header(t), self._pose(x, y, heading))
+            for t, (x, y), heading in zip(times.tolist(), positions.tolist(), headings.tolist(), strict=True)
+        ]
+        return self._of("nav_msgs/msg/Path", self._header(0.0), poses)
+
+    def _pose(self, x: float, y: float, heading: float) -> Any:
+        """A place in the plane with a heading."""
+        turn = self._of("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2))
+        return self._of("geometry_msgs/msg/Pose", self._of("geometry_msgs/msg/Point", x, y, 0.0), turn)
+
+    def _vector(self, x: float, y: float = 0.0, z: float = 0.0) -> Any:
+        """Three numbers."""
+        return self._of("geometry_msgs/msg/Vector3", x, y, z)
+
+    def _header(self, t: float) -> Any:
+        """A time and the frame."""
+        whole, rest = divmod(_nanoseconds(t), 1_000_000_000)
+        return self._of("std_msgs/msg/Header", self._of("builtin_interfaces/msg/Time", whole, rest), FRAME)
+
+    def _of(self, kind: str, *fields: Any) -> Any:
+        """One message."""
+        return self._types[kind](*fields)

@@ -1,0 +1,254 @@
+"""Plans as files for other programs, read back and compared with what was not made here."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from ensemble_ctrl.api import Plan
+from ensemble_ctrl.config import load_text
+from ensemble_ctrl.config.geojson import shapes_of
+from ensemble_ctrl.errors import EnsembleError, ProblemError, UnsupportedError
+from ensemble_ctrl.export.tube import areas
+from ensemble_ctrl.replay import trajectories
+
+Floats = NDArray[np.float64]
+
+TEXT = """
+name: out
+fleet:
+  model: MODEL
+  parameters: PARAMETERS
+  start: {position: [1, 2], heading: 30 deg, heading_from: AXIS}
+horizon: {duration: 3 s, steps: 12}
+task: G x >= -100
+"""
+FLEETS = {
+    "one traction": ("unicycle", "{traction: {range: [0.8, 1.2]}}", "x"),
+    "two tractions": ("unicycle", "{linear_traction: {range: [0.9, 1.1]}, angular_traction: {range: [0.7, 1.2]}}", "x"),
+    "place and heading": ("unicycle", "{traction: {range: [0.9, 1.1]}, start_x: {range: [-0.2, 0.1]}, "
+                          "start_heading: {range: [-10 deg, 10 deg]}}", "y"),
+    "place alone": ("unicycle", "{start_x: {range: [-0.2, 0.1]}, start_y: {range: [0, 0.3]}}", "x"),
+    "bicycle": ("bicycle", "{traction: {range: [0.9, 1.1]}}", "x"),
+    "nothing": ("unicycle", "{traction: {range: [1, 1]}}", "x"),
+}  # fmt: skip
+
+
+def made(fleet: str, seed: int = 0) -> Plan:
+    """A plan with random commands."""
+    model, parameters, axis = FLEETS[fleet]
+    text = TEXT.replace("MODEL", model).replace("PARAMETERS", parameters).replace("AXIS", axis)
+    rng = np.random.default_rng(seed)
+    controls = rng.uniform([-0.3, -0.5], [1.0, 0.5], (12, 2)) * ([1, 1] if model == "bicycle" else [1, 3])
+    return Plan(load_text(text), controls, "planned")
+
+
+# --- the tube
+
+
+@pytest.mark.parametrize("fleet", FLEETS)
+def test_every_member_is_in_the_tube_at_every_time_looked_at(fleet: str) -> None:
+    for seed in range(2):
+        plan = made(fleet, seed)
+        members = np.concatenate([plan.problem.fleet.sample(150, seed), plan.problem.fleet.corners])
+        paths = trajectories(plan.problem, plan.controls, members, substeps=7)
+        for k, area in enumerate(areas(plan.problem, plan.controls)):
+            during = paths[:, 7 * k : 7 * k + 8].reshape(-1, 2)
+            shapely.prepare(area)
+            assert shapely.covers(area, shapely.points(during)).all()
+
+
+@pytest.mark.parametrize("fleet", ["one traction", "place alone", "bicycle"])
+def test_the_tube_is_not_much_larger_than_the_fleet(fleet: str) -> None:
+    plan = made(fleet)
+    members = plan.problem.fleet.grid(400)
+    paths = trajectories(plan.problem, plan.controls, members, substeps=8)
+    for k, area in enumerate(areas(plan.problem, plan.controls)):
+        during = shapely.MultiPoint(paths[:, 8 * k : 8 * k + 9].reshape(-1, 2)).convex_hull.buffer(0.02)
+        assert area.difference(during).area < 1e-9
+
+
+def test_the_tube_as_geojson_has_a_feature_for_each_step_and_one_for_all(tmp_path: Path) -> None:
+    plan = made("one traction")
+    text = plan.export(tmp_path / "tube.geojson").read_text()
+    shapes, data = shapes_of(text), json.loads(text)
+    assert {shape.name for shape in shapes} == {"fleet", *(f"step {k}" for k in range(12))}
+    whole, *steps = (shapely.geometry.shape(feature["geometry"]) for feature in data["features"])
+    assert whole.is_valid
+    assert all(step.is_valid and whole.covers(step) for step in steps)
+    assert data["features"][3]["properties"]["t_end"] == pytest.approx(0.75)
+    assert data["features"][0]["properties"]["parameters"] == {"traction": [0.8, 1.2]}
+
+
+# --- tables and JSON
+
+
+def integrated(plan: Plan, traction: float) -> Floats:
+    """x, y and heading at the end, by an integrator that knows nothing of arcs."""
+    state = [*plan.problem.fleet.position.tolist(), np.pi / 6]
+    for v, omega in plan.controls:
+
+        def rates(_: float, s: Floats, v: float = v, omega: float = omega) -> list[float]:
+            return [traction * v * np.cos(s[2]), traction * v * np.sin(s[2]), traction * omega]
+
+        state = solve_ivp(rates, (0, plan.problem.step), state, rtol=1e-10, atol=1e-12).y[:, -1].tolist()
+    return np.array(state)
+
+
+def test_the_table_holds_the_commands_and_where_the_members_are(tmp_path: Path) -> None:
+    plan = made("one traction")
+    with plan.export(tmp_path / "plan.csv", members=3).open() as file:
+        header, *rows = list(csv.reader(file))
+    assert header[:4] == ["t [s]", "v [m/s]", "omega [rad/s]", "x [m] (traction=0.8)"]
+    assert len(rows) == 13
+    assert rows[-1][1:3] == ["", ""]
+    np.testing.assert_array_equal(np.array([row[:3] for row in rows[:-1]], dtype=float)[:, 1:], plan.controls)
+    for k, traction in enumerate((0.8, 1.0, 1.2)):
+        last = np.array(rows[-1][3 + 3 * k : 6 + 3 * k], dtype=float)
+        np.testing.assert_allclose(last, integrated(plan, traction), atol=1e-7)
+
+
+def test_without_members_the_table_is_that_of_the_results_folder(tmp_path: Path) -> None:
+    from ensemble_ctrl.results import controls_csv
+
+    plan = made("bicycle")
+    assert plan.export(tmp_path / "plan.csv").read_text() == controls_csv(plan)
+
+
+def test_headings_count_from_x_whatever_the_model_says(tmp_path: Path) -> None:
+    plan = made("place and heading")
+    data = json.loads(plan.export(tmp_path / "plan.json", members=9).read_text())
+    for member in data["members"]:
+        own = np.radians(30) + member["parameters"]["start_heading"] * -1
+        assert member["heading"][0] == pytest.approx(np.radians(60) + np.radians(30) - own)
+        move = np.diff([member["x"][:2], member["y"][:2]]).ravel()
+        middle = (member["heading"][0] + member["heading"][1]) / 2
+        ahead = np.sign(plan.controls[0, 0])
+        np.testing.assert_allclose(move / np.linalg.norm(move), ahead * np.array([np.cos(middle), np.sin(middle)]))
+
+
+def test_json_holds_everything(tmp_path: Path) -> None:
+    plan = made("two tractions")
+    data = json.loads(plan.export(tmp_path / "plan.json").read_text())
+    assert data["controls"]["values"] == plan.controls.tolist()
+    assert data["controls"]["units"] == ["m/s", "rad/s"]
+    assert len(data["members"]) == 5
+    assert len(data["times"]) == len(data["members"][0]["x"]) == 13
+    again = load_text(json.dumps(data["problem"]))
+    assert repr(again) == repr(plan.problem)
+
+
+def test_a_data_frame(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    plan = made("one traction")
+    table = plan.to_dataframe(members=2)
+    assert table.index.name == "t [s]"
+    assert table.shape == (13, 8)
+    plan.export(tmp_path / "plan.csv", members=2)
+    pandas.testing.assert_frame_equal(table, pandas.read_csv(tmp_path / "plan.csv", index_col=0))
+
+
+def test_without_pandas_it_is_said_clearly(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(UnsupportedError, match="pandas is not installed: pip install pandas"):
+        made("one traction").to_dataframe()
+
+
+# --- ROS 2 bags
+
+
+def bag_of(path: Path) -> dict[str, list[tuple[int, Any]]]:
+    """The messages of a bag by topic, with their times."""
+    rosbag2, typesys = pytest.importorskip("rosbags.rosbag2"), pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    found: dict[str, list[tuple[int, Any]]] = {}
+    with rosbag2.Reader(path) as reader:
+        for connection in reader.connections:
+            if connection.msgtype not in store.types:
+                store.register(typesys.get_types_from_msg(connection.msgdef.data, connection.msgtype))
+        for connection, time, raw in reader.messages():
+            message = store.deserialize_cdr(raw, connection.msgtype)
+            found.setdefault(connection.topic, []).append((time, message))
+    return found
+
+
+def test_a_bag_holds_commands_and_paths(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    plan = made("one traction")
+    messages = bag_of(plan.export(tmp_path / "plan", "rosbag", members=3))
+    assert set(messages) == {"/cmd_vel", "/member_0/path", "/member_1/path", "/member_2/path"}
+    sent = [(t, m.twist.linear.x, m.twist.angular.z) for t, m in messages["/cmd_vel"]]
+    assert [t for t, _, _ in sent] == [250_000_000 * k for k in range(13)]
+    np.testing.assert_array_equal([row[1:] for row in sent], [*plan.controls.tolist(), [0, 0]])
+    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for _, m in messages["/cmd_vel"]]
+    assert stamps == [t for t, _, _ in sent]
+    for k, traction in enumerate((0.8, 1.0, 1.2)):
+        [(time, path)] = messages[f"/member_{k}/path"]
+        last = path.poses[-1].pose
+        heading = 2 * np.arctan2(last.orientation.z, last.orientation.w)
+        x, y, wanted = integrated(plan, traction)
+        assert (time, path.header.frame_id, len(path.poses)) == (0, "map", 13)
+        np.testing.assert_allclose([last.position.x, last.position.y], [x, y], atol=1e-7)
+        assert np.cos(heading - wanted) == pytest.approx(1)
+
+
+def test_a_bicycle_gets_steering_angles(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    plan = made("bicycle")
+    messages = bag_of(plan.export(tmp_path / "plan", "rosbag", members=0))
+    sent = [[m.drive.speed, m.drive.steering_angle] for _, m in messages["/ackermann_cmd"]]
+    np.testing.assert_allclose(sent[:-1], plan.controls, rtol=1e-6)
+
+
+def test_bags_replace_only_bags(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    plan = made("one traction")
+    path = plan.export(tmp_path / "bag", "rosbag")
+    with pytest.raises(EnsembleError, match="add --overwrite"):
+        plan.export(path, "rosbag")
+    plan.export(path, "rosbag", members=1, overwrite=True)
+    assert sorted(bag_of(path)) == ["/cmd_vel", "/member_0/path"]
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(EnsembleError, match="choose another name"):
+        plan.export(tmp_path / "mine", "rosbag", overwrite=True)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["bag", "mine"]
+
+
+def test_without_rosbags_it_is_said_clearly_and_nothing_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    with pytest.raises(UnsupportedError, match=r"pip install 'ensemble-ctrl\[ros\]'"):
+        made("one traction").export(tmp_path / "bag", "rosbag")
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- what is refused
+
+
+@pytest.mark.parametrize(
+    ("name", "form", "members", "message"),
+    [
+        ("plan.xyz", None, None, "expected one of csv, json, geojson, rosbag, got 'xyz'"),
+        ("plan.csv", "xml", None, "got 'xml'"),
+        ("plan.csv", None, -1, "from 0 to 1000, got -1"),
+        ("plan.csv", None, 5000, "from 0 to 1000, got 5000"),
+        ("none/plan.csv", None, None, "No such file"),
+        ("there.csv", None, None, "add --overwrite"),
+    ],
+)
+def test_mistakes(tmp_path: Path, name: str, form: str | None, members: int | None, message: str) -> None:
+    (tmp_path / "there.csv").write_text("mine")
+    with pytest.raises((ProblemError, EnsembleError), match=message):
+        made("one traction").export(tmp_path / name, form, members=members)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["there.csv"]
+    assert (tmp_path / "there.csv").read_text() == "mine"
