@@ -72,9 +72,9 @@ def verdict(plan: PlanLike) -> str:
     if isinstance(plan.problem, OdeProblem):
         proof = "replayed only (no proof covers this model), "
     elif plan.certificate is not None:
-        whom = "for the share asked for" if run.shares else "for every member"
-        proof = f"proven {whom}, " if plan.certificate.proven == "yes" else f"NOT proven {whom}, "
+        proof = "proven for every member, " if plan.certificate.proven == "yes" else "NOT proven for every member, "
     if run.shares:
+        proof = proof.replace("every member", "the share asked for")
         least = min(run.shares, key=lambda share: share.satisfied - share.asked)
         few = "only " if bad else ""
         return f"{words}, {proof}{few}{_percent(least.satisfied)} % of {run.members} members do it"
