@@ -37,6 +37,8 @@ SECTIONS = {
     "maps": "Maps from other tools",
     "systems": "Other dynamics: replayed, not proven",
     "targets": "Targets of the whole fleet",
+    "time": "As soon as possible",
+    "risk": "Risk, and a share of the fleet",
     "laws": "Other laws of the parameter",
 }
 """Folders of `configs/` and their titles, in reading order."""

@@ -30,6 +30,8 @@ UNITS: list[tuple[Any, str]] = [
     (f.Length, "m"),
     (f.Margin, "m, ≥ 0"),
     (f.Duration, "s, > 0"),
+    (f.FreeDuration, "s, > 0, or `{at_least, at_most}`"),
+    (f.Effort, "number, ≥ 0, or one for each"),
     (f.Angle, "rad"),
     (f.Weight, "number, ≥ 0"),
     (f.Positive, "number, > 0"),
@@ -162,6 +164,8 @@ def _default(info: Any, path: str) -> str:
     """A default as it would stand in a file."""
     if path == "objective.terminal.target":
         return "required with `terminal`"
+    if path == "objective.cvar.of":
+        return "required with `cvar`"
     if info.is_required():
         return "**required**"
     value = info.default

@@ -32,6 +32,8 @@ class Lines:
     ----------
     parts : tuple of ndarray
         For each cell the matrix from the fleet's points to its own.
+    cell : ndarray of int, shape (sides,)
+        The cell of each side.
     radius : ndarray, shape (sides,)
         Metres by which each piece grows.
     active : ndarray of bool, shape (sides, steps)
@@ -50,6 +52,7 @@ class Lines:
     """
 
     parts: tuple[Floats, ...]
+    cell: Ints
     radius: Floats
     active: NDArray[np.bool_]
     normal: Floats
@@ -57,10 +60,12 @@ class Lines:
     drift: Floats
     gap: Floats
 
-    @property
-    def cell(self) -> Ints:
-        """The cell of each side, shape (sides,)."""
-        return np.repeat(np.arange(len(self.parts)), len(self.radius) // len(self.parts))
+    def joined(self, other: Lines) -> Lines:
+        """All sides of both."""
+        cell = np.concatenate([self.cell, other.cell + len(self.parts)])
+        names = ("radius", "active", "normal", "support", "drift", "gap")
+        rest = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in names]
+        return Lines(self.parts + other.parts, cell, *rest)
 
     def nearest(self, points: Floats) -> Floats:
         """Smallest ``n . p`` over a cell's points, relative to the piece, at both ends of each step, (sides, steps)."""
@@ -109,7 +114,7 @@ def separate(
     pieces = [(piece, duty) for duty in duties for piece in duty.pieces]
     if not pieces:
         none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
-        return Lines(parts, np.zeros(0), none.astype(bool), pairs, none, pairs, none)
+        return Lines(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), pairs, none, pairs, none)
     times = np.linspace(begin, begin + duration, steps + 1)
     moved = np.tile([duty.offsets(times) for _, duty in pieces], (len(parts), 1, 1))
     bends = np.tile([duty.bends(times) for _, duty in pieces], (len(parts), 1))
@@ -123,7 +128,8 @@ def separate(
     radius = np.tile([duty.radius for _, duty in pieces], len(parts))
     active = np.tile([duty.steps(steps, duration, begin) for _, duty in pieces], (len(parts), 1)) & (gap < np.inf)
     gap = np.where(active, gap - bends - radius[:, None], np.inf)
-    return Lines(parts, radius, active, normal, support + bends, drift, gap)
+    cell = np.repeat(np.arange(len(parts)), len(pieces))
+    return Lines(parts, cell, radius, active, normal, support + bends, drift, gap)
 
 
 def _both_ends(points: Floats) -> Floats:

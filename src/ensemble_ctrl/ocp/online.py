@@ -231,7 +231,7 @@ class _Point:
         problem, free = self.program.problem, self.present.free
         aim, step = problem.objective, problem.step
         u = self.controls[free:]
-        total = aim.effort * step * float((u**2).sum())
+        total = step * float((u**2).sum(axis=0) @ aim.efforts())
         change = np.diff(self._with_last(), axis=0)
         total += aim.smoothness / step * float((change**2).sum())
         if self.program._terminal is not None:
@@ -284,8 +284,8 @@ class _Point:
         n, levels = 2 * len(u), self.program.levels.count
         H, g = np.zeros((n + levels, n + levels)), np.zeros(n + levels)
         diagonal = np.arange(n)
-        H[diagonal, diagonal] = 2 * aim.effort * step + SMALL
-        g[:n] = 2 * aim.effort * step * u.ravel()
+        H[diagonal, diagonal] = np.tile(2 * step * aim.efforts(), len(u)) + SMALL
+        g[:n] = 2 * step * (u * aim.efforts()).ravel()
         if aim.smoothness:
             last = self._with_last()
             first = len(last) - len(u)

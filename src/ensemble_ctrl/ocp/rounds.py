@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import duties
+from ensemble_ctrl.ocp.chance import all_duties, all_lines
 from ensemble_ctrl.ocp.evaluate import Value, evaluate
-from ensemble_ctrl.ocp.lines import Lines, separate
+from ensemble_ctrl.ocp.lines import Lines
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Status, Watch, ipopt
 from ensemble_ctrl.ocp.transcription import Avoiding, Transcription, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
@@ -71,7 +71,7 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
     """One choice of lines: solve, and solve again with the pairs that the solution violates."""
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
-    lines = separate(curve, duties(problem), problem.duration, problem.fleet.shift, truncation.parts)
+    lines = all_lines(problem, truncation, curve)
     error = tail(problem, guess, truncation)
     in_moments = problem.solve.guarantee == "moment"
     pairs = (lines.gap < REACH * map_size(problem, curve)) & (not in_moments)
@@ -139,5 +139,5 @@ def _widened(pairs: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def map_size(problem: Problem, curve: Floats) -> float:
     """Larger side of the box around the fleet's way and the obstacles, metres."""
-    corners = [curve.reshape(-1, 2), *(piece.vertices for duty in duties(problem) for piece in duty.pieces)]
+    corners = [curve.reshape(-1, 2), *(piece.vertices for duty in all_duties(problem) for piece in duty.pieces)]
     return float(np.ptp(np.concatenate(corners), axis=0).max())
