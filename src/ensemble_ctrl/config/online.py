@@ -17,11 +17,11 @@ from ensemble_ctrl.receding.options import MAX_ORDER, OnlineOptions
 from ensemble_ctrl.receding.settings import OnlineSettings, RobotSettings
 from ensemble_ctrl.receding.simulated import SMALL_CAR_FLAWS, Drifting, Factors, Fixed, Flaws, Terrain
 
-Turn = Annotated[float, BeforeValidator(quantity("angle", 0)), f.NUMERIC]
-SpeedError = Annotated[float, BeforeValidator(quantity("speed", 0)), f.NUMERIC]
-TurnRateError = Annotated[float, BeforeValidator(quantity("turn rate", 0)), f.NUMERIC]
-Delay = Annotated[float, BeforeValidator(quantity("time", 0)), f.NUMERIC]
-Rate = Annotated[float, BeforeValidator(quantity("number", 0)), f.NUMERIC]
+Turn = Annotated[float, BeforeValidator(quantity("angle", 0)), f.numeric("angle", minimum=0)]
+SpeedError = Annotated[float, BeforeValidator(quantity("speed", 0)), f.numeric("speed", minimum=0)]
+TurnRateError = Annotated[float, BeforeValidator(quantity("turn rate", 0)), f.numeric("turn rate", minimum=0)]
+Delay = Annotated[float, BeforeValidator(quantity("time", 0)), f.numeric("time", minimum=0)]
+Rate = Annotated[float, BeforeValidator(quantity("number", 0)), f.numeric("number", minimum=0)]
 Magnitudes = Annotated[tuple[f.Positive, f.Positive], BeforeValidator(f.pair("[of v, of the other command]"))]
 
 
@@ -33,7 +33,7 @@ def _share(value: Any) -> float:
     return share
 
 
-Share = Annotated[float, BeforeValidator(_share), f.NUMERIC]
+Share = Annotated[float, BeforeValidator(_share), f.numeric("number", minimum=0, exclusiveMaximum=1)]
 
 
 class NoiseSection(Model):
