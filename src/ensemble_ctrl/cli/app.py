@@ -408,7 +408,13 @@ def export(
     export_plan(plan, form, output, members, overwrite)
 
 
-@app.command()
+@app.command(
+    epilog=_examples(
+        "ensemble-plan online problem.yaml",
+        "ensemble-plan online problem.yaml --traction 0.93 --seed 7",
+        "ensemble-plan online problem.yaml --set online.deadline=0.1s --json",
+    )
+)
 def online(
     config: Config,
     output: Output = None,
@@ -424,7 +430,7 @@ def online(
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Measure, learn, plan again, apply: run CONFIG on a simulated robot."""
+    """Measure, learn, plan again, apply, on a simulated robot."""
     from ensemble_ctrl.cli.online import OnlineRun, run_online
 
     given = OnlineRun(config, output, tuple(overrides or ()), traction, seed, json, quiet, not no_plots, overwrite)
