@@ -1,4 +1,4 @@
-"""The example with a robot in a process of its own: whatever the machine's load, it ends in words and leaves nothing."""
+"""The example with a robot in a process of its own: whatever the load, it ends in words and leaves a whole log."""
 
 from __future__ import annotations
 
