@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.duties import duties, grounded, other_parts
 from ensemble_ctrl.moments import Interval, LegendreBasis, TensorBasis
-from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.ocp.lines import REACH, map_size, separate
 from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Truncation, points, positions
 from ensemble_ctrl.problem import Problem
@@ -35,7 +35,7 @@ class Value:
         those of a Gauss rule and the corners of the ranges.
     gap : float
         Smallest distance in metres, beyond the robot's radius, between an obstacle and the fleet's hull (of the mean
-        robot, for the guarantee ``moment``).
+        robot, for the guarantee ``moment``); a lower bound where every obstacle is far.
     excess : float
         By how much a command changes faster than it may, per second; negative where all rates are kept.
     """
@@ -82,7 +82,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     curve = average[:, None] if in_moments else points(problem, controls, truncation)
     shift = np.zeros(2) if in_moments else fleet.shift
     cells = None if in_moments else truncation.parts
-    lines = separate(curve, duties(problem), problem.duration, shift, cells)
+    lines = separate(curve, duties(problem), problem.duration, shift, cells, REACH * map_size(problem, curve))
     cost = -aim.robustness * worst + terminal + effort
     return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)), excess)
 

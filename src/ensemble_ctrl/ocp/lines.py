@@ -14,12 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.duties import Duty
+from ensemble_ctrl.duties import duties as duties_of
+from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 DIRECTIONS = 72
 """Directions tried before the best one is refined."""
+REACH = 0.15
+"""Pairs closer than this share of the map's size are constrained from the start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +85,7 @@ def separate(
     duration: float,
     shift: Floats | None = None,
     parts: tuple[Floats, ...] | None = None,
+    near: float = np.inf,
 ) -> Lines:
     """Best separating lines for every step, points at both its ends together.
 
@@ -96,6 +101,8 @@ def separate(
         Half the sides of a box of start positions, metres: it lies around every point.
     parts : tuple of ndarray, optional
         For each cell of the fleet the matrix from the points to its own; one cell if not given.
+    near : float
+        Metres beyond which a line along an axis will do.
     """
     shift = np.zeros(2) if shift is None else shift
     parts = (np.eye(points.shape[1]),) if parts is None else parts
@@ -108,7 +115,12 @@ def separate(
     moved = np.tile([duty.offsets(times) for _, duty in pieces], (len(parts), 1, 1))
     bends = np.tile([duty.bends(times) for _, duty in pieces], (len(parts), 1))
     found = [
-        _best(_both_ends(part @ points - duty.offsets(times)[:, None]), piece.vertices, shift)
+        _found(
+            _both_ends(part @ points - duty.offsets(times)[:, None]),
+            piece.vertices,
+            shift,
+            near + duty.radius + float(duty.bends(times).max()),
+        )
         for part in parts
         for piece, duty in pieces
     ]
@@ -123,6 +135,19 @@ def separate(
 def _both_ends(points: Floats) -> Floats:
     """The points at both ends of each step together, shape (steps, 2 * points, 2)."""
     return np.concatenate([points[:-1], points[1:]], axis=1)
+
+
+def _found(points: Floats, vertices: Floats, shift: Floats, near: float) -> tuple[Floats, Floats, Floats]:
+    """Normal, support and gap of the best line for one convex piece at every step; where it is far, along an axis."""
+    ends = points.max(axis=1) + shift, points.min(axis=1) - shift
+    beyond = np.stack([ends[1] - vertices.max(axis=0), vertices.min(axis=0) - ends[0]], axis=1).reshape(len(points), 4)
+    side, gap = beyond.argmax(axis=1), beyond.max(axis=1)
+    normal = np.concatenate([np.eye(2), -np.eye(2)])[side]
+    support = (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift
+    close = gap <= near
+    if close.any():
+        normal[close], support[close], gap[close] = _best(points[close], vertices, shift)
+    return normal, support, gap
 
 
 def _best(points: Floats, vertices: Floats, shift: Floats) -> tuple[Floats, Floats, Floats]:
@@ -150,3 +175,9 @@ def _refined(points: Floats, vertices: Floats, shift: Floats, angle: Floats, wid
     best = gaps.argmax(axis=1)
     rows = np.arange(len(angle))
     return tried[rows, best], gaps[rows, best]
+
+
+def map_size(problem: Problem, curve: Floats) -> float:
+    """Larger side of the box around the fleet's way and the obstacles, metres."""
+    corners = [curve.reshape(-1, 2), *(piece.vertices for duty in duties_of(problem) for piece in duty.pieces)]
+    return float(np.ptp(np.concatenate(corners), axis=0).max())
