@@ -93,6 +93,10 @@ class Prover:
         The flow, start positions included.
     names : sequence of str
         Its parameters.
+    limit : int
+        Boxes looked at for one obstacle before the search for a better bound ends.
+    cells : int
+        Cells of each parameter to begin with; 0 for `CELLS`.
 
     Attributes
     ----------
@@ -103,6 +107,7 @@ class Prover:
     whole: Flow
     names: Sequence[str]
     limit: int = 200_000
+    cells: int = 0
     boxes: int = 0
     flow: Flow = field(init=False)
     shift: Floats = field(init=False)
@@ -111,11 +116,12 @@ class Prover:
     track: Track = field(init=False)
     error: float = field(init=False)
     signs: Floats = field(init=False)
+    growth: Floats | None = None
 
     def __post_init__(self) -> None:
         self.flow, self.shift = self.whole.bent(), self.whole.shift()
         count = len(self.flow.lower)
-        self.centres, self.half = first_cells(self.flow.lower, self.flow.upper, CELLS.get(count, 2))
+        self.centres, self.half = first_cells(self.flow.lower, self.flow.upper, self.cells or CELLS.get(count, 2))
         self.track = Track.of(self.flow, self.centres)
         self.error = self.whole.rounding()
         self.signs = signs_of(count)
@@ -150,12 +156,19 @@ class Prover:
         steps: Ints,
         radius: float,
         motion: Motion | None = None,
+        growth: Floats | None = None,
         enough: float = np.inf,
     ) -> Bound:
         """Proven and sampled clearance of every member from `obstacle`, which may move, during `steps`.
 
-        A clearance of `enough` need not be told more exactly.
+        Parameters
+        ----------
+        growth : ndarray, shape (steps of the flow,), optional
+            Metres by which every member grows during each step, beyond `radius`.
+        enough : float
+            Metres; what is proven to be further away isn't looked at more closely.
         """
+        self.growth = growth
         enough += radius + self.error
         piece = grown(obstacle, self.shift) if self.shift.any() else obstacle
         boxes, proven, best = self._near(piece, steps, motion, enough)
@@ -183,6 +196,8 @@ class Prover:
         if not len(boxes):
             return boxes, np.inf, (np.inf, 0, np.nan)
         distance, reach = self._middles(piece, steps, motion), self._reach[:, steps]
+        if self.growth is not None:
+            distance = distance - self.growth[steps]
         if motion is not None:
             begin, end = steps * self.flow.step, (steps + 1) * self.flow.step
             reach = reach + np.linalg.norm(motion.at(end) - motion.at(begin), axis=-1) + motion.bend(begin, end)
@@ -208,6 +223,7 @@ class Prover:
         middle = self.track.position[centre, n] + move[0]
         offset = flow.drives(members)[:, START] - self.flow.origin[START]
         distance = obstacle.distance(middle + offset - _moved(motion, np.array(time)))
+        distance = distance - (0.0 if self.growth is None else self.growth[n])
         k = int(distance.argmin())
         return float(distance[k]), dict(zip(self.names, members[k].tolist(), strict=True))
 
@@ -220,12 +236,17 @@ class Prover:
         begin, end = ((boxes.step + share) * self.flow.step for share in (boxes.begin, boxes.end))
         here, there = here - _moved(motion, begin), there - _moved(motion, end)
         distance = piece.distance(here)
-        k = int(distance.argmin())
-        seen = float(distance[k]), int(boxes.centre[k]), float((boxes.step[k] + boxes.begin[k]) * self.flow.step)
+        grown = 0.0 if self.growth is None else self.growth[boxes.step]
+        k = int((distance - grown).argmin())
+        seen = (
+            float((distance - grown)[k]),
+            int(boxes.centre[k]),
+            float((boxes.step[k] + boxes.begin[k]) * self.flow.step),
+        )
         best = min(best, seen, key=lambda sample: sample[0])
         curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)
         growth = self.flow.growth(boxes.step, (boxes.end - boxes.begin) * self.flow.step, drives, boxes.half)
-        radius = curvature + growth + (0.0 if motion is None else motion.bend(begin, end))
+        radius = grown + curvature + growth + (0.0 if motion is None else motion.bend(begin, end))
         arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
         corners = np.concatenate(
             [p[:, None] + self.signs @ a for p, a in zip((here, there), arms, strict=True)], axis=1

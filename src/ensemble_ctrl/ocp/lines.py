@@ -86,6 +86,8 @@ def separate(
     shift: Floats | None = None,
     parts: tuple[Floats, ...] | None = None,
     near: float = np.inf,
+    begin: float = 0.0,
+    within: float = np.inf,
 ) -> Lines:
     """Best separating lines for every step, points at both its ends together.
 
@@ -103,6 +105,10 @@ def separate(
         For each cell of the fleet the matrix from the points to its own; one cell if not given.
     near : float
         Metres beyond which a line along an axis will do.
+    begin : float
+        Time of the first point, seconds.
+    within : float
+        Pairs whose bounding boxes are further apart, in metres, are left out, as if they were not active.
     """
     shift = np.zeros(2) if shift is None else shift
     parts = (np.eye(points.shape[1]),) if parts is None else parts
@@ -111,7 +117,7 @@ def separate(
     if not pieces:
         none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
         return Lines(parts, np.zeros(0), none.astype(bool), pairs, none, pairs, none)
-    times = np.linspace(0.0, duration, steps + 1)
+    times = np.linspace(begin, begin + duration, steps + 1)
     moved = np.tile([duty.offsets(times) for _, duty in pieces], (len(parts), 1, 1))
     bends = np.tile([duty.bends(times) for _, duty in pieces], (len(parts), 1))
     found = [
@@ -120,6 +126,7 @@ def separate(
             piece.vertices,
             shift,
             near + duty.radius + float(duty.bends(times).max()),
+            within,
         )
         for part in parts
         for piece, duty in pieces
@@ -127,7 +134,7 @@ def separate(
     normal, support, gap = (np.stack(column) for column in zip(*found, strict=True))
     drift = np.stack([np.einsum("otd,otd->ot", normal, end) for end in (moved[:, :-1], moved[:, 1:])], axis=-1)
     radius = np.tile([duty.radius for _, duty in pieces], len(parts))
-    active = np.tile([duty.steps(steps, duration) for _, duty in pieces], (len(parts), 1))
+    active = np.tile([duty.steps(steps, duration, begin) for _, duty in pieces], (len(parts), 1)) & (gap < np.inf)
     gap = np.where(active, gap - bends - radius[:, None], np.inf)
     return Lines(parts, radius, active, normal, support + bends, drift, gap)
 
@@ -137,16 +144,22 @@ def _both_ends(points: Floats) -> Floats:
     return np.concatenate([points[:-1], points[1:]], axis=1)
 
 
-def _found(points: Floats, vertices: Floats, shift: Floats, near: float) -> tuple[Floats, Floats, Floats]:
-    """Normal, support and gap of the best line for one convex piece at every step; where it is far, along an axis."""
+def _found(
+    points: Floats, vertices: Floats, shift: Floats, near: float, within: float
+) -> tuple[Floats, Floats, Floats]:
+    """Normal, support and gap of the best line for one convex piece at every step.
+
+    Beyond `near` of a line along an axis; beyond `within` the gap is infinite.
+    """
     ends = points.max(axis=1) + shift, points.min(axis=1) - shift
     beyond = np.stack([ends[1] - vertices.max(axis=0), vertices.min(axis=0) - ends[0]], axis=1).reshape(len(points), 4)
     side, gap = beyond.argmax(axis=1), beyond.max(axis=1)
     normal = np.concatenate([np.eye(2), -np.eye(2)])[side]
     support = (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift
-    close = gap <= near
+    close = gap <= min(near, within)
     if close.any():
         normal[close], support[close], gap[close] = _best(points[close], vertices, shift)
+    gap[~close & (gap > within)] = np.inf
     return normal, support, gap
 
 
