@@ -20,7 +20,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
 
-from ensemble_ctrl.config import import_map, load, load_text
+from ensemble_ctrl.config import import_map, load, load_text, read
 from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.constraints.polygon import is_convex
@@ -381,7 +381,16 @@ def test_hostile_images_are_refused(tmp_path: Path, case: tuple[str, bytes, str]
         import_map(tmp_path / "map.yaml")
 
 
-# --- planned
+# --- the problems of configs/maps
+
+
+def test_the_yard_takes_its_features_from_one_file() -> None:
+    loaded = read(Path(__file__).parents[1] / "configs" / "maps" / "yard.yaml")
+    assert loaded.warnings == ()
+    pieces = {name: len(found) for name, found in loaded.problem.obstacles.items()}
+    assert pieces == {"house": 2, "greenhouse": 4, "hedge": pieces["hedge"], "trees": 2}
+    assert pieces["hedge"] < 6
+    assert loaded.problem.regions["gate"].contains([8.5, 8.8])
 
 
 def test_the_office_is_planned_and_proven() -> None:

@@ -93,11 +93,17 @@ def all_duties(problem: Problem) -> tuple[Duty, ...]:
     return (*duties(problem), *(duty for chance in chances(problem) for duty in chance.duties))
 
 
-def all_lines(problem: Problem, truncation: Truncation, curve: Floats) -> Lines:
-    """Separating lines for the whole fleet's duties, and for those of a share of it."""
+def map_size(problem: Problem, curve: Floats) -> float:
+    """Larger side of the box around the fleet's way and the obstacles, metres."""
+    corners = [curve.reshape(-1, 2), *(piece.vertices for duty in all_duties(problem) for piece in duty.pieces)]
+    return float(np.ptp(np.concatenate(corners), axis=0).max())
+
+
+def all_lines(problem: Problem, truncation: Truncation, curve: Floats, near: float = np.inf) -> Lines:
+    """Separating lines for the fleet's duties, and for those of a share of it; beyond `near` metres any will do."""
     shift = problem.fleet.shift
-    lines = separate(curve, duties(problem), problem.duration, shift, truncation.parts)
+    lines = separate(curve, duties(problem), problem.duration, shift, truncation.parts, near)
     if truncation.within is None:
         return lines
     some = [duty for chance in chances(problem) for duty in chance.duties]
-    return lines.joined(separate(curve, some, problem.duration, shift, (truncation.inner,))) if some else lines
+    return lines.joined(separate(curve, some, problem.duration, shift, (truncation.inner,), near)) if some else lines

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.duties import chances, duties, grounded, other_parts
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
-from ensemble_ctrl.ocp.chance import all_lines, members_within
-from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.ocp.chance import all_lines, map_size, members_within
+from ensemble_ctrl.ocp.lines import REACH, separate
 from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
@@ -38,7 +38,7 @@ class Value:
         those of a Gauss rule and the corners of the ranges.
     gap : float
         Smallest distance in metres, beyond the robot's radius, between an obstacle and the fleet's hull (of the mean
-        robot, for the guarantee ``moment``).
+        robot, for the guarantee ``moment``); a lower bound where every obstacle is far.
     excess : float
         By how much a command changes faster than it may, per second; negative where all rates are kept.
     risk : float
@@ -87,9 +87,11 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     rates = np.full(2, np.inf) if fleet.rate_bounds is None else fleet.rate_bounds
     excess = float((np.abs(change) - rates).max(initial=-np.inf))
     if in_moments:
-        lines = separate(average[:, None], duties(problem), problem.duration)
+        mean = average[:, None]
+        lines = separate(mean, duties(problem), problem.duration, near=REACH * map_size(problem, mean))
     else:
-        lines = all_lines(problem, truncation, points(problem, controls, truncation))
+        curve = points(problem, controls, truncation)
+        lines = all_lines(problem, truncation, curve, REACH * map_size(problem, curve))
     cost = -aim.robustness * worst + terminal + effort + risk
     return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)), excess, risk)
 

@@ -20,6 +20,8 @@ Ints = NDArray[np.int64]
 
 DIRECTIONS = 72
 """Directions tried before the best one is refined."""
+REACH = 0.15
+"""Pairs closer than this share of the map's size are constrained from the start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +88,7 @@ def separate(
     duration: float,
     shift: Floats | None = None,
     parts: tuple[Floats, ...] | None = None,
+    near: float = np.inf,
     begin: float = 0.0,
     within: float = np.inf,
 ) -> Lines:
@@ -103,6 +106,8 @@ def separate(
         Half the sides of a box of start positions, metres: it lies around every point.
     parts : tuple of ndarray, optional
         For each cell of the fleet the matrix from the points to its own; one cell if not given.
+    near : float
+        Metres beyond which a line along an axis will do.
     begin : float
         Time of the first point, seconds.
     within : float
@@ -119,7 +124,13 @@ def separate(
     moved = np.tile([duty.offsets(times) for _, duty in pieces], (len(parts), 1, 1))
     bends = np.tile([duty.bends(times) for _, duty in pieces], (len(parts), 1))
     found = [
-        _near_best(_both_ends(part @ points - duty.offsets(times)[:, None]), piece.vertices, shift, within)
+        _found(
+            _both_ends(part @ points - duty.offsets(times)[:, None]),
+            piece.vertices,
+            shift,
+            near + duty.radius + float(duty.bends(times).max()),
+            within,
+        )
         for part in parts
         for piece, duty in pieces
     ]
@@ -137,15 +148,22 @@ def _both_ends(points: Floats) -> Floats:
     return np.concatenate([points[:-1], points[1:]], axis=1)
 
 
-def _near_best(points: Floats, vertices: Floats, shift: Floats, within: float) -> tuple[Floats, Floats, Floats]:
-    """The same as `_best` where bounding boxes are close; elsewhere an infinite gap."""
-    low, high = points.min(axis=1) - vertices.max(axis=0), vertices.min(axis=0) - points.max(axis=1)
-    near = np.maximum(low, high).max(axis=1) <= within
-    if near.all():
-        return _best(points, vertices, shift)
-    normal, support, gap = np.zeros((len(points), 2)), np.zeros(len(points)), np.full(len(points), np.inf)
-    if near.any():
-        normal[near], support[near], gap[near] = _best(points[near], vertices, shift)
+def _found(
+    points: Floats, vertices: Floats, shift: Floats, near: float, within: float
+) -> tuple[Floats, Floats, Floats]:
+    """Normal, support and gap of the best line for one convex piece at every step.
+
+    Beyond `near` of a line along an axis; beyond `within` the gap is infinite.
+    """
+    ends = points.max(axis=1) + shift, points.min(axis=1) - shift
+    beyond = np.stack([ends[1] - vertices.max(axis=0), vertices.min(axis=0) - ends[0]], axis=1).reshape(len(points), 4)
+    side, gap = beyond.argmax(axis=1), beyond.max(axis=1)
+    normal = np.concatenate([np.eye(2), -np.eye(2)])[side]
+    support = (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift
+    close = gap <= min(near, within)
+    if close.any():
+        normal[close], support[close], gap[close] = _best(points[close], vertices, shift)
+    gap[~close & (gap > within)] = np.inf
     return normal, support, gap
 
 
