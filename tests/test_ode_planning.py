@@ -18,6 +18,7 @@ from ensemble_ctrl.config import dump
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.export import export
 from ensemble_ctrl.folder import ResultsFolder
+from ensemble_ctrl.receding.loop import Receding
 from ensemble_ctrl.replay import states
 from ensemble_ctrl.report import summary_lines
 
@@ -133,6 +134,8 @@ def test_what_needs_a_proof_or_arcs_says_so_at_once(capsys: pytest.CaptureFixtur
     problem = ec.load(MASSES)
     with pytest.raises(ec.UnsupportedError, match="expected csv or json"):
         export(problem, np.zeros((40, 2)), None, "geojson")
+    with pytest.raises(ec.UnsupportedError, match="a loop drives robots on arcs"):
+        Receding(problem)
 
 
 def test_states_of_members_are_exported() -> None:
