@@ -7,6 +7,7 @@ import sys
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,6 +96,19 @@ def test_the_same_from_python_with_nodes() -> None:
     assert "replayed only (no proof covers this model)" in text
     again = ec.plan(problem, guess=plan)
     assert again.details["cost"] <= plan.details["cost"] + 0.02
+
+
+def test_a_system_that_branches_on_its_state_is_refused() -> None:
+    class Choosing(ec.DoubleIntegrator):
+        name = "choosing"
+
+        def xdot(self, x: Any, u: Any, psi: Any) -> Any:
+            return super().xdot(x, u, psi) if float(np.max(x[0])) < 5 else [0.0] * 4
+
+    fleet = ec.OdeFleet(Choosing(), {"mass": ec.Interval(0.9, 1.1)}, {})
+    problem = ec.OdeProblem("choosing", fleet, 1.0, 5, parse("F x >= 0.1"))
+    with pytest.raises(ec.ProblemError, match=r"Choosing.xdot: expected arithmetic .* without choices on states"):
+        ec.plan(problem)
 
 
 def test_a_task_that_is_out_of_reach_has_no_plan() -> None:
