@@ -7,6 +7,7 @@ import sys
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from ensemble_ctrl.config import dump
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.export import export
 from ensemble_ctrl.folder import ResultsFolder
+from ensemble_ctrl.receding.loop import Receding
 from ensemble_ctrl.replay import states
 from ensemble_ctrl.report import summary_lines
 
@@ -96,6 +98,19 @@ def test_the_same_from_python_with_nodes() -> None:
     assert again.details["cost"] <= plan.details["cost"] + 0.02
 
 
+def test_a_system_that_branches_on_its_state_is_refused() -> None:
+    class Choosing(ec.DoubleIntegrator):
+        name = "choosing"
+
+        def xdot(self, x: Any, u: Any, psi: Any) -> Any:
+            return super().xdot(x, u, psi) if float(np.max(x[0])) < 5 else [0.0] * 4
+
+    fleet = ec.OdeFleet(Choosing(), {"mass": ec.Interval(0.9, 1.1)}, {})
+    problem = ec.OdeProblem("choosing", fleet, 1.0, 5, parse("F x >= 0.1"))
+    with pytest.raises(ec.ProblemError, match=r"Choosing.xdot: expected arithmetic .* without choices on states"):
+        ec.plan(problem)
+
+
 def test_a_task_that_is_out_of_reach_has_no_plan() -> None:
     problem = ec.load(MASSES, ["task=F[0, 2] in(goal)", "solve.max_iterations=60"])
     with pytest.raises(ec.SolveError, match=r"no plan was found; violated near the best guess: F\[0,2\] in\(goal\) by"):
@@ -133,6 +148,8 @@ def test_what_needs_a_proof_or_arcs_says_so_at_once(capsys: pytest.CaptureFixtur
     problem = ec.load(MASSES)
     with pytest.raises(ec.UnsupportedError, match="expected csv or json"):
         export(problem, np.zeros((40, 2)), None, "geojson")
+    with pytest.raises(ec.UnsupportedError, match="a loop drives robots on arcs"):
+        Receding(problem)
 
 
 def test_states_of_members_are_exported() -> None:

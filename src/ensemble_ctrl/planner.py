@@ -33,6 +33,7 @@ from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import Seed, seeds
 from ensemble_ctrl.ocp.shooting import search as shooting
 from ensemble_ctrl.ocp.shooting.guess import Guess, guesses
+from ensemble_ctrl.ocp.shooting.traced import require_traceable
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Watch
 from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
 from ensemble_ctrl.problem import OdeProblem, Problem
@@ -241,6 +242,7 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
 
     Each guess is solved for the middle member; the best is solved for the whole fleet, the next best where that fails.
     """
+    require_traceable(problem.fleet)
     search.tell("guess")
     steps = problem.steps
     starts = guesses(problem, steps) if guess is None else []

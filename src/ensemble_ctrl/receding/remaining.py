@@ -30,7 +30,7 @@ from ensemble_ctrl.errors import UnsupportedError
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.motion import Motion
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.receding.membership import PoseSet
 
 Floats = NDArray[np.float64]
@@ -45,10 +45,10 @@ def of_one_robot(problem: Problem) -> Problem:
     Raises
     ------
     UnsupportedError
-        For a task that speaks of the fleet as a whole, and systems that do not move on arcs.
+        For a task that speaks of the fleet as a whole, and for robots that don't move on arcs.
     """
-    if not isinstance(problem.fleet, Fleet):
-        raise UnsupportedError(f"{problem.fleet.system.name}: loops drive unicycles and bicycles")
+    if isinstance(problem, OdeProblem):
+        raise UnsupportedError(f"fleet: a loop drives robots on arcs, and this is a {problem.fleet.system.name}")
     if reads_fleet(problem.task):
         raise UnsupportedError(f"task: a loop drives one robot, and this speaks of the whole fleet: {problem.task}")
     fleet = problem.fleet

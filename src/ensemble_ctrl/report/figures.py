@@ -171,7 +171,7 @@ def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
         import matplotlib.pyplot as plt
 
         figure = plt.figure(figsize=sheet_size(problem, controls), layout="compressed")
-        axes = sheet(problem, controls, figure)
+        axes = sheet(problem, figure)
     else:
         axes = [ax]
     draw_paths(problem, controls, axes)
@@ -182,7 +182,7 @@ def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
 def _ode_figures(problem: OdeProblem, controls: Floats) -> dict[str, Figure]:
     """Projections and spread of a fleet that follows a differential equation."""
     paths, spread = new_figure(sheet_size(problem, controls)), new_figure((7.2, 4.2))
-    axes = sheet(problem, controls, paths)
+    axes = sheet(problem, paths)
     draw_paths(problem, controls, axes)
     axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
     draw_spread(problem, controls, spread.subplots())

@@ -121,8 +121,8 @@ def draw_spread(problem: OdeProblem, controls: Floats, ax: Axes) -> None:
     ax.legend(loc="upper left", fontsize=8)
 
 
-def sheet(problem: OdeProblem, controls: Floats, figure: Figure) -> list[Axes]:
-    """Axes for every view on a figure, side by side or below each other, whichever wastes less."""
+def sheet(problem: OdeProblem, figure: Figure) -> list[Axes]:
+    """Axes for every view on a figure, below each other."""
     count = max(1, len(VIEWS.get(len(problem.fleet.places), ())))
     axes: Any = figure.subplots(count, 1, squeeze=False)[:, 0]
     return list(axes)

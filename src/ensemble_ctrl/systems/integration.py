@@ -61,7 +61,7 @@ def extrapolated(rates: Rates, x: Any, step: float, substeps: int) -> Any:
     Examples
     --------
     >>> import math
-    >>> abs(extrapolated(lambda x: -x, 1.0, 1.0, 2) - math.exp(-1.0)) < 1e-9
+    >>> abs(extrapolated(lambda x: -x, 1.0, 1.0, 4) - math.exp(-1.0)) < 1e-9
     True
     """
     h = step / substeps

@@ -19,7 +19,6 @@ replay and comes back as `spare`.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import casadi as ca
@@ -30,10 +29,10 @@ from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.ocp.program import Block, Program, assemble
 from ensemble_ctrl.ocp.shooting.layout import ShootingLayout
 from ensemble_ctrl.ocp.shooting.planes import Planes
+from ensemble_ctrl.ocp.shooting.traced import moved
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import OdeProblem
-from ensemble_ctrl.systems.integration import rk4
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -151,13 +150,7 @@ def _moving(
         u = [float(m) + float(h) * z[i] for i, (m, h) in enumerate(zip(middle, half, strict=True))]
         own = {name: d[i] for i, name in enumerate(names)}
         before, after = z[n_u : n_u + n_x], z[n_u + n_x :]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # NumPy functions of a user's on CasADi expressions
-            if system.has_exact:
-                moved = ca.vertcat(*(system.exact(ca.vertsplit(before), u, own, step) or []))
-            else:
-                moved = rk4(lambda x: ca.vertcat(*system.xdot(ca.vertsplit(x), u, own)), before, step, substeps)
-        defect: ca.SX = after - moved
+        defect: ca.SX = after - moved(system, before, u, own, step, substeps)
         return defect
 
     states, nodes = layout.states, layout.count
