@@ -78,7 +78,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
-    if plan.status == "infeasible":
+    if plan.status == "infeasible" or "suggestions" in d:
         rows += _tried(d.get("suggestions", {}))
     rows += proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
