@@ -19,7 +19,7 @@ from ensemble_ctrl import __version__  # noqa: E402
 write_reference(HERE / "_generated")
 shutil.copyfile(HERE.parent / "examples" / "five_obstacles.ipynb", HERE / "notebook.ipynb")
 (HERE / "tutorials").mkdir(exist_ok=True)
-for script in (HERE.parent / "examples").glob("*.py"):
+for script in (HERE.parent / "examples").glob("[0-9]_*.py"):
     notebook = jupytext.read(script)
     notebook.metadata["language_info"] = {"name": "python", "pygments_lexer": "ipython3"}
     jupytext.write(notebook, HERE / "tutorials" / f"{script.stem}.ipynb")

@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 import ensemble_ctrl as ec
@@ -130,7 +131,7 @@ def drawing(html: str) -> ElementTree.Element:
 def test_a_notebook_shows_the_plan_and_before_it_the_map(plan: ec.Plan, problem: ec.Problem) -> None:
     tag = "{http://www.w3.org/2000/svg}"
     card = drawing(plan._repr_html_())
-    assert len(list(card.iter(f"{tag}polyline"))) == 7
+    assert len(list(card.iter(f"{tag}polyline"))) == 9
     assert len(list(card.iter(f"{tag}polygon"))) == 2
     before = drawing(problem._repr_html_())
     assert not list(before.iter(f"{tag}polyline"))
@@ -157,13 +158,13 @@ def test_drawings_of_odd_maps() -> None:
     for problem in (unbounded, empty, flat):
         found = drawing(problem._repr_html_())
         assert 0.2 < float(found.attrib["height"]) / float(found.attrib["width"]) < 2.1
-        straight(problem).plot(Figure().subplots())
+        straight(problem).plot(ax=Figure().subplots())
 
 
 def test_plot_draws_on_given_axes(plan: ec.Plan) -> None:
     ax = Figure().subplots()
     assert plan.plot(ax=ax) is ax
-    assert len(ax.lines) > 20
+    assert [len(c.get_segments()) for c in ax.collections if isinstance(c, LineCollection)] == [21]
     assert ax.get_xlabel() == "x [m]"
 
 
@@ -205,7 +206,7 @@ def test_a_failure_carries_its_plan() -> None:
     found = caught.value.plan
     assert isinstance(found, ec.Plan)
     assert found.status == "limit"
-    assert isinstance(found.plot(Figure().subplots()), Axes)
+    assert isinstance(found.plot(ax=Figure().subplots()), Axes)
     assert ec.plan(problem, check=False).status == "limit"
 
 

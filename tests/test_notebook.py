@@ -15,7 +15,7 @@ import ensemble_ctrl
 ROOT = Path(__file__).parents[1]
 PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if ">>>" in page.read_text(encoding="utf-8")]
 EXAMPLES = sorted((ROOT / "examples").glob("*.ipynb"))
-TUTORIALS = sorted((ROOT / "examples").glob("*.py"))
+TUTORIALS = sorted((ROOT / "examples").glob("[0-9]_*.py"))
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

@@ -9,6 +9,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+import ensemble_ctrl
 from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config import meanings
@@ -54,9 +55,21 @@ Row = tuple[str, Any, str, str]
 def write_reference(folder: Path) -> None:
     """Write every generated page into `folder`."""
     folder.mkdir(exist_ok=True)
-    pages = {"fields.md": field_table(), "areas.md": area_table(), "commands.md": command_help()}
+    pages = {
+        "names.md": public_names(),
+        "fields.md": field_table(),
+        "areas.md": area_table(),
+        "commands.md": command_help(),
+    }
     for name, lines in pages.items():
         (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def public_names() -> Iterator[str]:
+    """Everything that `ensemble_ctrl` itself exports, with the first line of its docstring."""
+    yield from ("```{eval-rst}", ".. currentmodule:: ensemble_ctrl", "", ".. autosummary::", "   :nosignatures:", "")
+    yield from (f"   {name}" for name in ensemble_ctrl.__all__ if not name.startswith("_"))
+    yield "```"
 
 
 def field_table() -> Iterator[str]:

@@ -18,7 +18,7 @@ from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
 from ensemble_ctrl.moments import Law
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import Replay, replay
 
 if TYPE_CHECKING:
@@ -114,11 +114,49 @@ class Plan:
 
         return suggest(self.problem, self.controls, seconds=seconds, progress=progress)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw map and trajectories on `ax`, or on a new figure; returns the axes and shows nothing."""
-        from ensemble_ctrl.report.figures import draw_trajectories
+    def plot(self, kind: str = "trajectories", ax: Axes | None = None) -> Axes:
+        """Draw one kind of picture; returns the axes and shows nothing.
 
-        return draw_trajectories(self.problem, self.controls, ax, self.twin)
+        Parameters
+        ----------
+        kind : {"trajectories", "controls", "moments", "robustness", "clearance", "certificate"}
+            What to draw. For a certificate the plan is certified if it is not yet.
+        ax : matplotlib Axes, optional
+            Where to; without it a new figure of pyplot's.
+
+        Raises
+        ------
+        ProblemError
+            For another kind.
+        """
+        from ensemble_ctrl.report.plot import draw
+
+        needs = kind == "certificate" and self.certificate is None
+        return draw(replace(self, certificate=self.certify()) if needs else self, kind, ax)
+
+    def animate(self, path: str | Path, seconds: float = 6.0) -> Path:
+        """Write the fleet on its way as ``.gif``, or as ``.mp4`` where the program ffmpeg is installed.
+
+        Parameters
+        ----------
+        path : path
+            The file; written whole or not at all.
+        seconds : float
+            How long it runs, whatever the plan's own duration.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        AnimationError
+            For another ending, a length that is none, and for a film without ffmpeg.
+        """
+        from ensemble_ctrl.report.animation import animate
+
+        return animate(self.problem, self.controls, Path(path), seconds)
 
     def to_dataframe(self, members: int = 0) -> DataFrame:
         """The table of `export` as a data frame; needs pandas.
@@ -209,8 +247,14 @@ class Plan:
         return path
 
     @classmethod
-    def load(cls, path: str | Path) -> Plan:
+    def load(cls, path: str | Path, *, trust: bool = False) -> Plan:
         """Read a plan that `save` wrote: a file, or a results folder that holds ``plan.npz``.
+
+        Parameters
+        ----------
+        path : path
+        trust : bool
+            Whether to run the Python file of a user's own system, which has to lie next to the plan.
 
         Raises
         ------
@@ -221,7 +265,7 @@ class Plan:
         """
         path = planfile.path_of(path)
         saved = planfile.read(path)
-        problem = load_text(saved.problem, f"{path}: problem")
+        problem = load_text(saved.problem, f"{path}: problem", trust=trust)
         try:
             return cls(problem, saved.controls, cast("Status", saved.status), saved.details)
         except ProblemError as error:
@@ -236,13 +280,9 @@ class Plan:
         return f"Plan({self.problem.name!r}: {self.status}{worth}, {self.problem.steps} steps, {', '.join(checks)})"
 
     def _repr_html_(self) -> str:
-        from html import escape
+        from ensemble_ctrl.report import plan_card
 
-        from ensemble_ctrl.report import plan_svg, summary_lines
-
-        drawing = plan_svg(self.problem, self.controls)
-        text = escape("\n".join(summary_lines(self)))
-        return f'<div style="display:flex;gap:1em;align-items:flex-start">{drawing}<pre>{text}</pre></div>'
+        return plan_card(self)
 
 
 def plan(
@@ -332,7 +372,8 @@ def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
     from ensemble_ctrl.suggest import SECONDS
 
     left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())
-    if plan.verified or plan.status not in ("infeasible", "limit") or left < 1:
+    over = plan.verified or plan.status not in ("infeasible", "limit") or left < 1
+    if over or isinstance(plan.problem, OdeProblem):
         return plan
     found = plan.suggest(min(SECONDS, left), progress=progress)
     helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]

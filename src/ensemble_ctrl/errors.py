@@ -36,11 +36,27 @@ class ProblemError(EnsembleError, ValueError):
 
 
 class SolveError(EnsembleError):
-    """No plan was found; `plan` holds the last iterate so that it can be drawn."""
+    """No plan was found; `plan` holds the last iterate, and a notebook draws it with the message."""
 
     def __init__(self, message: str, plan: object = None) -> None:
         super().__init__(message)
         self.plan = plan
+
+    def _repr_html_(self) -> str:
+        """The message above the card of the plan that fell short."""
+        from html import escape
+
+        card = getattr(self.plan, "_repr_html_", None)
+        return f"<div><p><b>{escape(str(self))}</b></p>{card() if card else ''}</div>"
+
+    def _render_traceback_(self) -> list[str]:
+        """What IPython prints in place of a traceback: nothing is broken, so the card is shown and the message said."""
+        try:
+            from IPython.display import HTML, display
+        except ImportError:  # some other shell that knows this method
+            return [f"{type(self).__name__}: {self}"]
+        display(HTML(self._repr_html_()))  # type: ignore[no-untyped-call]
+        return [f"{type(self).__name__}: {self}", "(the exception's plan attribute holds what is drawn)"]
 
 
 class UnsupportedError(EnsembleError, NotImplementedError):

@@ -11,6 +11,8 @@ from secrets import token_hex
 
 from ensemble_ctrl.errors import EnsembleError
 
+KINDS = ("trajectories", "controls", "moments", "robustness", "clearance", "certificate")
+"""Kinds of pictures that ``ensemble-plan plot`` draws (`ensemble_ctrl.report.plot`)."""
 RESULT_FILES = frozenset(
     {
         "certificate.json",
@@ -22,11 +24,14 @@ RESULT_FILES = frozenset(
         "provenance.json",
         "report.html",
         "solver.log",
+        "spread.png",
         "summary.json",
         "trajectories.png",
+        *(f"figure-{kind}.{ending}" for kind in KINDS for ending in ("png", "pdf", "svg")),
+        *(f"animation.{ending}" for ending in ("gif", "mp4")),
     }
 )
-"""What a run may write; ``--overwrite`` leaves a folder alone that holds anything else."""
+"""What a run, and later commands on its plan may write; ``--overwrite`` leaves a folder with anything else alone."""
 
 
 class FolderError(EnsembleError):
@@ -147,7 +152,7 @@ def _checked(target: Path, overwrite: bool) -> bool:
         raise FolderError(f"{target}: this folder is not empty; {hint}")
     if "plan.npz" not in found:
         raise FolderError(f"{target}: --overwrite replaces only folders of earlier results, found no plan.npz here")
-    strange = [name for name in found if name not in RESULT_FILES]
+    strange = [name for name in found if name not in RESULT_FILES and not name.endswith(".py")]
     if strange:
         raise FolderError(f"{target}: --overwrite would remove {strange[0]}, which is not a result; move it away first")
     if Path.cwd().is_relative_to(target.resolve()):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
 import platform
+import shutil
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +17,9 @@ from ensemble_ctrl._version import __version__
 from ensemble_ctrl.api import Plan
 from ensemble_ctrl.certificate import as_data
 from ensemble_ctrl.config import dump
+from ensemble_ctrl.config.ode_section import source_file
 from ensemble_ctrl.plain import to_json as to_json
+from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.replay import Replay
 
 SCHEMA = 1
@@ -23,14 +28,54 @@ LIBRARIES = ("casadi", "numpy", "scipy", "shapely", "pydantic", "pyyaml", "typer
 
 
 def write_results(plan: Plan, folder: Path, command: Sequence[str]) -> None:
-    """Write every file of a plan into `folder`, except the figures."""
+    """Write every file of a plan into `folder`, except the figures and the report."""
     plan.save(folder / "plan.npz")
     (folder / "controls.csv").write_text(controls_csv(plan), encoding="utf-8")
     (folder / "problem.yaml").write_text(dump(plan.problem), encoding="utf-8")
+    if isinstance(plan.problem, OdeProblem) and (source := source_file(plan.problem.fleet.system)):
+        shutil.copyfile(source, folder / source.name)
     if plan.certificate is not None:
         _write_json(folder / "certificate.json", as_data(plan.certificate))
     _write_json(folder / "summary.json", summary(plan))
     _write_json(folder / "provenance.json", provenance(plan, command))
+
+
+def write_report(plan: Plan, path: Path, folder: Path) -> Path:
+    """Write a plan's page; where it comes from and how the solver converged are read from its results folder.
+
+    Parameters
+    ----------
+    plan : Plan
+        Replayed, and certified if its problem asks for that.
+    path : Path
+        The file to write, whole or not at all.
+    folder : Path
+        Where ``provenance.json`` and ``solver.log`` may be.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
+    from ensemble_ctrl.report.html import report_html
+
+    def text(name: str) -> str:
+        return (folder / name).read_text(encoding="utf-8", errors="replace") if (folder / name).is_file() else ""
+
+    try:
+        facts = json.loads(text("provenance.json") or "{}")
+    except ValueError:
+        facts = {}
+    facts = facts if isinstance(facts, dict) else {}
+    page = report_html(plan, dump(plan.problem), facts, text("solver.log"))
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(page, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from None
+    return path
 
 
 def controls_csv(plan: Plan) -> str:

@@ -18,8 +18,8 @@ from ensemble_ctrl.results import LIBRARIES
 from .conftest import Command
 from .tools import SMALL, environment
 
-NAMES = ["run", "check", "show", "verify", "compare", "widest", "import", "export", "models", "examples"]
-NAMES += ["init", "schema", "doctor"]
+NAMES = ["run", "check", "show", "report", "plot", "animate", "verify", "compare", "widest"]
+NAMES += ["import", "export", "models", "examples", "init", "schema", "doctor"]
 
 
 def loaded(err: str) -> set[str]:

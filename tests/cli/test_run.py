@@ -31,7 +31,7 @@ def test_a_run_writes_its_folder_and_a_summary(place: Path) -> None:
     done = process("small.yaml", cwd=place)
     assert done.code == 0, done.err
     folder = place / "plans" / "small"
-    assert names(folder) == DATA | FIGURES
+    assert names(folder) == DATA | FIGURES | {"report.html"}
     assert names(place / "plans") == {"small"}
     lines = done.out.splitlines()
     assert lines[0] == "small: plan found, proven for every member, no member of 200 violates"
@@ -51,7 +51,7 @@ def test_the_twin_is_planned_for_the_figures_only(command: Command, place: Path)
     assert (done.code, " twin " in done.err) == (0, False)
     done = command("small.yaml", "--set", "report.twin=true")
     assert (done.code, bool(re.search(r"\btwin \d+\.\d\d s", done.err))) == (0, True)
-    assert names(place / "plans" / "small-2") == DATA | FIGURES
+    assert names(place / "plans" / "small-2") == DATA | FIGURES | {"report.html"}
 
 
 def test_a_twin_that_fails_is_a_warning(command: Command, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,7 +62,7 @@ def test_a_twin_that_fails_is_a_warning(command: Command, place: Path, monkeypat
     done = command("small.yaml", "--set", "report.twin=true")
     assert done.code == 0
     assert "warning: the unconstrained twin could not be planned (ValueError: no way)" in done.err
-    assert names(place / "plans" / "small") == DATA | FIGURES
+    assert names(place / "plans" / "small") == DATA | FIGURES | {"report.html"}
 
 
 def assert_png(path: Path) -> None:

@@ -19,12 +19,12 @@ from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.moments import Interval, Law
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 
 Floats = NDArray[np.float64]
 SPLITS = (1, 4, 16)
 """Parts into which each step is cut, in turn, until a part of the task is proven or refuted."""
-Verdict = Literal["yes", "no", "undecided"]
+Verdict = Literal["yes", "no", "undecided", "not covered"]
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,9 @@ class Certificate:
 
     Attributes
     ----------
-    proven : {"yes", "no", "undecided"}
-        ``yes``: every bound is positive or zero. ``no``: `counter_example` violates the task.
+    proven : {"yes", "no", "undecided", "not covered"}
+        ``yes``: every bound is positive or zero. ``no``: `counter_example` violates the task. ``not covered``: no proof
+        for this model is known here, and nothing is claimed.
     clearances : tuple of Bound
         Proven and sampled clearance for each duty.
     parts : tuple of TaskBound
@@ -128,6 +129,8 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     """
     began = time.perf_counter()
     laws = _laws(problem, ranges)
+    if isinstance(problem, OdeProblem):
+        return _not_covered(problem, controls, laws)
     flow = Flow.of(problem, controls, laws)
     prover = Prover(flow, problem.fleet.names)
     clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
@@ -147,6 +150,12 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     )
 
 
+def _not_covered(problem: OdeProblem, controls: Floats, laws: Mapping[str, Law]) -> Certificate:
+    """The certificate that claims nothing, of a fleet that follows a differential equation."""
+    ranges = {name: (law.lower, law.upper) for name, law in laws.items()}
+    return Certificate("not covered", (), (), None, ranges, 0, 0.0, fingerprint(problem, controls, laws))
+
+
 def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
     """The fleet's ranges, some of them replaced."""
     laws = dict(problem.fleet.parameters)
@@ -162,9 +171,7 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
     fleet = problem.fleet
     digest = hashlib.sha256()
     numbers: Sequence[object] = [
-        fleet.system,
-        fleet.position.tolist(),
-        fleet.heading,
+        *_dynamics(problem),
         fleet.radius,
         problem.duration,
         [(name, law.lower, law.upper) for name, law in laws.items()],
@@ -179,6 +186,15 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
     digest.update(repr(numbers).encode())
     digest.update(np.ascontiguousarray(controls, dtype="<f8").tobytes())
     return digest.hexdigest()
+
+
+def _dynamics(problem: Problem) -> Sequence[object]:
+    """How members move, and from where."""
+    if isinstance(problem, OdeProblem):
+        system, start = problem.fleet.system, problem.fleet.start_states(problem.fleet.center[None])
+        return [system.name, sorted(system.settings().items()), start.tolist()]
+    fleet = problem.fleet
+    return [fleet.system, fleet.position.tolist(), fleet.heading]
 
 
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
 
 STATES = ("x", "y")
-"""The states that a task's predicates may use."""
+"""The coordinates of the plane."""
 
 
 def task_findings(problem: Problem) -> Iterator[Finding]:
     """Unknown names, and windows that end after the plan."""
-    for error in name_errors(problem.task, problem.regions, problem.obstacles, STATES):
+    for error in name_errors(problem.task, problem.regions, problem.obstacles, problem.fleet.states):
         yield _from_formula(error)
     try:
         check_windows(problem.task, problem.duration)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from contextvars import copy_context
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
@@ -64,6 +65,19 @@ Overrides = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")]
+Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")]
+
+
+def _consent(given: bool) -> bool:
+    """Let the Python file of a user's own system run, for this call of the command."""
+    if given:
+        from ensemble_ctrl.config.own import CONSENT
+
+        CONSENT.set(True)
+    return given
+
+
+Trust = Annotated[bool, typer.Option("--trust", help="Run the Python file that fleet.model names.", callback=_consent)]
 Members = Annotated[int | None, typer.Option(help="Members to replay (verify.members).", metavar="N", min=1)]
 
 
@@ -114,11 +128,15 @@ def run(
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="A line for each iteration, and the routes tried.")
     ] = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures and write no report.")] = False,
+    animation: Annotated[
+        str | None, typer.Option("--animate", help="Write an animation too: gif or mp4.", metavar="FORMAT")
+    ] = None,
     no_suggest: Annotated[
         bool, typer.Option("--no-suggest", help="Where there is no plan, do not look for what would help.")
     ] = False,
     overwrite: Overwrite = False,
+    trust: Trust = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
     if quiet and verbose:
@@ -143,6 +161,7 @@ def run(
         verbose=verbose,
         plots=not no_plots,
         suggest=not no_suggest,
+        animation=animation,
         overwrite=overwrite,
         command=(NAME, *context.obj),
     )
@@ -160,6 +179,7 @@ def check(
     configs: Annotated[list[str], typer.Argument(help="Problem files; - reads stdin.", metavar="CONFIG")],
     json: Json = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say only what is wrong.")] = False,
+    trust: Trust = False,
 ) -> None:
     """Check problem files without solving."""
     from ensemble_ctrl.cli.check import check_files
@@ -174,17 +194,90 @@ def check(
     )
 )
 def show(
-    plan: Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")],
+    plan: Saved,
     members: Members = None,
     substeps: Annotated[
         int | None, typer.Option(help="Times looked at in each step (verify.substeps).", metavar="N", min=1)
     ] = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Replay a saved plan and print its summary again."""
     from ensemble_ctrl.cli.show import show_plan
 
     raise typer.Exit(show_plan(plan, members, substeps, json))
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan report plans/problem",
+        "ensemble-plan report plans/problem -o problem.html",
+    )
+)
+def report(
+    plan: Saved,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The file [default: report.html beside it].", metavar="FILE")
+    ] = None,
+) -> None:
+    """Write a saved plan's report.html again."""
+    from ensemble_ctrl.cli.report import report_plan
+
+    report_plan(plan, output)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan plot plans/problem",
+        "ensemble-plan plot plans/problem trajectories -o map.pdf",
+        "ensemble-plan plot plans/problem clearance moments --format svg",
+    )
+)
+def plot(
+    plan: Saved,
+    kinds: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Kinds of pictures [default: all]: trajectories, controls, moments, robustness, clearance, "
+            "certificate.",
+            metavar="KIND",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="The file; of several kinds the folder [default: beside the plan].", metavar="FILE"
+        ),
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option("--format", help="png, pdf or svg [default: as FILE ends, or png].", metavar="FORMAT")
+    ] = None,
+) -> None:
+    """Draw a saved plan for a paper, a column wide."""
+    from ensemble_ctrl.cli.plot import plot_plan
+
+    plot_plan(plan, kinds or [], output, format)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan animate plans/problem",
+        "ensemble-plan animate plans/problem -o problem.mp4 --seconds 10",
+    )
+)
+def animate(
+    plan: Saved,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="A .gif or .mp4 [default: animation.gif beside it].", metavar="FILE"),
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="How long it runs.", metavar="N")] = 6.0,
+) -> None:
+    """Show a saved plan's fleet on its way."""
+    from ensemble_ctrl.cli.animate import animate_plan
+
+    animate_plan(plan, output, seconds)
 
 
 @app.command(
@@ -202,6 +295,7 @@ def verify(
     ] = None,
     members: Members = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Prove a saved plan again from its files alone."""
     from ensemble_ctrl.cli.verify import verify_plan
@@ -317,11 +411,15 @@ def export(
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""
-    from ensemble_ctrl.systems import SYSTEMS
+    from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS, ArcSystem, OdeSystem
 
-    for name, system in SYSTEMS.items():
+    known: dict[str, type[ArcSystem] | type[OdeSystem]] = {**SYSTEMS, **ODE_SYSTEMS}
+    for name, system in known.items():
         controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
-        say(f"{name:<12}{system.summary}\n{'':<12}controls {controls}; parameters {', '.join(system.parameters)}")
+        say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {', '.join(system.parameters)}")
+        if name in ODE_SYSTEMS:
+            say(f"{'':<18}states {', '.join(ODE_SYSTEMS[name].states)}; replayed, not proven")
+    say("your own: fleet: {model: {python: my_system.py:MySystem}}, with --trust")
 
 
 @app.command(
@@ -399,6 +497,11 @@ def invoke(arguments: list[str]) -> int:
     if COMPLETING in os.environ:
         return _complete()
     as_json = "--json" in arguments
+    return copy_context().run(_invoked, arguments, as_json)
+
+
+def _invoked(arguments: list[str], as_json: bool) -> int:
+    """The command line in a context of its own, so that a consent ends with it."""
     try:
         command = typer.main.get_command(app)
         with command.make_context(NAME, with_command(arguments), obj=tuple(arguments)) as context:

@@ -14,11 +14,15 @@ from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
 from ensemble_ctrl.folder import ResultsFolder
+from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.report import route_lines, summary_lines
-from ensemble_ctrl.results import controls_csv, summary, to_json, write_results
+from ensemble_ctrl.results import controls_csv, summary, to_json, write_report, write_results
 
 if TYPE_CHECKING:
     from ensemble_ctrl.ocp.solvers import Iteration
+
+REPORT = "report.html"
+"""Name of a plan's page in its results folder."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,7 @@ class RunOptions:
     verbose: bool = False
     plots: bool = True
     suggest: bool = True
+    animation: str | None = None
     overwrite: bool = False
     command: tuple[str, ...] = ()
 
@@ -49,6 +54,10 @@ class Written:
 def run(options: RunOptions) -> int:
     """Plan, write the results folder, print the summary; returns the exit code."""
     progress = Progress(options.quiet, options.verbose)
+    if options.animation is not None:
+        from ensemble_ctrl.report.animation import require
+
+        require(f"--animate {options.animation}", options.animation)
     progress("check", None)
     loaded = read(options.config, options.overrides)
     for warning in loaded.warnings:
@@ -108,22 +117,27 @@ def _write(found: Plan, folder: ResultsFolder, options: RunOptions, progress: Pr
     error = ""
     try:
         write_results(found, folder.working, options.command)
-        if options.plots and progress.stop_signal is None:
-            error = _draw(found, folder.working)
+        if progress.stop_signal is None:
+            error = _draw(found, folder.working, options)
         placed = folder.commit()
     except OSError as reason:
         return Written(None, f"{folder.target}: the plan could not be written ({reason.strerror or reason})")
     return Written(placed, error and f"{placed}: the plan is saved, but its figures could not be drawn ({error})")
 
 
-def _draw(found: Plan, folder: Path) -> str:
-    """Draw the figures; returns why it failed, if it did: a plan is worth keeping without them."""
+def _draw(found: Plan, folder: Path, options: RunOptions) -> str:
+    """Draw what was asked for; returns why it failed, if it did: a plan is worth keeping without pictures."""
     from ensemble_ctrl.report.figures import write_figures
 
     try:
-        write_figures(found.problem, found.controls, folder, found.twin, found.details["routes"])
+        if options.plots:
+            write_figures(found.problem, found.controls, folder, found.twin, found.details["routes"])
+            if not isinstance(found.problem, OdeProblem):
+                write_report(found, folder / REPORT, folder)
+        if options.animation is not None:
+            found.animate(folder / f"animation.{options.animation}")
     except Exception as error:
-        for half_written in folder.glob("*.png"):
+        for half_written in [*folder.glob("*.png"), folder / REPORT]:
             with suppress(OSError):
                 half_written.unlink()
         return getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"

@@ -15,6 +15,17 @@ from ensemble_ctrl.results import summary, to_json
 
 def show_plan(path: Path, members: int | None, substeps: int | None, as_json: bool) -> int:
     """Print the summary; returns the exit code that the plan deserves."""
+    found = judged(path, members, substeps)
+    code = exit_code(found)
+    if as_json:
+        say(to_json({**summary(found), "exit_code": code, "folder": str(path)}))
+    else:
+        say("\n".join(summary_lines(found, str(path))))
+    return code
+
+
+def judged(path: Path, members: int | None = None, substeps: int | None = None) -> Plan:
+    """A saved plan with a fresh replay, and a fresh certificate if its problem asks for one."""
     saved = Plan.load(path)
     verify = saved.problem.verify
     wanted = replace(
@@ -24,10 +35,4 @@ def show_plan(path: Path, members: int | None, substeps: int | None, as_json: bo
     )
     problem = saved.problem.with_(verify=wanted)
     certificate = saved.certify() if verify.certificate else None
-    found = checked(saved, replay(problem, saved.controls), certificate)
-    code = exit_code(found)
-    if as_json:
-        say(to_json({**summary(found), "exit_code": code, "folder": str(path)}))
-    else:
-        say("\n".join(summary_lines(found, str(path))))
-    return code
+    return checked(saved, replay(problem, saved.controls), certificate)

@@ -1,4 +1,4 @@
-"""Figures: the fleet's trajectories on the map, and the broadcast controls over time."""
+"""Figures of the map: the fleet's trajectories, plans side by side, and what a run writes."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import outlines
-from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
-from ensemble_ctrl.report.text import ranges_text
-from ensemble_ctrl.target import Formation, SpreadTarget
+from ensemble_ctrl.drawing import highest, outlines, target_lines
+from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.report.canvas import new_figure, placed_axes, save, shown_axes
+from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, REGION, TWIN, shades
+from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet, sheet_size
+from ensemble_ctrl.report.text import ranges_text, unit_of
+from ensemble_ctrl.report.view import ways
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +27,8 @@ MEMBERS = 21
 """Members drawn."""
 GHOSTS = 6
 """Times at which a moving obstacle is outlined."""
-OBSTACLE, REGION, TWIN = "#8a8f98", "#2166ac", "#b2182b"
+MARGINS = (0.62, 0.95, 0.5, 0.45)
+"""Inches at the left, right, below and above a map."""
 
 
 def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
@@ -44,20 +47,29 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
     from matplotlib.patheffects import withStroke
 
     _draw_motions(problem, ax)
-    halo = [withStroke(linewidth=2, foreground="#5a5f68")]
+    halo = [withStroke(linewidth=2, foreground=OBSTACLE_EDGE)]
     for name, pieces in problem.obstacles.items():
         for piece in pieces:
-            ax.add_patch(Polygon(piece.vertices, closed=True, facecolor=OBSTACLE, edgecolor="#5a5f68"))
+            ax.add_patch(Polygon(piece.vertices, closed=True, facecolor=OBSTACLE, edgecolor=OBSTACLE_EDGE))
         largest = max(pieces, key=lambda piece: float(np.ptp(piece.vertices, axis=0).prod()))
         middle = largest.vertices.mean(axis=0)
-        ax.annotate(name, middle, ha="center", va="center", fontsize=8, color="white", path_effects=halo)
+        ax.annotate(name, middle, ha="center", va="center", fontsize="small", color="white", path_effects=halo)
     for name, corners in outlines(problem, paths).items():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor="none", alpha=0.15))
         ax.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=REGION, linewidth=1.5))
-        top = (corners[:, 0].mean(), corners[:, 1].max())
-        ax.annotate(name, top, (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
+        ax.annotate(
+            name,
+            tuple(highest(corners)),
+            (0, 3),
+            textcoords="offset points",
+            ha="center",
+            fontsize="small",
+            color=REGION,
+        )
     _draw_start(problem, ax)
-    _draw_target(problem, ax)
+    for line in target_lines(problem):
+        marker = "x" if len(line) < 60 else ""
+        ax.plot(line[:, 0], line[:, 1], ":", color="black", linewidth=1.0, marker=marker, markersize=5, zorder=4.5)
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     ax.margins(0.08)
     return ax
@@ -84,22 +96,10 @@ def _draw_start(problem: Problem, ax: Axes) -> None:
     x, y = fleet.position.tolist()
     marker = (3, 0, np.degrees(fleet.heading) - 90)
     ax.plot(x, y, marker=marker, color="black", markersize=9, zorder=5, linestyle="none")
-    behind = (-17 * np.cos(fleet.heading), -17 * np.sin(fleet.heading))
-    ax.annotate("start", (x, y), behind, textcoords="offset points", fontsize=8, ha="center", va="center")
-
-
-def _draw_target(problem: Problem, ax: Axes) -> None:
-    """The places of a formation as a line, mean and covariance as the ellipse of one standard deviation."""
-    target = problem.objective.target
-    style: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": ":", "zorder": 4.5}
-    if isinstance(target, Formation):
-        ax.plot(target.places[:, 0], target.places[:, 1], marker="x", markersize=5, **style)
-    elif isinstance(target, SpreadTarget):
-        values, vectors = np.linalg.eigh(target.covariance)
-        turn = np.linspace(0, 2 * np.pi, 65)
-        round_ = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.sqrt(np.maximum(values, 0.0))
-        ellipse = target.mean + round_ @ vectors.T
-        ax.plot(ellipse[:, 0], ellipse[:, 1], **style)
+    inwards = ax.dataLim.get_points().mean(axis=0) - fleet.position
+    side = float(np.sign(np.dot((-np.sin(fleet.heading), np.cos(fleet.heading)), inwards))) or 1.0
+    away = (-17 * side * np.sin(fleet.heading), 11 * side * np.cos(fleet.heading))
+    ax.annotate("start", (x, y), away, textcoords="offset points", fontsize="small", ha="center", va="center")
 
 
 def draw_trajectories(
@@ -123,27 +123,65 @@ def draw_trajectories(
     matplotlib Axes
         What was drawn on; nothing is shown.
     """
+    from matplotlib.collections import LineCollection
+
+    if isinstance(problem, OdeProblem):
+        return _draw_ode(problem, controls, ax)
+    fleet = problem.fleet
+    members = fleet.spread(MEMBERS)
+    paths = ways(problem, controls, members, 4)
+    ax = shown_axes(map_size(problem, controls, twin_controls)) if ax is None else ax
+    draw_map(problem, ax, list(paths))
+    if twin_controls is not None:
+        _draw_twin(ways(problem, twin_controls, members[::2], 4), ax)
+    shade = shades(fleet, members)
+    lines = LineCollection(list(paths), array=shade, cmap="viridis", linewidths=0.9, alpha=0.9, zorder=2)
+    lines.set_clim(0.0, 1.0)
+    ax.add_collection(lines)
+    ax.scatter(paths[:, -1, 0], paths[:, -1, 1], c=shade, cmap="viridis", vmin=0, vmax=1, s=9, zorder=4)
+    ax.autoscale_view()
+    if fleet.names and fleet.upper[0] > fleet.lower[0]:
+        _draw_scale(problem, ax)
+    ax.set_title(f"{problem.name}: one control, {ranges_text(fleet)}", wrap=True)
+    return ax
+
+
+def _draw_scale(problem: Problem, ax: Axes) -> None:
+    """Which colour is which value of the first parameter, beside the map and as high as it."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     fleet = problem.fleet
-    members = fleet.spread(MEMBERS)
-    paths = trajectories(problem, controls, members, 4)
-    ax = _shown_axes(map_size(problem, controls, twin_controls)) if ax is None else ax
-    draw_map(problem, ax, list(paths))
-    if twin_controls is not None:
-        _draw_twin(trajectories(problem, twin_controls, members[::2], 4), ax)
-    shade = members[:, 0] if fleet.names else np.zeros(len(members))
-    colours = ScalarMappable(Normalize(shade.min(), shade.max()), "viridis")
-    for value, path in zip(shade, paths, strict=True):
-        colour = colours.to_rgba(np.array(value))
-        ax.plot(path[:, 0], path[:, 1], color=colour, linewidth=0.9, alpha=0.9)
-        ax.plot(*path[-1], "o", color=colour, markersize=3, zorder=4)
-    if fleet.names:
-        bar = ax.get_figure().colorbar(colours, ax=ax, fraction=0.05, pad=0.02)  # type: ignore[union-attr]
-        bar.set_label(fleet.names[0])
-    ax.set_title(f"{problem.name}: one control, {ranges_text(fleet)}", wrap=True)
-    return ax
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    colours = ScalarMappable(Normalize(fleet.lower[0], fleet.upper[0]), "viridis")
+    bar = figure.colorbar(colours, cax=ax.inset_axes((1.03, 0.0, 0.035, 1.0)))
+    unit = unit_of(fleet.names[0]).strip() or "-"
+    bar.set_label(f"{fleet.names[0]} [{unit}]")
+
+
+def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
+    """Projections of a fleet that follows a differential equation; on given axes the first of them."""
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        figure = plt.figure(figsize=sheet_size(problem, controls), layout="compressed")
+        axes = sheet(problem, controls, figure)
+    else:
+        axes = [ax]
+    draw_paths(problem, controls, axes)
+    axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
+    return axes[0]
+
+
+def _ode_figures(problem: OdeProblem, controls: Floats) -> dict[str, Figure]:
+    """Projections and spread of a fleet that follows a differential equation."""
+    paths, spread = new_figure(sheet_size(problem, controls)), new_figure((7.2, 4.2))
+    axes = sheet(problem, controls, paths)
+    draw_paths(problem, controls, axes)
+    axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
+    draw_spread(problem, controls, spread.subplots())
+    return {"trajectories.png": paths, "spread.png": spread}
 
 
 def _draw_twin(paths: Floats, ax: Axes) -> None:
@@ -151,35 +189,17 @@ def _draw_twin(paths: Floats, ax: Axes) -> None:
     for i, path in enumerate(paths):
         label = None if i else "unconstrained"
         ax.plot(path[:, 0], path[:, 1], "--", color=TWIN, linewidth=0.6, alpha=0.7, zorder=1.9, label=label)
-    ax.legend(loc="best", fontsize=8)
+    ax.legend(loc="best", fontsize="small")
 
 
 def draw_comparison(problem: Problem, panels: Sequence[tuple[str, Floats]]) -> Figure:
     """Trajectories of several plans of one problem side by side, each under its own title."""
     width, height = map_size(problem, panels[0][1])
-    figure = new_figure((0.75 * width * len(panels), height))
-    axes: Any = figure.subplots(1, len(panels), squeeze=False)[0]
-    for ax, (title, controls) in zip(axes, panels, strict=True):
+    figure = new_figure((width * len(panels), height))
+    for k, (title, controls) in enumerate(panels):
+        after = (len(panels) - 1 - k) * width
+        ax = placed_axes(figure, MARGINS[0] + k * width, MARGINS[1] + after, *MARGINS[2:])
         draw_trajectories(problem, controls, ax).set_title(title)
-    return figure
-
-
-def draw_controls(problem: Problem, controls: Floats) -> Figure:
-    """The commands of every step over time, with their bounds dashed."""
-    system, fleet = problem.fleet.system, problem.fleet
-    figure = new_figure((7.2, 4.2))
-    axes: Any = figure.subplots(len(system.controls), 1, sharex=True, squeeze=False)[:, 0]
-    for i, (ax, name, unit) in enumerate(zip(axes, system.controls, system.control_units, strict=True)):
-        ax.stairs(controls[:, i], problem.times, baseline=None, linewidth=1.4)
-        low, high = fleet.input_lower[i], fleet.input_upper[i]
-        for bound in (low, high):
-            ax.axhline(bound, linestyle="--", linewidth=0.8, color="#b2182b")
-        ax.set_ylabel(f"{name} [{unit}]")
-        pad = 0.08 * max(high - low, 1e-6)
-        ax.set_ylim(low - pad, high + pad)
-        ax.grid(alpha=0.3)
-    axes[0].set_title(f"{problem.name}: broadcast controls (bounds dashed)")
-    axes[-1].set(xlabel="t [s]", xlim=(0, problem.duration))
     return figure
 
 
@@ -197,41 +217,43 @@ def write_figures(
     list of str
         Their names.
     """
+    from ensemble_ctrl.report.kinds.controls import draw_controls
     from ensemble_ctrl.report.routes import draw_routes
 
-    trajectory_figure = new_figure(map_size(problem, controls, twin_controls))
-    draw_trajectories(problem, controls, trajectory_figure.subplots(), twin_controls)
-    figures = {"trajectories.png": trajectory_figure, "controls.png": draw_controls(problem, controls)}
-    if len(routes) > 1:
+    control_figure = new_figure((7.2, 1.0 + 1.6 * controls.shape[1]))
+    draw_controls(problem, controls, placed_axes(control_figure, 0.75, 0.2, 0.55, 0.4))
+    if isinstance(problem, OdeProblem):
+        figures = _ode_figures(problem, controls)
+    else:
+        figures = {"trajectories.png": new_figure(map_size(problem, controls, twin_controls))}
+        draw_trajectories(problem, controls, placed_axes(figures["trajectories.png"], *MARGINS), twin_controls)
+    figures["controls.png"] = control_figure
+    if len(routes) > 1 and not isinstance(problem, OdeProblem):
         figures["routes.png"] = draw_routes(problem, controls, routes)
     for name, figure in figures.items():
-        figure.savefig(folder / name, dpi=150)
+        save(figure, folder / name)
     return list(figures)
 
 
-def map_size(problem: Problem, controls: Floats, twin_controls: Floats | None = None) -> tuple[float, float]:
-    """Inches for a map of its own proportions, with room for labels and the colour bar."""
+def map_size(
+    problem: Problem,
+    controls: Floats,
+    twin_controls: Floats | None = None,
+    width: float = 7.2,
+    margins: tuple[float, float, float, float] = MARGINS,
+) -> tuple[float, float]:
+    """Inches for a map of its own proportions, with `margins` for labels and the colour bar."""
     drawn = [controls] if twin_controls is None else [controls, twin_controls]
-    ends = np.concatenate([trajectories(problem, c, problem.fleet.corners) for c in drawn])
+    ends = np.concatenate([ways(problem, c, problem.fleet.corners) for c in drawn])
     shapes = [*outlines(problem, list(ends)).values(), *(piece.vertices for _, piece in problem.pieces)]
-    width, height = np.ptp(np.concatenate([*ends, *shapes]), axis=0)
-    ratio = float(np.clip(height / max(width, 1e-9), 0.4, 1.1))
-    return 7.2, 1.0 + 5.6 * ratio
+    across, up = np.ptp(np.concatenate([*ends, *shapes]), axis=0)
+    ratio = float(np.clip(up / max(across, 1e-9), 0.4, 1.1))
+    left, right, bottom, top = margins
+    return width, bottom + top + (width - left - right) * ratio
 
 
-def new_figure(size: tuple[float, float]) -> Figure:
-    """A figure of its own, outside pyplot, so that nothing has to be closed."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout="compressed")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _shown_axes(size: tuple[float, float]) -> Axes:
-    """Axes on a new figure of pyplot's."""
-    import matplotlib.pyplot as plt
-
-    figure = plt.figure(figsize=size, layout="compressed")
-    return figure.subplots()
+def line_style(k: int) -> dict[str, Any]:
+    """Colour and dashes of the line that stands for thing number `k`."""
+    dashes = DASHES[k % len(DASHES)]
+    pattern = (0, tuple(float(d) for d in dashes.split())) if dashes else "-"
+    return {"color": LINES[k % len(LINES)], "linestyle": pattern}

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
-from ensemble_ctrl.report.figures import draw_map, map_size, new_figure
+from ensemble_ctrl.report.canvas import new_figure, placed_axes
+from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
+from ensemble_ctrl.report.view import ways
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,6 +21,8 @@ Tried = Mapping[str, Any]
 """A route of ``details["routes"]``: the fields of `ensemble_ctrl.ocp.candidates.Tried`."""
 
 PLAN = "#1b7837"
+LEGEND = 0.4
+"""Inches for the legend."""
 STYLES: dict[str, dict[str, Any]] = {
     "not feasible": {"color": "#c8c8c8", "linewidth": 0.6, "zorder": 1.7},
     "feasible": {"color": "#6a6a6a", "linewidth": 0.9, "zorder": 1.9},
@@ -56,10 +59,12 @@ def draw_routes(problem: Problem, controls: Floats, routes: Sequence[Tried]) -> 
     routes : sequence of mappings
         Shortest first.
     """
-    figure = new_figure(map_size(problem, controls))
-    ax = figure.subplots()
+    left, right, bottom, top = MARGINS
+    width, height = map_size(problem, controls)
+    figure = new_figure((width, height + LEGEND))
+    ax = placed_axes(figure, left, right, bottom + LEGEND, top)
     lines = [np.array(route["corners"], dtype=float) for route in routes]
-    plan = trajectories(problem, controls, problem.fleet.center[None], 4)[0]
+    plan = ways(problem, controls, problem.fleet.center[None], 4)[0]
     draw_map(problem, ax, [*lines, plan])
     for kind, style in STYLES.items():
         chosen = [line for line, route in zip(lines, routes, strict=True) if _kind(route) == kind]
@@ -67,7 +72,7 @@ def draw_routes(problem: Problem, controls: Floats, routes: Sequence[Tried]) -> 
             label = None if i else kind if kind == "kept" else f"{len(chosen)} {kind}"
             ax.plot(line[:, 0], line[:, 1], label=label, **style)
     ax.plot(plan[:, 0], plan[:, 1], color=PLAN, linewidth=1.4, zorder=3.2, label="plan (middle member)")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, fontsize=8, frameon=False)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, fontsize="small", frameon=False)
     ax.set_title(f"{problem.name}: {len(routes)} routes tried")
     return figure
 

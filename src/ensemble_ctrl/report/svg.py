@@ -1,29 +1,26 @@
-"""A small drawing of a plan for notebooks."""
+"""A plan as a card for notebooks: its map and what became of it, without a plotting library."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from ensemble_ctrl.drawing import card_html, map_svg
+from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
+from ensemble_ctrl.report.text import PlanLike, summary_rows, verdict
+from ensemble_ctrl.report.view import conflict_places, some, ways
 
-from ensemble_ctrl.drawing import map_svg
-from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
-
-Floats = NDArray[np.float64]
-
-MEMBERS = 7
+MEMBERS = 9
 """Members drawn, spread over the parameter's range."""
+POINTS = 200
+"""Points of a path at most."""
 
 
-def plan_svg(problem: Problem, controls: Floats) -> str:
-    """The map and the paths of a few members, as one SVG element.
-
-    Parameters
-    ----------
-    problem : Problem
-        Map and fleet.
-    controls : ndarray, shape (steps, n_u)
-        Broadcast commands.
-    """
-    paths = trajectories(problem, controls, problem.fleet.spread(MEMBERS))
-    return map_svg(problem, list(paths))
+def plan_card(plan: PlanLike) -> str:
+    """The map with the paths of a few members, rings where the task fails, and the summary, as HTML."""
+    problem = plan.problem
+    members = problem.fleet.spread(MEMBERS if problem.fleet.names else 1)
+    paths = ways(problem, plan.controls, members)
+    paths = paths[:, some(paths.shape[1], POINTS)]
+    colours = [hexadecimal(colour) for colour in viridis(shades(problem.fleet, members))]
+    marks = [place for _, place in conflict_places(plan)]
+    return card_html(
+        map_svg(problem, list(paths), colours, marks), f"{problem.name}: {verdict(plan)}", summary_rows(plan)
+    )

@@ -7,9 +7,11 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ensemble_ctrl.fleet import START, Fleet
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.ensemble import Ensemble
+from ensemble_ctrl.fleet import START
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import Replay
 
 if TYPE_CHECKING:
@@ -33,6 +35,10 @@ class PlanLike(Protocol):
         """What the search did."""
 
     @property
+    def controls(self) -> NDArray[np.float64]:
+        """Broadcast commands, shape (steps, n_u)."""
+
+    @property
     def replayed(self) -> Replay | None:
         """The replay, if any."""
 
@@ -44,6 +50,8 @@ class PlanLike(Protocol):
         """What fails."""
 
 
+NOT_COVERED = "not covered for this model: replay only"
+"""What is proven of a fleet that follows a differential equation."""
 STATUS_WORDS = {
     "planned": "plan found",
     "infeasible": "NO PLAN FOUND (infeasible near every guess)",
@@ -60,7 +68,9 @@ def verdict(plan: PlanLike) -> str:
         return words
     bad = int(run.violating.sum())
     proof = ""
-    if plan.certificate is not None:
+    if isinstance(plan.problem, OdeProblem):
+        proof = "replayed only (no proof covers this model), "
+    elif plan.certificate is not None:
         proof = "proven for every member, " if plan.certificate.proven == "yes" else "NOT proven for every member, "
     return f"{words}, {proof}" + (
         f"no member of {run.members} violates" if not bad else f"{bad} of {run.members} members VIOLATE it"
@@ -69,6 +79,12 @@ def verdict(plan: PlanLike) -> str:
 
 def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     """The summary, a line each."""
+    rows = summary_rows(plan) + ([("files", files)] if files else [])
+    return [f"{plan.problem.name}: {verdict(plan)}", *(f"  {label:<11}{text}" for label, text in rows)]
+
+
+def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
+    """The summary as labels and texts."""
     problem, d = plan.problem, plan.details
     rows = [
         ("fleet", _fleet(problem)),
@@ -80,7 +96,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
     if plan.status == "infeasible" or "suggestions" in d:
         rows += _tried(d.get("suggestions", {}))
-    rows += proven(plan.certificate)
+    rows += [("proven", NOT_COVERED)] if isinstance(problem, OdeProblem) else proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
     rows += [("arrival", text) for text in _arrival(d.get("arrival", {}))]
@@ -88,9 +104,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
         rows += _mixed(d["minlp"])
     if d.keys() >= {"seconds", "routes", "iterations", "build_seconds"}:
         rows.append(("work", _work(d)))
-    if files:
-        rows.append(("files", files))
-    return [f"{problem.name}: {verdict(plan)}", *(f"  {label:<11}{text}" for label, text in rows)]
+    return rows
 
 
 def _tried(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -108,6 +122,10 @@ def _tried(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _fleet(problem: Problem) -> str:
     """Who moves, from where."""
+    if isinstance(problem, OdeProblem):
+        own = problem.fleet
+        place = ", ".join(f"{value:g}" for value in own.position)
+        return f"{own.system.name}, {ranges_text(own)}, radius {own.radius:g} m, from ({place})"
     fleet = problem.fleet
     x, y = fleet.position
     return (
@@ -116,21 +134,21 @@ def _fleet(problem: Problem) -> str:
     )
 
 
-def ranges_text(fleet: Fleet) -> str:
+def ranges_text(fleet: Ensemble) -> str:
     """The parameters with their ranges; lengths and angles with their units."""
     if not fleet.names:
         return "all members equal"
     return ", ".join(
-        f"{name} {law.lower:.4g} to {law.upper:.4g}{_unit(name)}" for name, law in fleet.parameters.items()
+        f"{name} {law.lower:.4g} to {law.upper:.4g}{unit_of(name)}" for name, law in fleet.parameters.items()
     )
 
 
 def member_text(parameters: Mapping[str, float]) -> str:
     """One member by its parameters."""
-    return ", ".join(f"{name} {value:.6g}{_unit(name)}" for name, value in parameters.items()) or "any member"
+    return ", ".join(f"{name} {value:.6g}{unit_of(name)}" for name, value in parameters.items()) or "any member"
 
 
-def _unit(name: str) -> str:
+def unit_of(name: str) -> str:
     """A parameter's unit, with a space before it."""
     return " rad" if name == "start_heading" else " m" if name in START else ""
 
@@ -176,13 +194,15 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     if certificate is None:
         return [("proven", "nothing for all parameters (no certificate was asked for)")]
     c = certificate
+    if c.proven == "not covered":
+        return [("proven", NOT_COVERED)]
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
-    scope = ", ".join([*ranges, "every instant"])
+    scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
     bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
     bounds += [f"rest of the task >= {c.robustness:.4f} m"] if c.parts else []
     work = f"({c.seconds:.2f} s)"
     if c.proven == "yes":
-        return [("proven", f"for every {scope}: {', '.join(bounds)} {work}")]
+        return [("proven", f"for {scope}: {', '.join(bounds)} {work}")]
     if c.counter_example is None:
         return [("proven", f"UNDECIDED for {scope}: only {', '.join(bounds)} {work}")]
     found = c.counter_example

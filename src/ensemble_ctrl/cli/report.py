@@ -1,0 +1,19 @@
+"""``ensemble-plan report``: judge a saved plan again and write its page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ensemble_ctrl import planfile
+from ensemble_ctrl.cli.run import REPORT
+from ensemble_ctrl.cli.show import judged
+from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.results import write_report
+
+
+def report_plan(path: Path, output: Path | None) -> None:
+    """Write the page and say where it is: in the results folder, or beside a plan that is a file of its own."""
+    found = judged(path)
+    file = planfile.path_of(path)
+    beside = file.with_name(REPORT) if file.name == "plan.npz" else file.with_suffix(".html")
+    say(str(write_report(found, output or beside, file.parent)))

@@ -1,0 +1,62 @@
+"""Figures with places for their parts in inches, so that drawing takes one pass and no search for a layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ensemble_ctrl.errors import ProblemError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLUMN = 3.5
+"""Width in inches of a column of a paper."""
+PAPER: Any = {
+    "font.size": 8,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.1,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+}
+"""What text and lines look like in a column."""
+FORMATS = ("png", "pdf", "svg")
+
+
+def new_figure(size: tuple[float, float], dpi: float = 150) -> Figure:
+    """A figure of its own, outside pyplot, so that nothing has to be closed."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, dpi=dpi)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def placed_axes(figure: Figure, left: float, right: float, bottom: float, top: float) -> Axes:
+    """Axes with so many inches around them."""
+    width, height = figure.get_size_inches().tolist()
+    return figure.add_axes((left / width, bottom / height, 1 - (left + right) / width, 1 - (bottom + top) / height))
+
+
+def shown_axes(size: tuple[float, float]) -> Axes:
+    """Axes on a new figure of pyplot's, so that a notebook or a later ``show`` shows it."""
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure(figsize=size, layout="compressed")
+    return figure.subplots()
+
+
+def save(figure: Figure, path: Path, kind: str = "png") -> None:
+    """Write a figure; PNG in one pass, where `Figure.savefig` takes two."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    if kind not in FORMATS:
+        raise ProblemError(f"format: expected one of {', '.join(FORMATS)}, got {kind!r}")
+    if kind == "png":
+        FigureCanvasAgg(figure).print_png(str(path))  # type: ignore[no-untyped-call]
+    else:
+        figure.savefig(path, format=kind)

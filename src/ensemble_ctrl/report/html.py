@@ -1,0 +1,231 @@
+"""``report.html``: one file that says of a plan what it does and what is proven, without a network, on any screen.
+
+Everything that comes from a problem is escaped; beyond that, the page's own policy lets the browser run no script but
+the one that is written here.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from string import Template
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl._version import __version__
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.report.convergence import Descent, descents
+from ensemble_ctrl.report.pagecharts import COLOURS, Axes, Curve, chart
+from ensemble_ctrl.report.pagemap import map_and_motion
+from ensemble_ctrl.report.palette import hexadecimal, viridis
+from ensemble_ctrl.report.series import by_parameter, over_time
+from ensemble_ctrl.report.text import PlanLike, conflict_text, summary_rows, unit_of, verdict
+from ensemble_ctrl.report.tube import Ribbon, tube
+from ensemble_ctrl.report.view import conflict_places, require_map
+from ensemble_ctrl.report.words import certificate_words
+
+Floats = NDArray[np.float64]
+
+SOLVES = 6
+"""Solves whose convergence is shown: the last ones, which led to the plan."""
+
+
+def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any] | None = None, log: str = "") -> str:
+    """The page.
+
+    Parameters
+    ----------
+    plan : PlanLike
+        What was asked and what came of it.
+    problem_text : str
+        The problem file.
+    provenance : mapping, optional
+        Versions, command and time, as in ``provenance.json``.
+    log : str
+        The solver's own output, for its convergence.
+
+    Returns
+    -------
+    str
+        HTML that loads nothing.
+
+    Raises
+    ------
+    UnsupportedError
+        For a fleet that follows a differential equation.
+    """
+    problem, controls = plan.problem, plan.controls
+    require_map(problem, "report.html")
+    ribbons = tube(problem, controls)
+    marks = [(conflict_text(conflict), place) for conflict, place in conflict_places(plan)]
+    drawing, motion = map_and_motion(problem, controls, ribbons, marks)
+    style, script = (_asset(f"page.{kind}") for kind in ("css", "js"))
+    sections = [
+        _section("Map", _map(problem, drawing, ribbons, bool(marks)), "wide"),
+        _section("Certificate", _certificate(plan), "narrow"),
+        _section("Controls", _controls(problem, controls), "half"),
+        _section("Robustness over time", _robustness(problem, controls), "half"),
+        _section("Clearance over the parameter", _clearance(plan), "half"),
+        _section("Convergence", _convergence(descents(log)), "half"),
+        _section("Problem file", f"<pre>{escape(problem_text)}</pre>"),
+        _section("Provenance", _provenance(provenance or {})),
+    ]
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return Template(_asset("page.html")).substitute(
+        version=__version__,
+        script_hash=digest,
+        name=escape(problem.name),
+        style=style,
+        verdict_class=_verdict_class(plan),
+        verdict=escape(verdict(plan)),
+        facts=_rows(summary_rows(plan)),
+        sections="\n".join(sections),
+        motion=motion,
+        script=script,
+    )
+
+
+def _asset(name: str) -> str:
+    """A file of this package."""
+    return files("ensemble_ctrl.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _section(title: str, body: str, width: str = "") -> str:
+    """A card; nothing without a body."""
+    return f'<section class="{width}"><h2>{title}</h2>{body}</section>' if body else ""
+
+
+def _rows(pairs: Sequence[tuple[str, str]]) -> str:
+    """Labels and texts as a list."""
+    return "<dl>" + "".join(f"<dt>{escape(label)}</dt><dd>{escape(text)}</dd>" for label, text in pairs) + "</dl>"
+
+
+def _verdict_class(plan: PlanLike) -> str:
+    """The verdict's colour: good only where nothing stands against it."""
+    run, certificate = plan.replayed, plan.certificate
+    if plan.status == "infeasible" or (run is not None and run.violating.any()):
+        return "bad"
+    if certificate is not None and certificate.proven != "yes":
+        return "bad" if certificate.proven == "no" else "open"
+    return "good" if plan.status == "planned" and run is not None and certificate is not None else "open"
+
+
+def _map(problem: Problem, drawing: str, ribbons: Sequence[Ribbon], marked: bool) -> str:
+    """The map, the player, what the colours mean and what the areas are."""
+    player = (
+        '<div class="player"><button id="play" type="button">Play</button>'
+        '<input id="time" type="range" min="0" max="1000" step="1" value="1000" aria-label="time">'
+        f'<output id="clock" for="time">t = {problem.duration:.2f} s</output></div>'
+    )
+    note = "Lines: ways of some robots; dots: where they are at the time shown."
+    if ribbons:
+        note = f"Shaded: where every robot is proven to be (its centre), at some time of the plan. {note}"
+    note += " Red rings: where the task fails worst." if marked else ""
+    return f'{drawing}{player}{_scale(problem)}<p class="note">{note}</p>'
+
+
+def _scale(problem: Problem) -> str:
+    """Which colour is which value of the first parameter."""
+    fleet = problem.fleet
+    if not fleet.names or fleet.upper[0] <= fleet.lower[0]:
+        return ""
+    stops = ", ".join(hexadecimal(c) for c in viridis(np.linspace(0, 1, 9)))
+    name, unit = escape(fleet.names[0]), unit_of(fleet.names[0])
+    ends = (f"{end:.4g}{unit}" for end in (fleet.lower[0], fleet.upper[0]))
+    low, high = ends
+    return (
+        f'<div class="scale"><span>{name} {low}</span><i style="background:linear-gradient(90deg, {stops})"></i>'
+        f"<span>{high}</span></div>"
+    )
+
+
+def _certificate(plan: PlanLike) -> str:
+    """The certificate in words."""
+    words = certificate_words(plan.problem, plan.certificate)
+    items = "".join(f"<li>{escape(text)}</li>" for text in words.bounds)
+    bounds = f'<ul class="words">{items}</ul>' if items else ""
+    return f'<p>{escape(words.lead)}</p>{bounds}<p class="note">{escape(words.note)}</p>'
+
+
+def _controls(problem: Problem, controls: Floats) -> str:
+    """A chart for every command, with its bounds."""
+    fleet, system = problem.fleet, problem.fleet.system
+    charts = []
+    for i, (name, unit) in enumerate(zip(system.controls, system.control_units, strict=True)):
+        bounds = (float(fleet.input_lower[i]), float(fleet.input_upper[i]))
+        axes = Axes("t [s]", f"{name} [{unit}]", tuple((b, "bound") for b in bounds if np.isfinite(b)), time=True)
+        charts.append(chart(axes, [Curve("", problem.times, controls[:, i], i, steps=True)], f"{name} over time"))
+    return "".join(charts) + '<p class="note">One command for all robots. Dashed: its bounds.</p>'
+
+
+def _robustness(problem: Problem, controls: Floats) -> str:
+    """How far the fleet is from failing what the task speaks of."""
+    times, series = over_time(problem, controls)
+    if not series:
+        return ""
+    curves = [Curve(s.name, times, s.low, k, s.high, bold=(s.begin, s.end)) for k, s in enumerate(series)]
+    axes = Axes("t [s]", "distance from failing [m]", ((0.0, "zero"),), time=True)
+    note = "Line: the worst robot; shaded: up to the best one; thick: while the task asks for it. Below 0: not so then."
+    return chart(axes, curves, "Robustness over time") + f'<p class="note">{note}</p>'
+
+
+def _clearance(plan: PlanLike) -> str:
+    """How close members of every parameter come to failing."""
+    profile = by_parameter(plan.problem, plan.controls)
+    named = {**profile.clearances, **profile.parts}
+    if not named:
+        return ""
+    curves = [Curve(name, profile.values, values, k) for k, (name, values) in enumerate(list(named.items())[:COLOURS])]
+    certificate = plan.certificate
+    bounds = [] if certificate is None else [certificate.clearance, certificate.robustness]
+    levels = tuple((float(b), "proven") for b in bounds if np.isfinite(b))
+    label = f"{profile.parameter}{_in(unit_of(profile.parameter))}" if profile.parameter else "(all robots are equal)"
+    axes = Axes(label, "distance from failing [m]", ((0.0, "zero"), *levels))
+    others = " The worst of the other parameters." if len(plan.problem.fleet.names) > 1 else ""
+    others += f" Farther away: {escape(', '.join(profile.far))}." if profile.far else ""
+    proven = " Dashed level: what is proven for all." if levels else ""
+    return chart(axes, curves, "Clearance over the parameter") + f'<p class="note">Least over time.{others}{proven}</p>'
+
+
+def _in(unit: str) -> str:
+    """A unit in brackets; numbers that have none say so."""
+    return f" [{unit.strip()}]" if unit else " [-]"
+
+
+def _convergence(solves: Sequence[Descent]) -> str:
+    """Cost and violation of the last solves, one after the other."""
+    shown = [solve for solve in solves if len(solve.objective) > 1][-SOLVES:]
+    if not shown:
+        return ""
+    charts = []
+    for name, values, logarithmic in (
+        ("cost [-]", [s.objective for s in shown], False),
+        ("violation (scaled) [-]", [s.violation for s in shown], True),
+    ):
+        starts = np.cumsum([0, *(len(v) for v in values)])
+        curves = [Curve("", starts[k] + np.arange(len(v), dtype=float), np.array(v), 0) for k, v in enumerate(values)]
+        charts.append(chart(Axes("iteration", name, logarithmic=logarithmic), curves, f"{name} by iteration"))
+    count = f"The last {len(shown)} of {len(solves)} solves" if len(shown) < len(solves) else f"{len(shown)} solves"
+    return "".join(charts) + f'<p class="note">{count} of IPOPT, each from where a line begins.</p>'
+
+
+def _provenance(facts: Mapping[str, Any]) -> str:
+    """Where it comes from, one row a fact."""
+    return _rows(list(_flat({"ensemble_ctrl": __version__, **facts})))
+
+
+def _flat(facts: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Nested facts as rows."""
+    for name, value in facts.items():
+        if isinstance(value, Mapping):
+            yield name, ", ".join(f"{key} {one}" for key, one in value.items() if one is not None)
+        elif isinstance(value, list | tuple):
+            yield name, " ".join(map(str, value))
+        else:
+            yield name, value if isinstance(value, str) else json.dumps(value)

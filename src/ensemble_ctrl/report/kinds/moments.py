@@ -1,0 +1,65 @@
+"""The fleet's moments of position over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.moments import TensorBasis
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.report.kinds.panels import panels
+from ensemble_ctrl.report.palette import LINES
+from ensemble_ctrl.report.view import ways
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Floats = NDArray[np.float64]
+
+ORDER = 3
+"""Highest moment drawn of a fleet with one parameter that bends trajectories; else the first of each."""
+COUNT = 24
+"""Points of the rule that integrates over the parameter; a quarter as many for each of several."""
+
+
+def moments(problem: Problem, controls: Floats) -> Iterator[tuple[str, Floats]]:
+    """Moments of position by name, each of shape (steps + 1, 2), metres, the lowest first.
+
+    Notes
+    -----
+    Integrals of exact trajectories against the orthonormal polynomials of the parameters' laws, by Gauss rules; the
+    mean position is ``m_0 / sqrt(2)``.
+    """
+    fleet = problem.fleet
+    laws = fleet.bent_laws
+    order = ORDER if len(laws) == 1 else 1
+    nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
+    paths = ways(problem, controls, fleet.bent_members(nodes))
+    basis = TensorBasis(tuple(law.basis(order) for law in laws))
+    phi = basis.evaluate(nodes)
+    for column, index in enumerate(basis.indices):
+        if sum(index) <= order:
+            name = "".join(map(str, index)) or "0"
+            yield f"m_{{{name}}}", np.einsum("n,n,ntd->td", weights, phi[:, column], paths)
+
+
+def draw_moments(problem: Problem, controls: Floats, ax: Axes) -> Axes:
+    """The lowest moment in a panel of its own above the others, which are smaller; x solid, y dashed."""
+    lowest, *others = moments(problem, controls)
+    top, *below = panels(ax, 2 if others else 1)
+    for axis, column, dashes in zip("xy", lowest[1].T, ("-", "--"), strict=True):
+        top.plot(problem.times, column, dashes, label=f"{axis}, ${lowest[0]}$", color=LINES[0], linewidth=1.1)
+    for k, (name, values) in enumerate(others, start=1):
+        for axis, column, dashes in zip("xy", values.T, ("-", "--"), strict=True):
+            below[0].plot(problem.times, column, dashes, label=f"{axis}, ${name}$", color=LINES[k], linewidth=1.1)
+    for panel in (top, *below):
+        panel.set(ylabel="moment [m]", xlim=(0, problem.duration))
+        low, high = panel.get_ylim()
+        panel.set_ylim(low, high + 0.3 * (high - low))
+        panel.legend(fontsize="x-small", ncols=3, loc="upper left", handlelength=2.2, columnspacing=1.0)
+    (below[0] if below else top).set_xlabel("t [s]")
+    ax.set_title(f"{problem.name}: moments of position")
+    return ax

@@ -1,0 +1,58 @@
+"""Colours that pictures, pages and animations share: told apart by colour-blind people, and in print without colour."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ensemble_ctrl.fleet import Fleet
+
+Floats = NDArray[np.float64]
+
+OBSTACLE, OBSTACLE_EDGE, REGION, TWIN = "#8a8f98", "#5a5f68", "#2166ac", "#b2182b"
+LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
+"""Okabe and Ito's colours, for lines that stand for different things; pair them with `DASHES`."""
+DASHES = ("", "6 3", "2 2", "8 2 2 2", "10 4", "4 1", "1 3")
+"""Dash patterns as in SVG: line k is told by its pattern as well as by its colour."""
+VIRIDIS = np.array(
+    [
+        [68, 1, 84],
+        [72, 24, 106],
+        [71, 45, 123],
+        [66, 64, 134],
+        [59, 82, 139],
+        [51, 99, 141],
+        [44, 114, 142],
+        [38, 130, 142],
+        [33, 145, 140],
+        [31, 160, 136],
+        [40, 174, 128],
+        [63, 188, 115],
+        [94, 201, 98],
+        [132, 212, 75],
+        [173, 220, 48],
+        [216, 226, 25],
+        [253, 231, 37],
+    ],
+    dtype=float,
+)
+"""Viridis (S. van der Walt and N. Smith, 2015) at 17 equal steps: as light as it is far along."""
+
+
+def viridis(share: ArrayLike) -> NDArray[np.uint8]:
+    """Colours from dark (0) to light (1), shape (..., 3)."""
+    at = np.clip(np.asarray(share, dtype=float), 0.0, 1.0) * (len(VIRIDIS) - 1)
+    channels = [np.interp(at, np.arange(len(VIRIDIS)), VIRIDIS[:, k]) for k in range(3)]
+    return np.stack(channels, axis=-1).round().astype(np.uint8)
+
+
+def hexadecimal(colour: NDArray[np.uint8]) -> str:
+    """``#rrggbb`` of one colour."""
+    return "#" + "".join(f"{int(c):02x}" for c in colour)
+
+
+def shades(fleet: Fleet, members: Floats) -> Floats:
+    """Where members are in the range of the fleet's first parameter, 0 to 1, shape (members,); 0.3 if there is none."""
+    if not fleet.names or fleet.upper[0] <= fleet.lower[0]:
+        return np.full(len(members), 0.3)
+    return np.asarray((members[:, 0] - fleet.lower[0]) / (fleet.upper[0] - fleet.lower[0]))

@@ -1,0 +1,128 @@
+"""Pictures of a plan by the name of their kind, on given Axes or into a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, placed_axes, save, shown_axes
+from ensemble_ctrl.report.figures import draw_trajectories, map_size
+from ensemble_ctrl.report.text import PlanLike
+from ensemble_ctrl.report.view import require_map
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+KINDS = ("trajectories", "controls", "moments", "robustness", "clearance", "certificate")
+"""Names of the kinds of pictures."""
+SIZES = {"controls": 2.9, "moments": 3.2, "certificate": 2.3}
+"""Heights in inches at paper column width; else `HEIGHT`."""
+HEIGHT = 2.4
+MARGINS = {
+    "robustness": (0.56, 0.12, 0.42, 0.3),
+    "clearance": (0.56, 0.12, 0.42, 0.45),
+    "trajectories": (0.5, 0.8, 0.42, 0.12),
+    "certificate": (1.35, 0.12, 0.42, 0.12),
+}
+"""Inches at the left, right, below and above; else `AROUND`."""
+AROUND = (0.56, 0.12, 0.42, 0.12)
+
+
+def kinds_of(problem: Problem) -> tuple[str, ...]:
+    """The kinds that there are of a problem's plans."""
+    return KINDS[:2] if isinstance(problem, OdeProblem) else KINDS
+
+
+class Drawable(PlanLike, Protocol):
+    """What a picture needs of a plan."""
+
+    @property
+    def twin(self) -> NDArray[np.float64] | None:
+        """Commands of the unconstrained twin, if it was planned."""
+
+
+def draw(plan: Drawable, kind: str, ax: Axes | None = None) -> Axes:
+    """Draw one kind of picture.
+
+    Parameters
+    ----------
+    plan : Drawable
+        What to draw.
+    kind : str
+        Of `KINDS`.
+    ax : matplotlib Axes, optional
+        Where to; without it a new figure of pyplot's.
+
+    Returns
+    -------
+    matplotlib Axes
+        What was drawn on; nothing is shown. ``controls`` and ``moments`` put panels in its place: its `child_axes`.
+
+    Raises
+    ------
+    ProblemError
+        For another kind, and for the certificate of a plan without one.
+    UnsupportedError
+        For a kind other than trajectories and controls of a fleet that follows a differential equation.
+    """
+    if kind not in KINDS:
+        raise ProblemError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
+    if kind == "trajectories":
+        return draw_trajectories(plan.problem, plan.controls, ax, plan.twin)
+    if kind not in kinds_of(plan.problem):
+        require_map(plan.problem, f"the picture {kind!r}")
+    certificate = plan.certificate
+    if kind == "certificate" and certificate is None:
+        raise ProblemError("kind: expected a plan with a certificate, got one without; see Plan.certify")
+    ax = shown_axes((6.4, 4.4)) if ax is None else ax
+    if kind == "certificate" and certificate is not None:
+        from ensemble_ctrl.report.kinds.certificate import draw_certificate
+
+        return draw_certificate(plan.problem.name, certificate, ax)
+    if kind == "clearance":
+        from ensemble_ctrl.report.kinds.clearance import draw_clearance
+
+        return draw_clearance(plan, ax)
+    if kind == "robustness":
+        from ensemble_ctrl.report.kinds.robustness import draw_robustness
+
+        return draw_robustness(plan.problem, plan.controls, ax)
+    if kind == "controls":
+        from ensemble_ctrl.report.kinds.controls import draw_controls
+
+        return draw_controls(plan.problem, plan.controls, ax)
+    from ensemble_ctrl.report.kinds.moments import draw_moments
+
+    return draw_moments(plan.problem, plan.controls, ax)
+
+
+def write_plot(plan: Drawable, kind: str, path: Path, format: str = "png") -> Path:
+    """One picture in a file, for a column of a paper: 3.5 inches wide, text of 8 points, no title.
+
+    Parameters
+    ----------
+    plan : Drawable
+        What to draw.
+    kind : str
+        Of `KINDS`.
+    path : Path
+        The file.
+    format : {"png", "pdf", "svg"}
+        What to write; PNG has 300 dots an inch.
+    """
+    from matplotlib import rc_context
+
+    with rc_context(PAPER):
+        margins = MARGINS.get(kind, AROUND)
+        height = SIZES.get(kind, HEIGHT)
+        if kind == "trajectories" and not isinstance(plan.problem, OdeProblem):
+            height = map_size(plan.problem, plan.controls, plan.twin, COLUMN, margins)[1]
+        figure = new_figure((COLUMN, height), dpi=300)
+        draw(plan, kind, placed_axes(figure, *margins)).set_title("")
+        save(figure, path, format)
+    return path

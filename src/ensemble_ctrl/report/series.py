@@ -1,0 +1,171 @@
+"""What the charts show: how well the fleet does its task over time, and how close it comes for every parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, leaves, member_robustness
+from ensemble_ctrl.duties import Duty, duties, grounded, other_parts, window_of
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import trajectories
+
+Floats = NDArray[np.float64]
+
+MEMBERS = 41
+"""Members looked at over time, spread over the parameters' ranges."""
+VALUES = 121
+"""About as many members are looked at over one parameter, at even distances."""
+GRID = 600
+"""The same for fleets with several parameters."""
+FAR = 5.0
+"""Obstacles are left out of the chart over the parameter that are this much farther away than the closest, and more
+than `NEAR` metres."""
+NEAR = 0.5
+CURVES = 6
+"""Obstacles and parts shown at most, those that come closest to failing."""
+LOOKS = 2
+"""Looks a step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A part of the task over time.
+
+    Attributes
+    ----------
+    name : str
+        A place or predicate of the task, or ``closest obstacle``.
+    low, high : ndarray, shape (times,)
+        Worst and best member's distance from failing it, metres; NaN where nothing is asked.
+    begin, end : float
+        The window that asks for it, seconds.
+    """
+
+    name: str
+    low: Floats
+    high: Floats
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """How close members come to failing, over the first parameter.
+
+    Attributes
+    ----------
+    parameter : str
+        Its name; empty for a fleet without parameters.
+    values : ndarray, shape (values,)
+        Its values.
+    clearances : dict of str to ndarray, shape (values,)
+        Smallest distance from each obstacle over time and over the other parameters, metres.
+    parts : dict of str to ndarray, shape (values,)
+        Robustness of the other parts of the task, the same way, metres.
+    far : tuple of str
+        Obstacles that are left out: they are far from every member.
+    """
+
+    parameter: str
+    values: Floats
+    clearances: dict[str, Floats]
+    parts: dict[str, Floats]
+    far: tuple[str, ...] = ()
+
+
+def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series, ...]]:
+    """Seconds, shape (times,), and a series for every place that the task speaks of, most critical first.
+
+    Notes
+    -----
+    *Guarantee*: exact for `MEMBERS` members at the grid times, corners of the ranges included; for pictures, no proof.
+    """
+    members = np.concatenate([problem.fleet.spread(MEMBERS), problem.fleet.corners])
+    paths = trajectories(problem, controls, members)
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    found = [*_kept_out(problem, paths, times), *_asked(problem, paths)]
+    return times, tuple(sorted(found, key=_worst)[:CURVES])
+
+
+def by_parameter(problem: Problem, controls: Floats) -> Profile:
+    """Clearances and robustness over the fleet's first parameter; those of the closest `CURVES` obstacles and parts.
+
+    Notes
+    -----
+    *Guarantee*: exact for the members of a grid, at `LOOKS` times a step; for pictures, no proof.
+    """
+    fleet = problem.fleet
+    members = fleet.grid(VALUES if len(fleet.names) < 2 else GRID)
+    paths = trajectories(problem, controls, members, LOOKS)
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    column = members[:, 0] if fleet.names else np.zeros(len(members))
+    values, groups = np.unique(column, return_inverse=True)
+
+    def least(each: Floats) -> Floats:
+        out = np.full(len(values), np.inf)
+        np.minimum.at(out, groups.ravel(), each)
+        return out
+
+    clearances: dict[str, Floats] = {}
+    for duty in duties(problem):
+        closest = least(_distances(duty, paths, times).min(axis=1, initial=np.inf))
+        clearances[duty.name] = np.minimum(clearances.get(duty.name, np.inf), closest)
+    signals = StateSignals(paths[:, ::LOOKS], ("x", "y"), problem.step)
+    parts = {
+        str(part): least(np.asarray(member_robustness(grounded(problem, part), signals, ExactOps()))[:, 0])
+        for part in other_parts(problem)
+    }
+    near = _closest(clearances, FAR)
+    far = tuple(name for name in clearances if name not in near)
+    return Profile(fleet.names[0] if fleet.names else "", values, near, _closest(parts), far)
+
+
+def _closest(curves: dict[str, Floats], far: float = np.inf) -> dict[str, Floats]:
+    """Those that come closest to failing, of those that are finite and not `far` times as far from it."""
+    finite = sorted((float(curve.min()), name) for name, curve in curves.items() if np.isfinite(curve).all())
+    reach = max(NEAR, far * max(finite[0][0], 0.1 * NEAR)) if finite else 0.0
+    return {name: curves[name] for least, name in finite[:CURVES] if least <= reach}
+
+
+def _distances(duty: Duty, paths: Floats, times: Floats) -> Floats:
+    """Distance from a duty's pieces during its window, shape (members, times in the window), metres."""
+    when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
+    seen = paths[:, when] - duty.offsets(times[when])
+    return np.asarray(np.minimum.reduce([piece.distance(seen) for piece in duty.pieces]) - duty.radius)
+
+
+def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series]:
+    """The closest of all obstacles, if any has to be avoided."""
+    kept = duties(problem)
+    if not kept:
+        return
+    least = np.full(paths.shape[:2], np.inf)
+    for duty in kept:
+        when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
+        least[:, when] = np.minimum(least[:, when], _distances(duty, paths, times))
+    least[~np.isfinite(least)] = np.nan
+    window = min(d.begin for d in kept), max(d.end for d in kept)
+    yield Series("closest obstacle", least.min(axis=0), least.max(axis=0), *window)
+
+
+def _asked(problem: Problem, paths: Floats) -> Iterator[Series]:
+    """The other places and predicates of the task, once each."""
+    signals = StateSignals(paths, ("x", "y"), problem.step)
+    seen: set[str] = set()
+    for part in other_parts(problem):
+        window = window_of(problem, part)
+        for leaf in leaves(part):
+            if str(leaf) in seen:
+                continue
+            seen.add(str(leaf))
+            value = np.asarray(member_robustness(grounded(problem, leaf), signals, ExactOps(), 0, signals.steps))
+            yield Series(str(leaf), value.min(axis=0), value.max(axis=0), *window)
+
+
+def _worst(series: Series) -> float:
+    """The lowest value in a series' window, for sorting."""
+    return float(np.nanmin(series.low))

@@ -1,0 +1,111 @@
+"""The certified tube of a fleet: areas that hold every member of a slice of the parameter's range at every instant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells, signs_of
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.systems import ArcSystem
+
+Floats = NDArray[np.float64]
+
+SLICES = 12
+"""Slices of the first parameter's range."""
+CELLS = {1: 1, 2: 4, 3: 3}
+"""Cells of each of the other parameters, for so many parameters in all; else 2."""
+PIECES = 100
+"""About as many pieces of time; the steps in one piece share a convex hull."""
+SMOOTH = 4e-4
+"""Shares of the map's size by which outlines may be made simpler; they grow by as much."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ribbon:
+    """Where the members of one slice may be, at any time.
+
+    Attributes
+    ----------
+    share : float
+        Middle of the slice in the first parameter's range, 0 to 1.
+    outlines : tuple of ndarray, shape (corners, 2)
+        Rings of the area in metres, to be filled by the even-odd rule.
+    """
+
+    share: float
+    outlines: tuple[Floats, ...]
+
+
+def tube(problem: Problem, controls: Floats) -> tuple[Ribbon, ...]:
+    """Areas that hold the centres of all members at all times, a slice of the first parameter each.
+
+    Parameters
+    ----------
+    problem : Problem
+        Fleet and horizon.
+    controls : ndarray, shape (steps, n_u)
+        Broadcast commands.
+
+    Returns
+    -------
+    tuple of Ribbon
+        Empty for systems that do not move on arcs: they have no enclosure.
+
+    Notes
+    -----
+    *Guarantee*: every member of the exact model is inside its slice's area at every instant. A piece of time of a slice
+    is the convex hull of the enclosures of `ensemble_ctrl.certificate.enclosure`, so the areas are larger than what the
+    fleet needs; how much closer the certificate comes by splitting is not shown. The robots' radius is not in it.
+    """
+    if not isinstance(problem.fleet.system, ArcSystem):
+        return ()
+    flow = Flow.of(problem, controls)
+    count = len(flow.lower)
+    each = np.array([SLICES, *[CELLS.get(count, 2)] * (count - 1)][:count], dtype=int)
+    centres, half = first_cells(flow.lower, flow.upper, each)
+    points, radius = _enclosures(flow, centres, half)
+    slices = min(len(np.unique(centres[:, 0])), SLICES) if count else 1
+    pieces = _pieces(flow.steps)  # (pieces, steps in one)
+    points = points.reshape(slices, -1, *points.shape[1:])[:, :, pieces]  # slices, cells, pieces, steps, corners, 2
+    points = points.swapaxes(1, 2).reshape(slices, len(pieces), -1, 2)
+    radius = radius.reshape(slices, -1, flow.steps)[:, :, pieces].max(axis=(1, 3))
+    hulls = shapely.convex_hull(shapely.multipoints(points))
+    grown = shapely.buffer(hulls, radius, join_style="mitre", cap_style="square")
+    tolerance = SMOOTH * max(float(np.ptp(points.reshape(-1, 2), axis=0).max()), 1e-6)
+    return tuple(
+        Ribbon((k + 0.5) / slices if slices > 1 else 0.3, _rings(shapely.union_all(parts), tolerance))
+        for k, parts in enumerate(grown)
+    )
+
+
+def _pieces(steps: int) -> NDArray[np.int64]:
+    """Steps that go together, shape (pieces, steps in one); the last piece repeats the last step."""
+    together = -(-steps // PIECES)
+    return np.minimum(np.arange(-(-steps // together) * together), steps - 1).reshape(-1, together)
+
+
+def _enclosures(flow: Flow, centres: Floats, half: Floats) -> tuple[Floats, Floats]:
+    """Corners of each cell at both ends of each step, (cells, steps, corners, 2), and by how much to grow their hull.
+
+    The radius has shape (cells, steps).
+    """
+    track = Track.of(flow, centres)
+    arms = half[:, None, :, None] * track.slope
+    corners = track.position[:, :, None] + np.einsum("ck,ntkd->ntcd", signs_of(half.shape[1]), arms)
+    n = np.arange(flow.steps)[None, :]
+    bulge = flow.growth(n, np.full((1, 1), flow.step), flow.drives(centres)[:, None], half[:, None])
+    return np.concatenate([corners[:, :-1], corners[:, 1:]], axis=2), (
+        flow.remainder(half)[:, 1:] + bulge + flow.rounding()
+    )
+
+
+def _rings(area: shapely.Geometry, tolerance: float) -> tuple[Floats, ...]:
+    """The rings of an area that holds `area` and has fewer corners."""
+    larger = shapely.buffer(shapely.simplify(area, tolerance), tolerance, join_style="mitre")
+    polygons = shapely.get_parts(larger)
+    rings = [shapely.get_rings(polygon) for polygon in polygons]
+    return tuple(shapely.get_coordinates(ring) for found in rings for ring in found)

@@ -1,0 +1,84 @@
+"""A certificate in plain words: what holds, for whom, when, and what does not follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import floor, isfinite, log10
+
+from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.report.text import member_text, unit_of
+
+LIMITS = (
+    "It is about robots that follow the model exactly. Not covered: sensor noise, model error, rounding in the robot, "
+    "and robots that meet each other. It does not say that the plan is the best one."
+)
+
+
+@dataclass(frozen=True)
+class Words:
+    """What is claimed, the numbers one by one, and what to keep in mind."""
+
+    lead: str
+    bounds: tuple[str, ...]
+    note: str
+
+
+def certificate_words(problem: Problem, certificate: Certificate | None) -> Words:
+    """What a certificate says."""
+    if certificate is None:
+        lead = "No certificate was asked for: nothing is claimed beyond the robots that were replayed."
+        hint = "Set verify.certificate: true in the problem file, or run ensemble-plan verify on the results."
+        return Words(lead, (), hint)
+    bounds = tuple(_bounds(certificate))
+    who = f"every robot{_ranges(certificate)}, at every instant of the {problem.duration:g} s"
+    if certificate.proven == "yes":
+        return Words(f"Proven: {who}, does the whole task.", bounds, LIMITS)
+    if certificate.counter_example is not None:
+        c = certificate.counter_example
+        when = "" if c.time is None else f" at t = {c.time:.2f} s"
+        lead = f"Refuted: the robot with {member_text(c.parameters)} breaks {c.what} by {length(c.amount)}{when}."
+        return Words(lead, bounds, "Replay that robot to see it: plan.replay(parameters=[...]).")
+    lead = f"Undecided: no robot was found that breaks the task, but it could not be proven for {who}."
+    return Words(lead, bounds, "A narrower range of the parameters, or more margin (solve.margin), is easier to prove.")
+
+
+def length(metres: float) -> str:
+    """A length with three digits, rounded down, in the unit that reads best.
+
+    Examples
+    --------
+    >>> length(0.0104999), length(1.2399), length(-0.0021)
+    ('1.04 cm', '1.23 m', '-2.1 mm')
+    """
+    if not isfinite(metres) or metres == 0:
+        return f"{metres:g} m"
+    factor, unit = (1.0, "m") if abs(metres) >= 1 else (100.0, "cm") if abs(metres) >= 0.01 else (1000.0, "mm")
+    scale = 10.0 ** (2 - floor(log10(abs(factor * metres))))
+    return f"{floor(factor * metres * scale + 1e-9) / scale:.6g} {unit}"
+
+
+def _ranges(certificate: Certificate) -> str:
+    """For whom."""
+    texts = [f"{name} from {low:.4g} to {high:.4g}{unit_of(name)}" for name, (low, high) in certificate.ranges.items()]
+    return " with " + ", ".join(texts) if texts else ""
+
+
+def _bounds(certificate: Certificate) -> Iterator[str]:
+    """The bounds, a sentence each."""
+    for b in certificate.clearances:
+        if b.sampled == float("inf"):
+            continue  # outside the horizon: nothing was asked
+        closest = f"closest seen: {length(b.sampled)}, {member_text(b.parameters)}, t = {b.time:.2f} s"
+        if b.proven >= 0:
+            yield f"{b.obstacle}: kept out of by at least {length(b.proven)} ({closest})."
+        else:
+            yield f"{b.obstacle}: not shown to be kept out of; proven is {length(b.proven)} ({closest})."
+    for part in certificate.parts:
+        if not part.covered:
+            yield f"{part.part}: outside what the proof can bound."
+        elif part.proven >= 0:
+            yield f"{part.part}: done with at least {length(part.proven)} to spare."
+        else:
+            yield f"{part.part}: not shown to be done; proven is {length(part.proven)}."

@@ -1,0 +1,124 @@
+"""Pictures by their kind: what is in them, units on every axis, and legible in a column of a paper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from PIL import Image
+
+from ensemble_ctrl.api import with_twin
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.folder import RESULT_FILES
+from ensemble_ctrl.moments import LegendreBasis
+from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.report.canvas import FORMATS
+from ensemble_ctrl.report.kinds.moments import moments
+from ensemble_ctrl.report.plot import KINDS, write_plot
+
+from .plans import made
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["plain", "several", "equal", "hit", "moving", "unbounded", "mean"])
+def test_every_picture_of_every_plan(name: str, kind: str) -> None:
+    ax = Figure().subplots()
+    assert made(name).plot(kind, ax=ax) is ax
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    figure.canvas.draw()
+    shown = ax.child_axes if kind in ("controls", "moments") else [ax]
+    for axes in shown:
+        assert "[" in axes.get_ylabel() or kind == "certificate"
+    assert "[" in shown[-1].get_xlabel() or (name == "equal" and kind == "clearance")
+
+
+def test_another_kind_is_refused() -> None:
+    with pytest.raises(ProblemError, match=r"expected one of trajectories, controls, .*, got 'moment'"):
+        made("plain").plot("moment", ax=Figure().subplots())
+
+
+def test_a_plan_without_a_certificate_is_certified_for_its_picture() -> None:
+    ax = made("unproven").plot("certificate", ax=Figure().subplots())
+    assert [t.get_text() for t in ax.get_yticklabels()] == ["avoid(post)", "F[3,4] in(goal)"]
+
+
+def test_bars_are_as_long_as_what_is_proven() -> None:
+    plan = made("hit")
+    assert plan.certificate is not None
+    ax = plan.plot("certificate", ax=Figure().subplots())
+    lengths = sorted(bar.get_width() for bar in ax.patches)  # type: ignore[attr-defined]
+    bounds = [b.proven for b in plan.certificate.clearances] + [b.proven for b in plan.certificate.parts]
+    assert lengths == pytest.approx(sorted(bounds))
+
+
+def test_moments_are_integrals_of_exact_trajectories() -> None:
+    plan = made("plain")
+    s, w = np.polynomial.legendre.leggauss(40)
+    paths = trajectories(plan.problem, plan.controls, 1.0 + 0.1 * s)
+    phi = LegendreBasis(3).evaluate(s)
+    found = dict(moments(plan.problem, plan.controls))
+    assert list(found) == ["m_{0}", "m_{1}", "m_{2}", "m_{3}"]
+    for k, values in enumerate(found.values()):
+        assert values == pytest.approx(np.einsum("n,ntd->td", w * phi[:, k], paths), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["several", "equal", "bicycle", "spread"])
+def test_the_first_moment_is_the_mean(name: str) -> None:
+    plan = made(name)
+    fleet = plan.problem.fleet
+    _, first = next(iter(moments(plan.problem, plan.controls)))
+    members = fleet.sample(40_000, 1)
+    members = members if len(fleet.names) else np.zeros((1, 0))
+    mean = trajectories(plan.problem, plan.controls, members).mean(axis=0)
+    assert first / np.sqrt(2.0) == pytest.approx(mean, abs=0.004)
+
+
+def test_the_unconstrained_fleet_is_dashed_and_the_plan_solid() -> None:
+    plan = with_twin(made("hit"))
+    assert plan.twin is not None
+    ax = plan.plot(ax=Figure().subplots())
+    dashed = [line for line in ax.lines if line.get_linestyle() == "--"]
+    assert len(dashed) == 11
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["unconstrained"]  # type: ignore[union-attr]
+    assert any(len(c.get_segments()) == 21 for c in ax.collections if hasattr(c, "get_segments"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_column_of_a_paper(kind: str, tmp_path: Path) -> None:
+    path = write_plot(made("plain"), kind, tmp_path / "a.png")
+    picture = Image.open(path)
+    assert picture.width == 1050  # 3.5 in of 300 dots
+    dark = np.asarray(picture.convert("L")) < 128
+    assert dark.any()
+    assert not dark[:, :3].any()  # nothing is cut off at the sides
+    assert not dark[:, -3:].any()
+    assert not dark[-3:].any()
+    assert not dark[:3].any()
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_formats(format: str, tmp_path: Path) -> None:
+    path = write_plot(made("plain"), "moments", tmp_path / "a", format)
+    begin = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[format]
+    assert path.read_bytes().startswith(begin)
+
+
+def test_fonts_are_not_smaller_than_a_paper_allows(tmp_path: Path) -> None:
+    from matplotlib import rc_context
+    from matplotlib.text import Text
+
+    from ensemble_ctrl.report.canvas import PAPER
+
+    for kind in KINDS:
+        with rc_context(PAPER):
+            ax: Axes = Figure().subplots()
+            made("plain").plot(kind, ax=ax)
+            assert min(float(text.get_fontsize()) for text in ax.findobj(Text)) >= 5.5
+
+
+def test_what_plot_writes_may_be_overwritten() -> None:
+    assert {f"figure-{kind}.{ending}" for kind in KINDS for ending in FORMATS} <= RESULT_FILES
