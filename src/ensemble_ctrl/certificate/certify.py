@@ -134,7 +134,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     flow = Flow.of(problem, controls, laws)
     prover = Prover(flow, problem.fleet.names)
     clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
-    parts = tuple(_part(problem, controls, laws, part) for part in other_parts(problem))
+    parts = tuple(part_bound(problem, controls, laws, part) for part in other_parts(problem))
     found = _counter_example(clearances, parts)
     good = all(b.proven >= 0 for b in clearances) and all(b.covered and b.proven >= 0 for b in parts)
     verdict: Verdict = "no" if found else "yes" if good else "undecided"
@@ -205,16 +205,21 @@ def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 
 
-def _part(problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula) -> TaskBound:
-    """The bound of one part of the task; on finer time where the bulges between grid times stand in the way."""
+def part_bound(
+    problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula, wanted: float = 0.0, cells: int = 0
+) -> TaskBound:
+    """The bound of one part of the task; on finer time where the bulges between grid times stand in the way.
+
+    `wanted` is the robustness in metres that would do, `cells` as for `bound_task`.
+    """
     formula = grounded(problem, part)
     if reads_fleet(formula) and not all(isinstance(law, Interval) for law in laws.values()):
         return TaskBound(str(part), -np.inf, np.inf, {}, covered=False)  # its cells weigh the same
     first = alignment(resolve(formula, problem.duration), problem.duration / len(controls))
     for split in (first * more for more in SPLITS):
         flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)
-        bound = bound_task(flow, formula, problem.fleet.names)
-        if bound.proven >= 0 or bound.sampled < 0:
+        bound = bound_task(flow, formula, problem.fleet.names, cells)
+        if bound.proven >= wanted or bound.sampled < wanted:
             break
     return replace(bound, part=str(part))
 
