@@ -9,6 +9,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+import ensemble_ctrl
 from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config import meanings
@@ -58,6 +59,7 @@ def write_reference(folder: Path) -> None:
     """Write every generated page into `folder`."""
     folder.mkdir(exist_ok=True)
     pages = {
+        "names.md": public_names(),
         "fields.md": field_table(),
         "areas.md": area_table(),
         "loops.md": loop_table(),
@@ -65,6 +67,13 @@ def write_reference(folder: Path) -> None:
     }
     for name, lines in pages.items():
         (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def public_names() -> Iterator[str]:
+    """Everything that `ensemble_ctrl` itself exports, with the first line of its docstring."""
+    yield from ("```{eval-rst}", ".. currentmodule:: ensemble_ctrl", "", ".. autosummary::", "   :nosignatures:", "")
+    yield from (f"   {name}" for name in ensemble_ctrl.__all__ if not name.startswith("_"))
+    yield "```"
 
 
 def field_table() -> Iterator[str]:

@@ -370,11 +370,12 @@ def with_twin(plan: Plan, progress: Progress | None = None) -> Plan:
 
 
 def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
-    """The plan with what would help in its details, where no plan was found and as far as the time limit allows."""
+    """The plan with what would help in its details, where none was found and there is a second left to look for it."""
     from ensemble_ctrl.suggest import SECONDS
 
     left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())
-    if plan.status != "infeasible" or left <= 0 or isinstance(plan.problem, OdeProblem):
+    over = plan.verified or plan.status not in ("infeasible", "limit") or left < 1
+    if over or isinstance(plan.problem, OdeProblem):
         return plan
     found = plan.suggest(min(SECONDS, left), progress=progress)
     helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]

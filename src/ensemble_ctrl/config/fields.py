@@ -22,9 +22,9 @@ _FOLDER = re.compile(r"(?!\.{1,2}$)[^/\\:*?\"<>|\x00-\x1f\x7f]{1,100}")
 
 
 class Model(BaseModel):
-    """A section: no unknown fields, immutable."""
+    """A section: no unknown fields, immutable; its validator is built with the whole file's, not for itself."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True)
 
 
 def numeric(kind: str, **limits: float) -> WithJsonSchema:

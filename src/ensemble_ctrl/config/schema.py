@@ -88,13 +88,13 @@ class FleetSection(Model):
     """The dynamics all members share; `ensemble-plan models` lists them."""
     wheelbase: f.Wheelbase | None = None
     """Bicycle only: distance between the axles; 0.3 m if not given."""
-    parameters: Parameters = Parameters(traction=LawSection())
+    parameters: Parameters = Field(default_factory=lambda: Parameters(traction=LawSection()))
     """What differs between members; without the section, `traction` from 0.9 to 1.1."""
     cloud: Cloud | None = None
     """Measured robots whose parameters belong together: a CSV file with a column for each, or columns."""
     start: Start
     """Where all members start."""
-    input_bounds: InputBounds = InputBounds()
+    input_bounds: InputBounds = Field(default_factory=InputBounds)
     """Bounds of the commands."""
     rate_bounds: RateBounds | None = None
     """Largest change of each command per second, from each step to the next."""
@@ -252,7 +252,7 @@ class ProblemFile(Model):
     """Who moves: the model, what differs between its members, where they start."""
     horizon: Horizon
     """How long, in how many steps."""
-    moments: Moments = Moments()
+    moments: Moments = Field(default_factory=Moments)
     """How the fleet is represented."""
     regions: dict[f.Name, RegionShape] = Field(default_factory=dict)
     """Named convex areas that the task speaks of."""
@@ -262,13 +262,13 @@ class ProblemFile(Model):
     """How obstacles move from where they are drawn; those not named here stand still."""
     task: f.Task
     """What every member has to do, a formula such as `F[14, 16] in(goal) and G avoid(obstacles)`."""
-    objective: ObjectiveSection = ObjectiveSection()
+    objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
     """What the plan trades off."""
-    solve: Solve = Solve()
+    solve: Solve = Field(default_factory=Solve)
     """How to solve."""
-    verify: Verify = Verify()
+    verify: Verify = Field(default_factory=Verify)
     """How to check a plan."""
-    report: ReportSection = ReportSection()
+    report: ReportSection = Field(default_factory=ReportSection)
     """What figures and summary show."""
     online: OnlineSection | None = None
     """How a loop runs, and the robot that it is tried on, for `ensemble-plan online`."""

@@ -101,7 +101,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
-    if plan.status == "infeasible":
+    if plan.status == "infeasible" or "suggestions" in d:
         rows += _tried(d.get("suggestions", {}))
     rows += [("proven", NOT_COVERED)] if isinstance(problem, OdeProblem) else proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
