@@ -21,7 +21,7 @@ PROVEN = "#1b7837"
 def draw_clearance(plan: PlanLike, ax: Axes) -> Axes:
     """Least distance from each obstacle and least robustness of the rest, over time; what is proven as levels."""
     profile = by_parameter(plan.problem, plan.controls)
-    for k, (name, values) in enumerate({**profile.clearances, **profile.parts}.items()):
+    for k, (name, values) in enumerate(profile.curves.items()):
         marker = "o" if len(values) == 1 else ""
         ax.plot(profile.values, values, label=name, marker=marker, linewidth=1.1, **line_style(k))
     certificate = plan.certificate
