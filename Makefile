@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: plan test lint docs clean
+.PHONY: plan test lint docs docs-check clean
 
 plan: $(VENV)/.installed
 	$(BIN)/ensemble-plan configs/five_obstacles.yaml
@@ -18,6 +18,9 @@ lint: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build -W -b html docs docs/_build
+
+docs-check: $(VENV)/.installed-docs
+	$(BIN)/sphinx-build -q -W --keep-going -b dummy -D nb_execution_mode=off docs docs/_build/check
 
 $(VENV)/.created:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or later is needed")'

@@ -11,12 +11,18 @@ from typing import Any
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
 
+import jupytext  # noqa: E402
 from reference import write_reference  # noqa: E402
 
 from ensemble_ctrl import __version__  # noqa: E402
 
 write_reference(HERE / "_generated")
 shutil.copyfile(HERE.parent / "examples" / "five_obstacles.ipynb", HERE / "notebook.ipynb")
+(HERE / "tutorials").mkdir(exist_ok=True)
+for script in (HERE.parent / "examples").glob("*.py"):
+    notebook = jupytext.read(script)
+    notebook.metadata["language_info"] = {"name": "python", "pygments_lexer": "ipython3"}
+    jupytext.write(notebook, HERE / "tutorials" / f"{script.stem}.ipynb")
 
 project = "ensemble_ctrl"
 author = "The ensemble_ctrl developers"
@@ -41,6 +47,7 @@ html_static_path = ["_static"]
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"
+nb_merge_streams = True
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 

@@ -34,6 +34,7 @@ SECTIONS = {
     "stl": "Benchmarks of stlpy, for a fleet",
     "fleets": "Several parameters, uncertain starts, bicycles",
     "moving": "Moving obstacles",
+    "systems": "Other dynamics: replayed, not proven",
     "targets": "Targets of the whole fleet",
     "laws": "Other laws of the parameter",
 }

@@ -1,4 +1,4 @@
-"""Draw the office of ``configs/maps``: an occupancy grid as a robot would have made it; ``python docs/make_office.py``."""
+"""Draw the office of ``configs/maps``: an occupancy grid as a robot would have made it."""
 
 from __future__ import annotations
 

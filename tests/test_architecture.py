@@ -18,7 +18,8 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
     for layer in (
         "errors _version plain",
         "moments systems",
-        "constraints fleet motion target",
+        "constraints ensemble motion target",
+        "fleet ode_fleet",
         "problem checks drawing",
         "duties",
         "ocp",

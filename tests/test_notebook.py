@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import os
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,9 @@ import pytest
 import ensemble_ctrl
 
 ROOT = Path(__file__).parents[1]
-PAGES = [page for page in sorted((ROOT / "docs").glob("*.md")) if ">>>" in page.read_text(encoding="utf-8")]
+PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if ">>>" in page.read_text(encoding="utf-8")]
 EXAMPLES = sorted((ROOT / "examples").glob("*.ipynb"))
+TUTORIALS = sorted((ROOT / "examples").glob("*.py"))
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
@@ -25,6 +27,17 @@ def test_notebook_runs(path: Path) -> None:
     client.execute(env={**os.environ, "PYTHONPATH": str(Path(ensemble_ctrl.__file__).parents[1])})
     shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     assert any("image/png" in output.get("data", {}) for output in shown)
+
+
+@pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
+def test_tutorial_runs(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    cells = re.findall(r"^# %%(.*)\n", path.read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(cells) == {"", " [markdown]"}
+    names = runpy.run_path(str(path))
+    plans = [value for value in names.values() if isinstance(value, ensemble_ctrl.Plan)]
+    assert plans
+    assert all(plan.certify().proven == "yes" for plan in plans)
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

@@ -16,17 +16,24 @@ from ensemble_ctrl.errors import ConfigError, EnsembleError, ProblemError, Solve
 if TYPE_CHECKING:
     from ensemble_ctrl.api import Plan, plan
     from ensemble_ctrl.config import load, load_text
-    from ensemble_ctrl.constraints import Obstacle, Polyhedron
+    from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
     from ensemble_ctrl.fleet import Fleet
     from ensemble_ctrl.moments import Beta, Interval, LegendreBasis, Mixture, Samples, TruncatedNormal
-    from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
+    from ensemble_ctrl.ode_fleet import OdeFleet
+    from ensemble_ctrl.problem import Objective, OdeProblem, Problem, ReportOptions, SolveOptions, VerifyOptions
     from ensemble_ctrl.replay import Replay
-    from ensemble_ctrl.systems import Bicycle, Unicycle
+    from ensemble_ctrl.systems import Bicycle, DoubleIntegrator, OdeSystem, Quadrotor, Unicycle
     from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget
     from ensemble_ctrl.twin import unconstrained
 
 _HOMES = {
     "Bicycle": "systems",
+    "DoubleIntegrator": "systems",
+    "OdeFleet": "ode_fleet",
+    "OdeProblem": "problem",
+    "OdeSystem": "systems",
+    "Quadrotor": "systems",
+    "Solid": "constraints",
     "Fleet": "fleet",
     "Formation": "target",
     "Beta": "moments",
@@ -58,6 +65,7 @@ __all__ = [
     "Beta",
     "Bicycle",
     "ConfigError",
+    "DoubleIntegrator",
     "EnsembleError",
     "Fleet",
     "Formation",
@@ -67,13 +75,18 @@ __all__ = [
     "MomentTarget",
     "Objective",
     "Obstacle",
+    "OdeFleet",
+    "OdeProblem",
+    "OdeSystem",
     "Plan",
     "Polyhedron",
     "Problem",
     "ProblemError",
+    "Quadrotor",
     "Replay",
     "ReportOptions",
     "Samples",
+    "Solid",
     "SolveError",
     "SolveOptions",
     "SpreadTarget",

@@ -18,7 +18,7 @@ from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
 from ensemble_ctrl.moments import Law
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import Replay, replay
 
 if TYPE_CHECKING:
@@ -247,8 +247,14 @@ class Plan:
         return path
 
     @classmethod
-    def load(cls, path: str | Path) -> Plan:
+    def load(cls, path: str | Path, *, trust: bool = False) -> Plan:
         """Read a plan that `save` wrote: a file, or a results folder that holds ``plan.npz``.
+
+        Parameters
+        ----------
+        path : path
+        trust : bool
+            Whether to run the Python file of a user's own system, which has to lie next to the plan.
 
         Raises
         ------
@@ -259,7 +265,7 @@ class Plan:
         """
         path = planfile.path_of(path)
         saved = planfile.read(path)
-        problem = load_text(saved.problem, f"{path}: problem")
+        problem = load_text(saved.problem, f"{path}: problem", trust=trust)
         try:
             return cls(problem, saved.controls, cast("Status", saved.status), saved.details)
         except ProblemError as error:
@@ -366,7 +372,7 @@ def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
     from ensemble_ctrl.suggest import SECONDS
 
     left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())
-    if plan.status != "infeasible" or left <= 0:
+    if plan.status != "infeasible" or left <= 0 or isinstance(plan.problem, OdeProblem):
         return plan
     found = plan.suggest(min(SECONDS, left), progress=progress)
     helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]

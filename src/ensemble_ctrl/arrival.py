@@ -58,5 +58,5 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
 
 
 def _final(problem: Problem, controls: Floats, members: Floats) -> Floats:
-    """Final positions of members, shape (members, 2), metres."""
+    """Final positions of members, shape (members, d), metres."""
     return trajectories(problem, controls, members)[:, -1]

@@ -19,7 +19,7 @@ from ensemble_ctrl.constraints.stl import (
 from ensemble_ctrl.duties import grounded, other_parts, window_of
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay, trajectories
+from ensemble_ctrl.replay import replay, states
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
     found = [
         Conflict(f"avoid({c.obstacle})", -c.distance, c.parameters, c.time) for c in run.clearances if c.distance < 0
     ]
-    paths = trajectories(problem, controls, parameters)
+    paths = states(problem, controls, parameters)
     for part in other_parts(problem):
         found += _failing(problem, part, paths, parameters)
     return tuple(sorted(found, key=lambda c: -c.amount))
@@ -64,7 +64,7 @@ def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
 
 def _failing(problem: Problem, part: Formula, paths: Floats, parameters: Floats) -> list[Conflict]:
     """The conflict of one conjunct, if its worst member fails it."""
-    signals = StateSignals(paths, ("x", "y"), problem.step)
+    signals = StateSignals(paths, problem.fleet.states, problem.step)
     values = np.asarray(member_robustness(grounded(problem, part), signals, ExactOps()))[:, 0]
     worst = int(values.argmin())
     if values[worst] >= 0:
@@ -78,7 +78,7 @@ def _closest_time(problem: Problem, part: Formula, path: Floats) -> float:
     inside = [leaf for leaf in leaves(part) if isinstance(leaf, Inside)]
     if len(inside) != 1:
         return problem.duration
-    margin = problem.regions[inside[0].name].margin(path)
+    margin = problem.regions[inside[0].name].margin(path[:, problem.fleet.place_columns])
     low, high = _window(problem, part)
     window = margin[low : high + 1]
     best = window.argmax() if isinstance(part, Eventually) else window.argmin()

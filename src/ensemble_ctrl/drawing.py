@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
+from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.target import Formation, SpreadTarget
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ Floats = NDArray[np.float64]
 
 WIDTH = 320
 """Width of the drawing in pixels."""
+BAND = 0.1
+"""Half the height at which a region of a line is drawn, metres."""
 DOTTED = 'fill="none" stroke-dasharray="2 3"'
 TALLEST, FLATTEST = 2.0, 0.3
 """Most and least height, in widths."""
@@ -46,10 +49,12 @@ def map_svg(
     str
         An ``<svg>`` element.
     """
-    regions, targets = outlines(problem, paths), target_lines(problem)
-    shapes = [piece.vertices for _, piece in problem.pieces] + _ends(problem)
+    paths, marks = [_flat(path) for path in paths], [_flat(mark[None])[0] for mark in marks]
+    regions = {name: shadow(corners) for name, corners in outlines(problem, paths).items()}
+    targets = target_lines(problem)
+    shapes = [shadow(piece.vertices) for _, piece in problem.pieces] + _ends(problem)
     shapes += [*regions.values(), *paths, *targets, *(mark[None] for mark in marks)]
-    sheet = _Sheet(*frame([problem.fleet.position[None, :], *shapes]))
+    sheet = _Sheet(*frame([_flat(problem.fleet.position[None, :]), *shapes]))
     strokes = [*colours, *["black"] * len(paths)]
     parts = [
         *_regions(sheet, regions),
@@ -113,16 +118,19 @@ def _obstacles(sheet: _Sheet, problem: Problem) -> Iterator[str]:
     for corners in _ends(problem):
         yield f'<polygon points="{sheet.text(corners)}" {DOTTED} stroke="#5a5f68"/>'
     for name, pieces in problem.obstacles.items():
-        for piece in pieces:
-            yield f'<polygon points="{sheet.text(piece.vertices)}" fill="#8a8f98"/>'
-        widest = max((piece.vertices for piece in pieces), key=lambda corners: float(np.ptp(corners, axis=0).min()))
+        shapes = [shadow(piece.vertices) for piece in pieces]
+        for corners in shapes:
+            yield f'<polygon points="{sheet.text(corners)}" fill="#8a8f98"/>'
+        widest = max(shapes, key=lambda corners: float(np.ptp(corners, axis=0).min()))
         if float(np.ptp(widest, axis=0).min() / sheet.span[0]) * WIDTH > 14:
             yield sheet.name(name, widest.mean(axis=0), "white", 4)
 
 
 def _start(sheet: _Sheet, problem: Problem) -> str:
-    """An arrow head in the direction of the heading."""
-    x, y = sheet.at(problem.fleet.position)
+    """An arrow head in the direction of the heading; a disk where a robot has none."""
+    x, y = sheet.at(_flat(problem.fleet.position[None, :])[0])
+    if not isinstance(problem.fleet, Fleet):
+        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4"/>'
     turn = f"translate({x:.1f} {y:.1f}) rotate({-np.degrees(problem.fleet.heading):.1f})"
     return f'<path transform="{turn}" d="M8 0L-5 5L-2 0L-5 -5Z"/>'
 
@@ -164,11 +172,51 @@ def outlines(problem: Problem, paths: Sequence[Floats] = ()) -> dict[str, Floats
         Without regions that are nowhere near.
     """
     bounded = {name: region.vertices for name, region in problem.regions.items() if region.is_bounded}
+    if len(problem.fleet.places) != 2:
+        return bounded
     drawn = [piece.vertices for _, piece in problem.pieces] + [*bounded.values(), *paths]
     low, size = frame([problem.fleet.position[None, :], *drawn])
     window = (low - 0.1 * size - 0.5, low + 1.1 * size + 0.5)
     parts = {name: region if name in bounded else _within(region, *window) for name, region in problem.regions.items()}
     return {name: part.vertices for name, part in parts.items() if not part.is_empty}
+
+
+def shadow(points: Floats, view: tuple[int, int] = (0, 1)) -> Floats:
+    """Corners of the convex hull of points seen in two of their coordinates, counter-clockwise, shape (corners, 2).
+
+    Points of the plane are returned as they are; those of a line become a flat band.
+
+    Examples
+    --------
+    >>> cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 2)], float)
+    >>> shadow(cube, (0, 2)).tolist()
+    [[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]]
+    """
+    if points.shape[1] == 2:
+        return points
+    if points.shape[1] == 1:
+        low, high = points.min(), points.max()
+        return np.array([[low, -BAND], [high, -BAND], [high, BAND], [low, BAND]])
+    flat = np.unique(np.round(points[:, list(view)], 12), axis=0)
+    return np.concatenate([_chain(flat)[:-1], _chain(flat[::-1])[:-1]])
+
+
+def _chain(points: Floats) -> Floats:
+    """The right-hand side of the hull of points sorted along it (Andrew's monotone chain)."""
+    kept: list[Floats] = []
+    for point in points:
+        while len(kept) > 1:
+            first, second = kept[-1] - kept[-2], point - kept[-1]
+            if first[0] * second[1] - first[1] * second[0] > 0:
+                break
+            kept.pop()
+        kept.append(point)
+    return np.array(kept)
+
+
+def _flat(path: Floats) -> Floats:
+    """Points in the first two coordinates; those of a line at height zero."""
+    return path[:, :2] if path.shape[1] > 1 else np.column_stack([path, np.zeros(len(path))])
 
 
 def target_lines(problem: Problem) -> list[Floats]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints import Obstacle, Solid
 from ensemble_ctrl.constraints.stl import Avoid, Formula, Inside, Not, conjuncts, ground, kept_out, resolve
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
@@ -49,16 +49,16 @@ class Duty:
     motion: Motion | None = None
 
     def offsets(self, times: Floats) -> Floats:
-        """Its displacement at some times, shape (times, 2), metres."""
-        return np.zeros((len(times), 2)) if self.motion is None else self.motion.at(times)
+        """Its displacement at some times, shape (times, d), metres."""
+        return np.zeros((len(times), self.pieces[0].A.shape[1])) if self.motion is None else self.motion.at(times)
 
     def bends(self, times: Floats) -> Floats:
         """How far it leaves a straight line between successive times, shape (times - 1,), metres."""
         return np.zeros(len(times) - 1) if self.motion is None else self.motion.bend(times[:-1], times[1:])
 
-    def steps(self, steps: int, duration: float) -> NDArray[np.bool_]:
-        """Which of `steps` equal steps overlap the window, shape (steps,)."""
-        edges = np.linspace(0.0, duration, steps + 1)
+    def steps(self, steps: int, duration: float, begin: float = 0.0) -> NDArray[np.bool_]:
+        """Which of `steps` equal steps from time `begin` on overlap the window, shape (steps,)."""
+        edges = np.linspace(begin, begin + duration, steps + 1)
         slack = 1e-9 * duration
         overlap = (edges[:-1] < self.end - slack) & (edges[1:] > self.begin + slack)
         if self.begin == self.end:
@@ -78,8 +78,8 @@ def other_parts(problem: Problem) -> tuple[Formula, ...]:
 
 def grounded(problem: Problem, part: Formula) -> Formula:
     """A part of the task with linear predicates as its only leaves and ``T`` resolved."""
-    resolved = resolve(part, problem.duration)
-    return ground(resolved, problem.regions, problem.obstacles, radius=problem.fleet.radius)
+    resolved, fleet = resolve(part, problem.duration), problem.fleet
+    return ground(resolved, problem.regions, problem.obstacles, position=fleet.places, radius=fleet.radius)
 
 
 def window_of(problem: Problem, part: Formula) -> tuple[float, float]:
@@ -105,4 +105,5 @@ def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
     """The convex pieces of an obstacle, or the one of a region."""
     if name in problem.obstacles:
         return problem.obstacles[name]
-    return (Obstacle.polygon(problem.regions[name].vertices),)
+    region = problem.regions[name]
+    return ((Solid.hull if region.A.shape[1] == 3 else Obstacle.polygon)(region.vertices),)

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ensemble_ctrl.ensemble import Ensemble, Member
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Law, Samples, tensor_rule
 from ensemble_ctrl.systems import ArcSystem
 
 Floats = NDArray[np.float64]
-Member = dict[str, float]
-"""The parameters of one robot by their names."""
-
 START = {"start_heading": 2, "start_x": 3, "start_y": 4}
 """Parameters of the start, offsets from the fleet's own, and their places in a drive."""
-
-
-PRIMES = np.array([1, 2, 3, 5, 7, 11, 13])
-"""Multiples of their roots scatter over an interval, each in its own way."""
 
 
 def frozen(values: Any, shape: tuple[int, ...], what: str) -> Floats:
@@ -40,8 +33,8 @@ def frozen(values: Any, shape: tuple[int, ...], what: str) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Fleet:
-    """Who moves.
+class Fleet(Ensemble):
+    """Who moves: robots on arcs. Those of other systems are an `OdeFleet`.
 
     Parameters
     ----------
@@ -129,6 +122,20 @@ class Fleet:
                 raise ProblemError(f"fleet.parameters: expected one of {' and '.join(twice)}, got both")
 
     @property
+    def states(self) -> tuple[str, ...]:
+        """The position alone."""
+        return ("x", "y")
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """The position."""
+        return ("x", "y")
+
+    def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:
+        """Positions by exact arcs, shape (members, steps + 1, 2), metres."""
+        return self.system.positions(controls, self.drives(members), step)
+
+    @property
     def own_heading(self) -> float:
         """Start heading in radians in the system's own convention."""
         return self.heading if self.system.heading_from == "x" else np.pi / 2 - self.heading
@@ -137,26 +144,6 @@ class Fleet:
     def start(self) -> Floats:
         """Middle of the start positions, shape (2,), metres."""
         return np.asarray(self.drives(self.center[None])[0, 3:])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order of the columns of every array of members."""
-        return tuple(self.parameters)
-
-    @cached_property
-    def lower(self) -> Floats:
-        """Lower ends of the parameters' ranges, shape (parameters,)."""
-        return np.array([law.lower for law in self.parameters.values()])
-
-    @cached_property
-    def upper(self) -> Floats:
-        """Upper ends of the parameters' ranges, shape (parameters,)."""
-        return np.array([law.upper for law in self.parameters.values()])
-
-    @cached_property
-    def center(self) -> Floats:
-        """Middles of the parameters' ranges, shape (parameters,)."""
-        return np.array([law.center for law in self.parameters.values()])
 
     @cached_property
     def directions(self) -> Floats:
@@ -179,12 +166,6 @@ class Fleet:
     def bent(self) -> tuple[int, ...]:
         """Columns of the parameters that bend the position curve; the others only shift the start."""
         return tuple(np.flatnonzero(self.directions[:, :3].any(axis=1)).tolist())
-
-    @property
-    def bent_laws(self) -> tuple[Law, ...]:
-        """Laws of the bent parameters."""
-        laws = list(self.parameters.values())
-        return tuple(laws[k] for k in self.bent)
 
     @cached_property
     def shift(self) -> Floats:
@@ -215,53 +196,13 @@ class Fleet:
         """Smallest linear factor of any member."""
         return float(self.drives(self.corners)[:, 0].min())
 
-    @property
-    def corners(self) -> Floats:
-        """The members at the corners of the box of parameters, shape (2^parameters, parameters)."""
-        ends = [(law.lower, law.upper) for law in self.parameters.values()]
-        return np.array(list(product(*ends)), dtype=float).reshape(2 ** len(ends), len(ends))
-
     def drives(self, members: Floats) -> Floats:
         """The drives of members of shape (members, parameters), shape (members, 5)."""
         return np.asarray(self.origin + members @ self.directions)
 
-    def bent_members(self, scaled: Floats) -> Floats:
-        """Members at scaled points in [-1, 1] of the bent parameters, the start in the middle of its box.
-
-        Parameters
-        ----------
-        scaled : ndarray, shape (members, bent parameters)
-
-        Returns
-        -------
-        ndarray, shape (members, parameters)
-        """
-        members = np.tile(self.center, (len(scaled), 1))
-        for column, (k, law) in enumerate(zip(self.bent, self.bent_laws, strict=True)):
-            members[:, k] = law.to_parameter(scaled[:, column])
-        return members
-
-    def grid(self, count: int) -> Floats:
-        """About `count` members spread evenly over the ranges, both ends of each included, shape (.., parameters)."""
-        wide = [law.upper > law.lower for law in self.parameters.values()]
-        each = max(2, round(count ** (1 / max(sum(wide), 1))))
-        axes = [
-            np.linspace(law.lower, law.upper, each if w else 1)
-            for law, w in zip(self.parameters.values(), wide, strict=True)
-        ]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
-
-    def spread(self, count: int) -> Floats:
-        """Exactly `count` members to draw: even in the first parameter, scattered in the others, shape (count, ..)."""
-        share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
-        share[:, :1] = np.linspace(0.0, 1.0, count)[:, None]
-        return np.asarray(self.lower + share * (self.upper - self.lower))
-
     def sample(self, count: int, seed: int) -> Floats:
         """Members drawn from the parameters' laws, shape (count, parameters)."""
-        drawn = np.empty((count, len(self.parameters)))
-        for k, law in enumerate(self.parameters.values()):
-            drawn[:, k] = law.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
+        drawn = super().sample(count, seed)
         if self.cloud is not None:
             robots = np.random.default_rng(seed).integers(0, len(next(iter(self.cloud.values()))), count)
             for name, column in self.cloud.items():
@@ -282,7 +223,7 @@ class Fleet:
             Weights sum to 2.
         """
         if self.cloud is None:
-            return tensor_rule(self.bent_laws, count)
+            return super().rule(count)
         own = [self.names[k] in self.cloud for k in self.bent]
         others, weights = tensor_rule([law for law, mine in zip(self.bent_laws, own, strict=True) if not mine], count)
         robots = len(next(iter(self.cloud.values())))
@@ -293,38 +234,5 @@ class Fleet:
                 scaled[:, :, column] = law.to_scaled(self.cloud[self.names[k]])[:, None]
         return scaled.reshape(-1, len(own)), np.tile(weights / robots, robots)
 
-    def members(self, parameters: ArrayLike | Sequence[Mapping[str, float]]) -> Floats:
-        """Members from numbers or names.
 
-        Parameters
-        ----------
-        parameters : array_like or sequence of mappings
-            Shape (members,) for a fleet with one parameter, (members, parameters) for any, or a mapping with every
-            parameter's name for each member.
-
-        Returns
-        -------
-        ndarray, shape (members, parameters)
-
-        Raises
-        ------
-        ProblemError
-            If they are none of these, are empty, or are not finite; a NaN would fail no comparison.
-        """
-        wanted = f"finite numbers of shape (members, {len(self.names)}) or names {', '.join(self.names)}"
-        try:
-            if not isinstance(parameters, np.ndarray):
-                rows: list[Any] = list(parameters)  # type: ignore[arg-type]
-                parameters = [[one[n] for n in self.names] if isinstance(one, Mapping) else one for one in rows]
-            array = np.array(parameters, dtype=float)
-        except (TypeError, ValueError, KeyError):
-            raise ProblemError(f"parameters: expected {wanted}, got {parameters!r}") from None
-        if array.ndim == 1 and len(self.names) == 1:
-            array = array[:, None]
-        if array.ndim != 2 or not len(array) or array.shape[1] != len(self.names) or not np.isfinite(array).all():
-            raise ProblemError(f"parameters: expected {wanted}, got shape {array.shape}")
-        return array
-
-    def named(self, member: Floats) -> Member:
-        """The parameters of one member by name."""
-        return dict(zip(self.names, np.asarray(member, dtype=float).tolist(), strict=True))
+__all__ = ["START", "Fleet", "Member", "frozen"]

@@ -18,12 +18,17 @@ RESULT_FILES = frozenset(
         "certificate.json",
         "controls.csv",
         "controls.png",
+        "log.jsonl",
+        "online.gif",
+        "online.png",
+        "outcome.json",
         "routes.png",
         "plan.npz",
         "problem.yaml",
         "provenance.json",
         "report.html",
         "solver.log",
+        "spread.png",
         "summary.json",
         "trajectories.png",
         *(f"figure-{kind}.{ending}" for kind in KINDS for ending in ("png", "pdf", "svg")),
@@ -151,7 +156,7 @@ def _checked(target: Path, overwrite: bool) -> bool:
         raise FolderError(f"{target}: this folder is not empty; {hint}")
     if "plan.npz" not in found:
         raise FolderError(f"{target}: --overwrite replaces only folders of earlier results, found no plan.npz here")
-    strange = [name for name in found if name not in RESULT_FILES]
+    strange = [name for name in found if name not in RESULT_FILES and not name.endswith(".py")]
     if strange:
         raise FolderError(f"{target}: --overwrite would remove {strange[0]}, which is not a result; move it away first")
     if Path.cwd().is_relative_to(target.resolve()):

@@ -26,13 +26,15 @@ from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
-from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
+from ensemble_ctrl.ocp.candidates import Outcome, Tried, join_logs, part_log, tried
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import Seed, seeds
+from ensemble_ctrl.ocp.shooting import search as shooting
+from ensemble_ctrl.ocp.shooting.guess import Guess, guesses
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Watch
 from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -186,6 +188,8 @@ def solve(
         Also when nothing feasible was found: `status` says so and `controls` are the best there are.
     """
     search = _Search(problem, progress, log)
+    if isinstance(problem, OdeProblem):
+        return _by_shooting(search, problem, guess)
     seconds: dict[str, float] = {}
     search.tell("guess")
     steps = coarse_steps(problem)
@@ -229,6 +233,58 @@ def solve(
         nlp,
         tuple(turned),
     )
+
+
+def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> Solution:
+    """The search for fleets that follow a differential equation (`ensemble_ctrl.ocp.shooting`).
+
+    Each guess is solved for the middle member; the best is solved for the whole fleet.
+    """
+    search.tell("guess")
+    steps = problem.steps
+    starts = guesses(problem, steps) if guess is None else []
+    seconds = {"guess": time.perf_counter() - search.began}
+    search.tell("solve")
+    if guess is None:
+
+        def work(own: _Search, candidate: int) -> tuple[Attempt, Floats]:
+            return shooting.first(problem, starts[candidate], own, own.watch("first solve"))
+
+        done = search.side_by_side("first solve", work, len(starts))
+        found = [
+            one or shooting.given(problem, start.iterate.controls) for one, start in zip(done, starts, strict=True)
+        ]
+    else:
+        controls = _given(problem, guess, steps)
+        found = [shooting.given(problem, controls if len(controls) == steps else _refined(controls, steps))]
+    which = min(range(len(found)), key=lambda k: shooting.rank(found[k][0]))
+    attempt, states = found[which]
+    work_done = [one for one, _ in found]
+    if not search.over():
+        attempt = shooting.second(problem, attempt.controls, states, search, search.watch("solve"))
+        work_done.append(attempt)
+    seconds["solve"] = time.perf_counter() - search.began - seconds["guess"]
+    certificate = certify(problem, attempt.controls) if problem.verify.certificate else None
+    return Solution(
+        problem,
+        attempt.controls,
+        _status(search, attempt),
+        attempt,
+        tuple(_way(start, one, k == which) for k, (start, one) in enumerate(zip(starts, work_done, strict=False))),
+        seconds,
+        sum(a.iterations for a in work_done),
+        sum(a.build_seconds for a in work_done),
+        sum(a.solve_seconds for a in work_done),
+        certificate,
+    )
+
+
+def _way(start: Guess, attempt: Attempt, kept: bool) -> Tried:
+    """What became of a guess for a fleet that follows a differential equation."""
+    value = attempt.value
+    took = attempt.build_seconds + attempt.solve_seconds
+    outcome: Outcome = "kept" if kept else "coarse" if attempt.iterations else "failed"
+    return Tried(start.name, start.corners, start.length, value.cost, value.gap, value.keeps(0.0), took, outcome)
 
 
 def screen(problem: Problem, *, progress: Progress | None = None) -> Floats | None:

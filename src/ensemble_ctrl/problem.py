@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet, frozen
 from ensemble_ctrl.motion import Motion
+from ensemble_ctrl.ode_fleet import OdeFleet
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target
 
 Floats = NDArray[np.float64]
@@ -36,7 +37,7 @@ class Objective:
     ----------
     robustness : float
         Weight of the task's robustness, per metre.
-    target : array_like of shape (2,), Formation, MomentTarget or SpreadTarget, optional
+    target : array_like of shape (d,), Formation, MomentTarget or SpreadTarget, optional
         Where the fleet should end: at one place (metres), each member at its own, or with given moments, or mean and
         covariance (`ensemble_ctrl.target`); without it there is no terminal term.
     terminal : float
@@ -55,23 +56,25 @@ class Objective:
 
     def __post_init__(self) -> None:
         if self.target is not None and not isinstance(self.target, Formation | MomentTarget | SpreadTarget):
-            object.__setattr__(self, "target", frozen(self.target, (2,), "objective.terminal.target"))
+            dimensions = min(max(np.size(self.target), 1), 3) if np.ndim(self.target) == 1 else 2
+            object.__setattr__(self, "target", frozen(self.target, (dimensions,), "objective.terminal.target"))
         weights = [self.robustness, self.terminal, self.effort, self.smoothness]
         if not np.isfinite(weights).all() or min(weights) < 0:
             raise ProblemError(f"objective: expected finite weights >= 0, got {weights}")
 
     @property
     def place(self) -> Floats | None:
-        """Where the middle of the fleet should end, shape (2,), metres."""
+        """Where the middle of the fleet should end, shape (d,), metres."""
         if isinstance(self.target, Formation | MomentTarget | SpreadTarget):
             return self.target.middle
         return self.target
 
     def places(self, fleet: Fleet, members: Floats) -> Floats:
-        """Where each member should end, shape (members, 2), metres: for targets without places, at `place`."""
+        """Where each member should end, shape (members, d), metres: for targets without places, at `place`."""
         if isinstance(self.target, Formation):
             return self.target.at(members[:, fleet.names.index(self.target.parameter)])
-        return np.broadcast_to(np.asarray(self.place), (len(members), 2))
+        place = np.asarray(self.place)
+        return np.broadcast_to(place, (len(members), len(place)))
 
 
 @dataclass(frozen=True)
@@ -224,7 +227,7 @@ class Problem:
         """Every convex piece of every obstacle with the obstacle's name."""
         return tuple((name, piece) for name, pieces in self.obstacles.items() for piece in pieces)
 
-    def with_(self, **changes: Any) -> Problem:
+    def with_(self, **changes: Any) -> Self:
         """A copy with some fields replaced, checked like a new problem."""
         return replace(self, **changes)
 
@@ -249,3 +252,16 @@ class Problem:
             ("obstacles", str(len(self.obstacles))),
         ]
         return card_html(map_svg(self), self.name, rows)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OdeProblem(Problem):
+    """A planning problem of a fleet that follows a differential equation: a quadrotor, or a system of one's own.
+
+    Its fields are those of `Problem`, with a fleet of other dynamics. Not for such fleets are obstacles that move,
+    targets other than a place, ``guarantee: moment``, ``method: minlp``, cells, and the twin. The certificate does not
+    cover them: it is off unless asked for, and then says so.
+    """
+
+    fleet: OdeFleet  # type: ignore[assignment]
+    verify: VerifyOptions = field(default_factory=lambda: VerifyOptions(certificate=False))

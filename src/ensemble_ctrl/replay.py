@@ -1,4 +1,6 @@
-"""The shared controls run on sampled members, by exact arcs, in blocks of bounded memory.
+"""The shared controls run on sampled members, in blocks of bounded memory.
+
+Robots on arcs move exactly, others by a rule of stated accuracy (`ensemble_ctrl.ode_fleet`).
 
 Nothing here knows how the controls were found.
 """
@@ -181,7 +183,7 @@ def replay(
     substeps = problem.verify.substeps if substeps is None else substeps
     if substeps < 1:
         raise ProblemError(f"substeps: expected 1 or more, got {substeps}")
-    controls = _finite(controls)
+    controls = _finite(controls, len(problem.fleet.system.controls))
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
     size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
@@ -201,21 +203,27 @@ def replay(
 def trajectories(
     problem: Problem, controls: Floats, parameters: ArrayLike | Sequence[Mapping[str, float]], substeps: int = 1
 ) -> Floats:
-    """Positions of members, given as `Fleet.members` takes them, shape (members, steps * substeps + 1, 2), metres."""
+    """Positions of members, given as `Fleet.members` takes them, shape (members, steps * substeps + 1, d), metres."""
+    return states(problem, controls, parameters, substeps)[..., problem.fleet.place_columns]
+
+
+def states(
+    problem: Problem, controls: Floats, parameters: ArrayLike | Sequence[Mapping[str, float]], substeps: int = 1
+) -> Floats:
+    """States of members, in the columns of `Fleet.states`, shape (members, steps * substeps + 1, n_x)."""
     fleet = problem.fleet
     fine = np.repeat(np.asarray(controls, float), substeps, axis=0)
-    step = problem.duration / len(fine)
-    return fleet.system.positions(fine, fleet.drives(fleet.members(parameters)), step)
+    return fleet.trajectories(fine, fleet.members(parameters), problem.duration / len(fine))
 
 
 _Closest = tuple[float, float, Member]
 
 
-def _finite(controls: ArrayLike) -> Floats:
-    """Controls of shape (steps, 2); a NaN would fail no comparison."""
+def _finite(controls: ArrayLike, n_u: int) -> Floats:
+    """Controls of shape (steps, n_u); a NaN would fail no comparison."""
     array = np.asarray(controls, dtype=float)
-    if array.ndim != 2 or not array.size or array.shape[1] != 2 or not np.isfinite(array).all():
-        raise ProblemError(f"controls: expected finite numbers of shape (steps, 2), got shape {array.shape}")
+    if array.ndim != 2 or not array.size or array.shape[1] != n_u or not np.isfinite(array).all():
+        raise ProblemError(f"controls: expected finite numbers of shape (steps, {n_u}), got shape {array.shape}")
     return array
 
 
@@ -233,8 +241,9 @@ def _run(
     problem: Problem, controls: Floats, parameters: Floats, substeps: int
 ) -> tuple[Floats, NDArray[np.bool_], list[_Closest]]:
     """One block: robustness, who is inside which obstacle, and the closest approach to each obstacle."""
-    paths = trajectories(problem, controls, parameters, substeps)
-    robustness = _robustness(problem, paths[:, ::substeps])
+    whole = states(problem, controls, parameters, substeps)
+    robustness = _robustness(problem, whole[:, ::substeps])
+    paths = whole[..., problem.fleet.place_columns]
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     kept, box = duties(problem), (paths.min(axis=0), paths.max(axis=0))
     inside = np.zeros((len(kept), len(parameters)), dtype=bool)
@@ -249,10 +258,10 @@ def _run(
     return robustness, inside, found
 
 
-def _robustness(problem: Problem, paths: Floats) -> Floats:
+def _robustness(problem: Problem, whole: Floats) -> Floats:
     """Robustness of the task but for its duties, for every member."""
-    signals = StateSignals(paths, ("x", "y"), problem.duration / (paths.shape[1] - 1))
-    least = np.full(len(paths), np.inf)
+    signals = StateSignals(whole, problem.fleet.states, problem.duration / (whole.shape[1] - 1))
+    least = np.full(len(whole), np.inf)
     for part in other_parts(problem):
         np.minimum(least, member_robustness(grounded(problem, part), signals, ExactOps())[:, 0], out=least)
     return least
@@ -286,7 +295,7 @@ def _box_distance(low: Floats, high: Floats, piece: Obstacle) -> Floats:
     """Distance between the block's bounding box and the piece's at each time: a lower bound of any member's."""
     corners = piece.vertices
     apart = np.maximum(np.maximum(low - corners.max(axis=0), corners.min(axis=0) - high), 0.0)
-    return np.asarray(np.hypot(apart[:, 0], apart[:, 1]))
+    return np.asarray(np.linalg.norm(apart, axis=1))
 
 
 def _nearest_first(bound: Floats) -> Iterator[NDArray[np.int64]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import shutil
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +17,9 @@ from ensemble_ctrl._version import __version__
 from ensemble_ctrl.api import Plan
 from ensemble_ctrl.certificate import as_data
 from ensemble_ctrl.config import dump
+from ensemble_ctrl.config.ode_section import source_file
 from ensemble_ctrl.plain import to_json as to_json
+from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.replay import Replay
 
 SCHEMA = 1
@@ -29,6 +32,8 @@ def write_results(plan: Plan, folder: Path, command: Sequence[str]) -> None:
     plan.save(folder / "plan.npz")
     (folder / "controls.csv").write_text(controls_csv(plan), encoding="utf-8")
     (folder / "problem.yaml").write_text(dump(plan.problem), encoding="utf-8")
+    if isinstance(plan.problem, OdeProblem) and (source := source_file(plan.problem.fleet.system)):
+        shutil.copyfile(source, folder / source.name)
     if plan.certificate is not None:
         _write_json(folder / "certificate.json", as_data(plan.certificate))
     _write_json(folder / "summary.json", summary(plan))

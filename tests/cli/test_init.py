@@ -14,6 +14,8 @@ from ensemble_ctrl.config import read_text
 from .conftest import Command
 from .tools import COMMAND, environment, left
 
+CONFIGS = Path(__file__).parents[2] / "configs"
+
 
 def test_init_writes_a_problem_that_is_planned_and_proven(command: Command, place: Path) -> None:
     done = command("init")
@@ -90,6 +92,13 @@ def test_an_example_is_copied_with_its_tables(command: Command, place: Path) -> 
     done = command("examples", "measured", "--copy")
     assert (done.code, done.err) == (2, "error: measured.csv: this file exists already; nothing was written\n")
     assert not (place / "measured.yaml").exists()
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in CONFIGS.rglob("*.yaml")))
+def test_every_example_is_whole_when_it_is_copied(command: Command, place: Path, name: str) -> None:
+    assert command("examples", name, "--copy").code == 0
+    done = command("check", f"{name}.yaml")
+    assert (done.code, done.err) == (0, ""), done.err
 
 
 @pytest.mark.parametrize(

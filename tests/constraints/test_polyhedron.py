@@ -136,7 +136,7 @@ def test_wrong_arguments_are_named(A: object, lower: object, upper: object, mess
 def test_vertices_need_a_bounded_plane_set() -> None:
     with pytest.raises(ProblemError, match="unbounded"):
         _ = Polyhedron([[1.0, 0.0]], [0.0], [1.0]).vertices
-    with pytest.raises(ProblemError, match="2 dimensions"):
-        _ = Polyhedron.box([[0, 1]] * 3).vertices
+    with pytest.raises(ProblemError, match="at most 3 dimensions"):
+        _ = Polyhedron.box([[0, 1]] * 4).vertices
     with pytest.raises(ProblemError, match="points"):
         Polyhedron.box([[0, 1]] * 2).margin([1.0, 2.0, 3.0])

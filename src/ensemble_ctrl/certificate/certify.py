@@ -19,12 +19,12 @@ from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.moments import Interval, Law
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 
 Floats = NDArray[np.float64]
 SPLITS = (1, 4, 16)
 """Parts into which each step is cut, in turn, until a part of the task is proven or refuted."""
-Verdict = Literal["yes", "no", "undecided"]
+Verdict = Literal["yes", "no", "undecided", "not covered"]
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,9 @@ class Certificate:
 
     Attributes
     ----------
-    proven : {"yes", "no", "undecided"}
-        ``yes``: every bound is positive or zero. ``no``: `counter_example` violates the task.
+    proven : {"yes", "no", "undecided", "not covered"}
+        ``yes``: every bound is positive or zero. ``no``: `counter_example` violates the task. ``not covered``: no proof
+        for this model is known here, and nothing is claimed.
     clearances : tuple of Bound
         Proven and sampled clearance for each duty.
     parts : tuple of TaskBound
@@ -128,10 +129,12 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     """
     began = time.perf_counter()
     laws = _laws(problem, ranges)
+    if isinstance(problem, OdeProblem):
+        return _not_covered(problem, controls, laws)
     flow = Flow.of(problem, controls, laws)
     prover = Prover(flow, problem.fleet.names)
     clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
-    parts = tuple(_part(problem, controls, laws, part) for part in other_parts(problem))
+    parts = tuple(part_bound(problem, controls, laws, part) for part in other_parts(problem))
     found = _counter_example(clearances, parts)
     good = all(b.proven >= 0 for b in clearances) and all(b.covered and b.proven >= 0 for b in parts)
     verdict: Verdict = "no" if found else "yes" if good else "undecided"
@@ -145,6 +148,12 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
         time.perf_counter() - began,
         fingerprint(problem, controls, laws),
     )
+
+
+def _not_covered(problem: OdeProblem, controls: Floats, laws: Mapping[str, Law]) -> Certificate:
+    """The certificate that claims nothing, of a fleet that follows a differential equation."""
+    ranges = {name: (law.lower, law.upper) for name, law in laws.items()}
+    return Certificate("not covered", (), (), None, ranges, 0, 0.0, fingerprint(problem, controls, laws))
 
 
 def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
@@ -162,9 +171,7 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
     fleet = problem.fleet
     digest = hashlib.sha256()
     numbers: Sequence[object] = [
-        fleet.system,
-        fleet.position.tolist(),
-        fleet.heading,
+        *_dynamics(problem),
         fleet.radius,
         problem.duration,
         [(name, law.lower, law.upper) for name, law in laws.items()],
@@ -181,6 +188,15 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
     return digest.hexdigest()
 
 
+def _dynamics(problem: Problem) -> Sequence[object]:
+    """How members move, and from where."""
+    if isinstance(problem, OdeProblem):
+        system, start = problem.fleet.system, problem.fleet.start_states(problem.fleet.center[None])
+        return [system.name, sorted(system.settings().items()), start.tolist()]
+    fleet = problem.fleet
+    return [fleet.system, fleet.position.tolist(), fleet.heading]
+
+
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     """The worst piece of one duty."""
     steps = np.flatnonzero(duty.steps(prover.flow.steps, problem.duration))
@@ -189,16 +205,21 @@ def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 
 
-def _part(problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula) -> TaskBound:
-    """The bound of one part of the task; on finer time where the bulges between grid times stand in the way."""
+def part_bound(
+    problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula, wanted: float = 0.0, cells: int = 0
+) -> TaskBound:
+    """The bound of one part of the task; on finer time where the bulges between grid times stand in the way.
+
+    `wanted` is the robustness in metres that would do, `cells` as for `bound_task`.
+    """
     formula = grounded(problem, part)
     if reads_fleet(formula) and not all(isinstance(law, Interval) for law in laws.values()):
         return TaskBound(str(part), -np.inf, np.inf, {}, covered=False)  # its cells weigh the same
     first = alignment(resolve(formula, problem.duration), problem.duration / len(controls))
     for split in (first * more for more in SPLITS):
         flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)
-        bound = bound_task(flow, formula, problem.fleet.names)
-        if bound.proven >= 0 or bound.sampled < 0:
+        bound = bound_task(flow, formula, problem.fleet.names, cells)
+        if bound.proven >= wanted or bound.sampled < wanted:
             break
     return replace(bound, part=str(part))
 

@@ -92,6 +92,10 @@ class Prover:
         The flow, start positions included.
     names : sequence of str
         Its parameters.
+    limit : int
+        Boxes looked at for one obstacle before the search for a better bound ends.
+    cells : int
+        Cells of each parameter to begin with; 0 for `CELLS`.
 
     Attributes
     ----------
@@ -102,6 +106,7 @@ class Prover:
     whole: Flow
     names: Sequence[str]
     limit: int = 200_000
+    cells: int = 0
     boxes: int = 0
     flow: Flow = field(init=False)
     shift: Floats = field(init=False)
@@ -110,17 +115,37 @@ class Prover:
     track: Track = field(init=False)
     error: float = field(init=False)
     signs: Floats = field(init=False)
+    growth: Floats | None = None
 
     def __post_init__(self) -> None:
         self.flow, self.shift = self.whole.bent(), self.whole.shift()
         count = len(self.flow.lower)
-        self.centres, self.half = first_cells(self.flow.lower, self.flow.upper, CELLS.get(count, 2))
+        self.centres, self.half = first_cells(self.flow.lower, self.flow.upper, self.cells or CELLS.get(count, 2))
         self.track = Track.of(self.flow, self.centres)
         self.error = self.whole.rounding()
         self.signs = signs_of(count)
 
-    def bound(self, name: str, obstacle: Obstacle, steps: Ints, radius: float, motion: Motion | None = None) -> Bound:
-        """Proven and sampled clearance of every member from `obstacle`, which may move, during `steps`."""
+    def bound(
+        self,
+        name: str,
+        obstacle: Obstacle,
+        steps: Ints,
+        radius: float,
+        motion: Motion | None = None,
+        growth: Floats | None = None,
+        enough: float = np.inf,
+    ) -> Bound:
+        """Proven and sampled clearance of every member from `obstacle`, which may move, during `steps`.
+
+        Parameters
+        ----------
+        growth : ndarray, shape (steps of the flow,), optional
+            Metres by which every member grows during each step, beyond `radius`.
+        enough : float
+            Metres; what is proven to be further away isn't looked at more closely.
+        """
+        self.growth = growth
+        enough += radius + self.error
         piece = grown(obstacle, self.shift) if self.shift.any() else obstacle
         centre, step = (i.ravel() for i in np.meshgrid(np.arange(len(self.half)), steps, indexing="ij"))
         boxes = Boxes(centre, self.half[centre], step, np.zeros(len(centre)), np.ones(len(centre)))
@@ -131,7 +156,7 @@ class Prover:
                 break
             self.boxes += len(boxes)
             low, best, sides = self._bounds(boxes, piece, motion, best)
-            open_ = low < best[0] - TIGHT
+            open_ = (low < best[0] - TIGHT) & (low < enough)
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
             if self.boxes - spent > self.limit:
                 proven = min(proven, float(low.min()))
@@ -158,6 +183,7 @@ class Prover:
         middle = self.track.position[centre, n] + move[0]
         offset = flow.drives(members)[:, START] - self.flow.origin[START]
         distance = obstacle.distance(middle + offset - _moved(motion, np.array(time)))
+        distance = distance - (0.0 if self.growth is None else self.growth[n])
         k = int(distance.argmin())
         return float(distance[k]), dict(zip(self.names, members[k].tolist(), strict=True))
 
@@ -170,12 +196,17 @@ class Prover:
         begin, end = ((boxes.step + share) * self.flow.step for share in (boxes.begin, boxes.end))
         here, there = here - _moved(motion, begin), there - _moved(motion, end)
         distance = piece.distance(here)
-        k = int(distance.argmin())
-        seen = float(distance[k]), int(boxes.centre[k]), float((boxes.step[k] + boxes.begin[k]) * self.flow.step)
+        grown = 0.0 if self.growth is None else self.growth[boxes.step]
+        k = int((distance - grown).argmin())
+        seen = (
+            float((distance - grown)[k]),
+            int(boxes.centre[k]),
+            float((boxes.step[k] + boxes.begin[k]) * self.flow.step),
+        )
         best = min(best, seen, key=lambda sample: sample[0])
         curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)
         growth = self.flow.growth(boxes.step, (boxes.end - boxes.begin) * self.flow.step, drives, boxes.half)
-        radius = curvature + growth + (0.0 if motion is None else motion.bend(begin, end))
+        radius = grown + curvature + growth + (0.0 if motion is None else motion.bend(begin, end))
         arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
         corners = np.concatenate(
             [p[:, None] + self.signs @ a for p, a in zip((here, there), arms, strict=True)], axis=1

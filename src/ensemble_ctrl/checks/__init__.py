@@ -20,9 +20,11 @@ from ensemble_ctrl.checks.numbers import (
 )
 from ensemble_ctrl.checks.places import area_findings, start_findings
 from ensemble_ctrl.checks.reach import reach_findings
+from ensemble_ctrl.checks.systems import ode_findings
 from ensemble_ctrl.checks.target import target_findings
 from ensemble_ctrl.checks.task import STATES, task_findings, unused_findings
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ode_fleet import OdeFleet
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -74,6 +76,8 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
     *Guarantee*: every error is certain: no plan can satisfy the task and keep clear of the obstacles (at all
     times, whether or not the task mentions them). The converse does not hold.
     """
+    if isinstance(problem.fleet, OdeFleet):
+        return tuple(ode_findings(problem))
     numbers = (*number_findings(problem), *name_findings(problem), *target_findings(problem))
     if numbers:
         return numbers

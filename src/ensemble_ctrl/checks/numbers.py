@@ -12,6 +12,7 @@ from ensemble_ctrl.checks.finding import Finding, Path
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.leaves import RESERVED
 from ensemble_ctrl.moments import Law, Mixture, Samples
+from ensemble_ctrl.systems import ArcSystem
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -79,7 +80,8 @@ def _factors(problem: Problem) -> Iterator[Finding]:
     """Factors are positive, since a robot with traction zero can't move; and a file can hold the laws."""
     for name, law in problem.fleet.parameters.items():
         path = ("fleet", "parameters", name)
-        if name in problem.fleet.system.parameters and law.lower <= 0:
+        factor = isinstance(problem.fleet.system, ArcSystem) and name in problem.fleet.system.parameters
+        if factor and law.lower <= 0:
             field = {Samples: "samples", Mixture: "mixture"}.get(type(law), "range")
             yield Finding((*path, field), f"expected a range above 0, got [{law.lower:g}, {law.upper:g}]")
         count = _measured(law)

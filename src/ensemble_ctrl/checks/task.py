@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
 
 STATES = ("x", "y")
-"""The states that a task's predicates may use."""
+"""The coordinates of the plane."""
 
 
 def task_findings(problem: Problem) -> Iterator[Finding]:
     """Unknown names, and windows that end after the plan."""
-    for error in name_errors(problem.task, problem.regions, problem.obstacles, STATES):
+    for error in name_errors(problem.task, problem.regions, problem.obstacles, problem.fleet.states):
         yield _from_formula(error)
     try:
         check_windows(problem.task, problem.duration)
@@ -53,9 +53,9 @@ def unused_findings(problem: Problem) -> Iterator[Finding]:
         return
     ignored = [name for name in problem.obstacles if name not in avoided]
     if len(ignored) == len(problem.obstacles):
-        hint = "add `and G avoid(obstacles)` so that they count in its robustness"
-        yield Finding(("obstacles",), "the task never mentions the obstacles", hint, "warning", on_key=True)
+        message = "the task never mentions the obstacles, so robots may drive through them"
+        yield Finding(("obstacles",), message, "add `and G avoid(obstacles)`", "warning", on_key=True)
         return
     for name in ignored:
-        hint = f"add `and G avoid({name})` so that it counts in its robustness"
-        yield Finding(("obstacles", name), "the task never mentions this obstacle", hint, "warning", on_key=True)
+        message = "the task never mentions this obstacle, so robots may drive through it"
+        yield Finding(("obstacles", name), message, f"add `and G avoid({name})`", "warning", on_key=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from contextvars import copy_context
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
@@ -65,6 +66,18 @@ Overrides = Annotated[
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")]
 Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")]
+
+
+def _consent(given: bool) -> bool:
+    """Let the Python file of a user's own system run, for this call of the command."""
+    if given:
+        from ensemble_ctrl.config.own import CONSENT
+
+        CONSENT.set(True)
+    return given
+
+
+Trust = Annotated[bool, typer.Option("--trust", help="Run the Python file that fleet.model names.", callback=_consent)]
 Members = Annotated[int | None, typer.Option(help="Members to replay (verify.members).", metavar="N", min=1)]
 
 
@@ -123,6 +136,7 @@ def run(
         bool, typer.Option("--no-suggest", help="Where there is no plan, do not look for what would help.")
     ] = False,
     overwrite: Overwrite = False,
+    trust: Trust = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
     if quiet and verbose:
@@ -146,8 +160,8 @@ def run(
         quiet=quiet,
         verbose=verbose,
         plots=not no_plots,
-        animation=animation,
         suggest=not no_suggest,
+        animation=animation,
         overwrite=overwrite,
         command=(NAME, *context.obj),
     )
@@ -165,6 +179,7 @@ def check(
     configs: Annotated[list[str], typer.Argument(help="Problem files; - reads stdin.", metavar="CONFIG")],
     json: Json = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say only what is wrong.")] = False,
+    trust: Trust = False,
 ) -> None:
     """Check problem files without solving."""
     from ensemble_ctrl.cli.check import check_files
@@ -185,6 +200,7 @@ def show(
         int | None, typer.Option(help="Times looked at in each step (verify.substeps).", metavar="N", min=1)
     ] = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Replay a saved plan and print its summary again."""
     from ensemble_ctrl.cli.show import show_plan
@@ -213,8 +229,8 @@ def report(
 @app.command(
     epilog=_examples(
         "ensemble-plan plot plans/problem",
-        "ensemble-plan plot plans/problem trajectories -o fleet.pdf",
-        "ensemble-plan plot plans/problem controls moments --format svg",
+        "ensemble-plan plot plans/problem trajectories -o map.pdf",
+        "ensemble-plan plot plans/problem clearance moments --format svg",
     )
 )
 def plot(
@@ -247,7 +263,7 @@ def plot(
 @app.command(
     epilog=_examples(
         "ensemble-plan animate plans/problem",
-        "ensemble-plan animate plans/problem -o fleet.mp4 --seconds 10",
+        "ensemble-plan animate plans/problem -o problem.mp4 --seconds 10",
     )
 )
 def animate(
@@ -279,6 +295,7 @@ def verify(
     ] = None,
     members: Members = None,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Prove a saved plan again from its files alone."""
     from ensemble_ctrl.cli.verify import verify_plan
@@ -391,14 +408,47 @@ def export(
     export_plan(plan, form, output, members, overwrite)
 
 
+@app.command(
+    epilog=_examples(
+        "ensemble-plan online problem.yaml",
+        "ensemble-plan online problem.yaml --traction 0.93 --seed 7",
+        "ensemble-plan online problem.yaml --set online.deadline=0.1s --json",
+    )
+)
+def online(
+    config: Config,
+    output: Output = None,
+    overrides: Overrides = None,
+    traction: Annotated[
+        float | None, typer.Option(help="The robot's true traction (online.robot.traction).", metavar="X", min=1e-3)
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the robot's noise (online.robot.seed).", metavar="N", min=0)
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Measure, learn, plan again, apply, on a simulated robot."""
+    from ensemble_ctrl.cli.online import OnlineRun, run_online
+
+    given = OnlineRun(config, output, tuple(overrides or ()), traction, seed, json, quiet, not no_plots, overwrite)
+    raise typer.Exit(run_online(given))
+
+
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""
-    from ensemble_ctrl.systems import SYSTEMS
+    from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS, ArcSystem, OdeSystem
 
-    for name, system in SYSTEMS.items():
+    known: dict[str, type[ArcSystem] | type[OdeSystem]] = {**SYSTEMS, **ODE_SYSTEMS}
+    for name, system in known.items():
         controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
-        say(f"{name:<12}{system.summary}\n{'':<12}controls {controls}; parameters {', '.join(system.parameters)}")
+        say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {', '.join(system.parameters)}")
+        if name in ODE_SYSTEMS:
+            say(f"{'':<18}states {', '.join(ODE_SYSTEMS[name].states)}; replayed, not proven")
+    say("your own: fleet: {model: {python: my_system.py:MySystem}}, with --trust")
 
 
 @app.command(
@@ -476,6 +526,11 @@ def invoke(arguments: list[str]) -> int:
     if COMPLETING in os.environ:
         return _complete()
     as_json = "--json" in arguments
+    return copy_context().run(_invoked, arguments, as_json)
+
+
+def _invoked(arguments: list[str], as_json: bool) -> int:
+    """The command line in a context of its own, so that a consent ends with it."""
     try:
         command = typer.main.get_command(app)
         with command.make_context(NAME, with_command(arguments), obj=tuple(arguments)) as context:

@@ -11,8 +11,8 @@ from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.config.wrong import suggestion
 from ensemble_ctrl.errors import EnsembleError
 
-Example = tuple[str, dict[str, str]]
-"""A problem file's text, and the texts of the tables that it names, by their names."""
+Example = tuple[str, dict[str, bytes]]
+"""A problem file's text, and what is in the files that it names, or that those name, by their names."""
 
 
 def example_files() -> dict[str, Example]:
@@ -26,19 +26,27 @@ def _all(folder: Traversable) -> dict[str, Example]:
     """The examples in a folder and those below it."""
     found: dict[str, Example] = {}
     entries = list(folder.iterdir())
-    tables = [entry for entry in entries if entry.is_file() and not entry.name.endswith(".yaml")]
+    others = {entry.name: entry for entry in entries if entry.is_file() and not entry.name.endswith(".yaml")}
     for entry in entries:
         if entry.is_dir():
             found |= _all(entry)
         elif entry.name.endswith(".yaml"):
             text = without_editor_line(entry.read_text(encoding="utf-8"))
-            named = {table.name: table.read_text(encoding="utf-8") for table in tables if table.name in text}
-            found[entry.name.removesuffix(".yaml")] = (text, named)
+            found[entry.name.removesuffix(".yaml")] = (text, _named(text.encode(), others))
+    return found
+
+
+def _named(content: bytes, others: dict[str, Traversable]) -> dict[str, bytes]:
+    """The files beside a file that it names, and those that they name."""
+    found = {name: other.read_bytes() for name, other in others.items() if name.encode() in content}
+    rest = {name: other for name, other in others.items() if name not in found}
+    for named in list(found.values()):
+        found |= _named(named, rest)
     return found
 
 
 def list_or_print(name: str | None, copy: bool) -> None:
-    """List all, print one, or copy one here with the tables that it names.
+    """List all, print one, or copy one here with the files that it names.
 
     Raises
     ------
@@ -63,16 +71,16 @@ def list_or_print(name: str | None, copy: bool) -> None:
 
 
 def _copy(name: str, example: Example) -> None:
-    """Write an example and its tables to new files; none of them if one is here already."""
-    text, tables = example
-    target, written = Path(f"{name}.yaml"), dict(tables)
-    taken = [file for file in written if Path(file).exists()]
+    """Write an example and the files that it names to new files; none of them if one is here already."""
+    text, others = example
+    target = Path(f"{name}.yaml")
+    taken = [file for file in others if Path(file).exists()]
     if taken and not target.exists():
         raise EnsembleError(f"{taken[0]}: this file exists already; nothing was written")
     write_new(target, text)
-    for file, content in written.items():
+    for file, content in others.items():
         write_new(Path(file), content)
-    say(f"wrote {', '.join([str(target), *written])}; now run: ensemble-plan {target}")
+    say(f"wrote {', '.join([str(target), *others])}; now run: ensemble-plan {target}")
 
 
 def _title(text: str) -> str:

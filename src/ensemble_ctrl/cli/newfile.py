@@ -10,7 +10,7 @@ EDITOR_LINE = "# yaml-language-server: $schema="
 """How a problem file names its schema for an editor, on its first line."""
 
 
-def write_new(path: Path, text: str) -> None:
+def write_new(path: Path, content: str | bytes) -> None:
     """Write a new file.
 
     Raises
@@ -19,8 +19,12 @@ def write_new(path: Path, text: str) -> None:
         If it is there already, or can't be written.
     """
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
+        with path.open("xb") as file:
+            try:
+                file.write(content.encode() if isinstance(content, str) else content)
+            except OSError:
+                path.unlink(missing_ok=True)
+                raise
     except FileExistsError:
         kind = "a folder of this name" if path.is_dir() else "this file"
         raise EnsembleError(f"{path}: {kind} exists already; nothing was written") from None

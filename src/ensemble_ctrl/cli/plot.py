@@ -11,7 +11,7 @@ from ensemble_ctrl.api import Plan, with_twin
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.errors import EnsembleError
 from ensemble_ctrl.report.canvas import FORMATS
-from ensemble_ctrl.report.plot import KINDS, write_plot
+from ensemble_ctrl.report.plot import KINDS, kinds_of, write_plot
 
 PROOF = ("certificate", "clearance")
 """Kinds that show what is proven."""
@@ -26,9 +26,9 @@ def plot_plan(path: Path, kinds: Sequence[str], output: Path | None, format: str
     for kind in kinds:
         if kind not in KINDS:
             raise PlotError(f"{kind}: expected kinds among {', '.join(KINDS)}")
-    wanted = list(dict.fromkeys(kinds)) or list(KINDS)
-    files = _files(path, wanted, output, format)
     plan = Plan.load(path)
+    wanted = list(dict.fromkeys(kinds)) or list(kinds_of(plan.problem))
+    files = _files(path, wanted, output, format)
     if any(kind in PROOF for kind in wanted):
         plan = replace(plan, certificate=plan.certify())
     if "trajectories" in wanted and plan.problem.report.twin:

@@ -14,6 +14,7 @@ from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
 from ensemble_ctrl.folder import ResultsFolder
+from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.report import route_lines, summary_lines
 from ensemble_ctrl.results import controls_csv, summary, to_json, write_report, write_results
 
@@ -36,8 +37,8 @@ class RunOptions:
     quiet: bool = False
     verbose: bool = False
     plots: bool = True
-    animation: str | None = None
     suggest: bool = True
+    animation: str | None = None
     overwrite: bool = False
     command: tuple[str, ...] = ()
 
@@ -131,7 +132,8 @@ def _draw(found: Plan, folder: Path, options: RunOptions) -> str:
     try:
         if options.plots:
             write_figures(found.problem, found.controls, folder, found.twin, found.details["routes"])
-            write_report(found, folder / REPORT, folder)
+            if not isinstance(found.problem, OdeProblem):
+                write_report(found, folder / REPORT, folder)
         if options.animation is not None:
             found.animate(folder / f"animation.{options.animation}")
     except Exception as error:

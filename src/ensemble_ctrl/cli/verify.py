@@ -21,6 +21,9 @@ from ensemble_ctrl.replay import Replay
 from ensemble_ctrl.report.text import measured, proven
 from ensemble_ctrl.results import SCHEMA, controls_csv, replay_summary, to_json
 
+HEADS = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN", "not covered": "NOT COVERED"}
+"""Verdicts in the first line."""
+
 
 @dataclass(frozen=True, eq=False)
 class Verified:
@@ -122,13 +125,10 @@ def _read_json(path: Path) -> dict[str, Any]:
 def _lines(found: Verified) -> list[str]:
     """The result as text."""
     problem = found.plan.problem
-    head = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN"}[found.certificate.proven]
+    head = HEADS[found.certificate.proven]
+    agree = "agree with each other" + ("" if head == "NOT COVERED" else " and with the proof")
     rows = [*proven(found.certificate), *measured(found.run)]
-    rows += (
-        [("files", "DISAGREE, see below" if found.tampered else "agree with each other and with the proof")]
-        if not found.asked
-        else []
-    )
+    rows += [("files", "DISAGREE, see below" if found.tampered else agree)] if not found.asked else []
     rows += [("inputs", f"sha256 {found.certificate.inputs}")]
     return [f"{problem.name}: {head}", *(f"  {label:<11}{text}" for label, text in rows)]
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.config.laws import law_of
+from ensemble_ctrl.config.ode_section import OdeProblemFile
 from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemFile
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Law, Samples
-from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.problem import Objective, OdeProblem, Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.systems import SYSTEMS, ArcSystem, Bicycle
 
 STEP = 0.1
@@ -26,10 +28,16 @@ def build(file: ProblemFile, name: str) -> Problem:
     ProblemError
         If parts of it don't fit together.
     """
+    if isinstance(file, OdeProblemFile):
+        return OdeProblem(fleet=file.fleet.fleet(), **_rest(file, name))
+    return Problem(fleet=_fleet(file.fleet), **_rest(file, name))
+
+
+def _rest(file: ProblemFile, name: str) -> dict[str, Any]:
+    """Everything but the fleet."""
     horizon = file.horizon
-    return Problem(
+    return dict(
         name=file.name or name,
-        fleet=_fleet(file.fleet),
         duration=horizon.duration,
         steps=horizon.steps or max(1, round(horizon.duration / STEP)),
         task=file.task,

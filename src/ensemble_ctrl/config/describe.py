@@ -10,6 +10,7 @@ from textwrap import dedent
 from typing import Any
 
 from ensemble_ctrl.config.fields import Model
+from ensemble_ctrl.config.ode_section import OdeProblemFile
 from ensemble_ctrl.config.schema import ProblemFile
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -17,7 +18,9 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def schema() -> dict[str, Any]:
     """The JSON Schema of a problem file, for editors: every field with its type, its default and what it means."""
-    described = ProblemFile.model_json_schema()
+    described, other = ProblemFile.model_json_schema(), OdeProblemFile.model_json_schema()
+    described["$defs"] = {**other["$defs"], **described["$defs"]}
+    described["properties"]["fleet"] = {"anyOf": [described["properties"]["fleet"], other["properties"]["fleet"]]}
     obstacles = described["properties"]["obstacles"]
     listed = obstacles["additionalProperties"]
     obstacles["additionalProperties"] = {"anyOf": [listed["items"], listed]}

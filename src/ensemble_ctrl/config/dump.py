@@ -10,18 +10,20 @@ import yaml
 from numpy.typing import NDArray
 
 from ensemble_ctrl.config.laws import law_data
+from ensemble_ctrl.config.ode_section import ode_fleet_data
 from ensemble_ctrl.config.targets import target_data
 from ensemble_ctrl.config.tree import SCALARS
-from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
 from ensemble_ctrl.constraints.stl import Predicate
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.motion import Motion
-from ensemble_ctrl.problem import Objective, Problem
+from ensemble_ctrl.problem import Objective, OdeProblem, Problem
 from ensemble_ctrl.systems import Bicycle
 
 Floats = NDArray[np.float64]
 Data = dict[str, Any]
+Places = tuple[str, ...]
 
 
 def dump(problem: Problem) -> str:
@@ -53,14 +55,15 @@ def dump(problem: Problem) -> str:
 
 def to_data(problem: Problem) -> Data:
     """The same as plain data."""
+    places = problem.fleet.places
     return {
         "version": 1,
         "name": problem.name,
-        "fleet": _fleet(problem.fleet),
+        "fleet": ode_fleet_data(problem.fleet) if isinstance(problem, OdeProblem) else _fleet(problem.fleet),
         "horizon": {"duration": float(problem.duration), "steps": int(problem.steps)},
         "moments": {"basis": "legendre", "order": "auto" if problem.order is None else int(problem.order)},
-        "regions": {name: _region(region) for name, region in problem.regions.items()},
-        "obstacles": {name: _obstacle(pieces) for name, pieces in problem.obstacles.items()},
+        "regions": {name: _region(region, places) for name, region in problem.regions.items()},
+        "obstacles": {name: _obstacle(pieces, places) for name, pieces in problem.obstacles.items()},
         "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
         "task": str(problem.task),
         "objective": _objective(problem.objective),
@@ -112,31 +115,33 @@ def _objective(objective: Objective) -> Data:
     return data
 
 
-def _region(region: Polyhedron) -> Data:
+def _region(region: Polyhedron, places: Places) -> Data:
     """A region in the shortest form that is exact."""
-    if np.array_equal(region.A, np.eye(2)) and np.isfinite([region.lower, region.upper]).all():
+    if np.array_equal(region.A, np.eye(len(places))) and np.isfinite([region.lower, region.upper]).all():
         return {"box": np.column_stack([region.lower, region.upper]).tolist()}
     if np.isinf(region.upper).all() and np.isfinite(region.lower).all():
-        return _rows(region.A, region.lower)
+        return _rows(region.A, region.lower, places)
     G, h = region.unit_rows()
-    return {"halfspaces": _inequalities(-G, -h)}
+    return {"halfspaces": _inequalities(-G, -h, places)}
 
 
-def _obstacle(pieces: tuple[Obstacle, ...]) -> Data | list[Data]:
+def _obstacle(pieces: tuple[Obstacle, ...], places: Places) -> Data | list[Data]:
     """An obstacle's pieces."""
-    written = [_piece(piece) for piece in pieces]
+    written = [_piece(piece, places) for piece in pieces]
     return written[0] if len(written) == 1 else written
 
 
-def _piece(piece: Obstacle) -> Data:
+def _piece(piece: Obstacle, places: Places) -> Data:
     """One convex piece in the shortest form that is exact."""
     box = np.column_stack([piece.vertices.min(axis=0), piece.vertices.max(axis=0)])
-    exact = _same(Obstacle.box(box), piece.A, piece.b)
-    return {"box": box.tolist()} if exact else _rows(piece.A, piece.b)
+    exact = _same((Solid if len(box) == 3 else Obstacle).box(box), piece.A, piece.b)
+    return {"box": box.tolist()} if exact else _rows(piece.A, piece.b, places)
 
 
-def _rows(A: Floats, b: Floats) -> Data:
-    """The set ``A x >= b`` by its corners if that is exact, else by its inequalities."""
+def _rows(A: Floats, b: Floats, places: Places) -> Data:
+    """The set ``A x >= b`` by its corners if that is exact in the plane, else by its inequalities."""
+    if A.shape[1] != 2:
+        return {"halfspaces": _inequalities(A, b, places)}
     try:
         corners = np.round(Obstacle(A, b).vertices, 12) + 0.0
         match = (A[0] == Obstacle.polygon(corners).A).all(axis=1)
@@ -145,7 +150,7 @@ def _rows(A: Floats, b: Floats) -> Data:
             return {"polygon": corners.tolist()}
     except ProblemError:
         pass
-    return {"halfspaces": _inequalities(A, b)}
+    return {"halfspaces": _inequalities(A, b, places)}
 
 
 def _same(obstacle: Obstacle, A: Floats, b: Floats) -> bool:
@@ -153,9 +158,10 @@ def _same(obstacle: Obstacle, A: Floats, b: Floats) -> bool:
     return np.array_equal(obstacle.A, A) and np.array_equal(obstacle.b, b)
 
 
-def _inequalities(A: Floats, b: Floats) -> list[str]:
+def _inequalities(A: Floats, b: Floats, places: Places) -> list[str]:
     """``A x >= b`` as texts."""
-    return [str(Predicate((("x", x), ("y", y)), -bound)) for (x, y), bound in zip(A.tolist(), b.tolist(), strict=True)]
+    rows = zip(A.tolist(), b.tolist(), strict=True)
+    return [str(Predicate(tuple(zip(places, row, strict=True)), -bound)) for row, bound in rows]
 
 
 class _Dumper(yaml.SafeDumper):

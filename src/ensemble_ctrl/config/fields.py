@@ -14,7 +14,7 @@ from ensemble_ctrl.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.constraints.stl.leaves import RESERVED
 from ensemble_ctrl.problem import MAX_ORDER
-from ensemble_ctrl.systems import SYSTEMS
+from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS
 from ensemble_ctrl.systems.bicycle import STEEPEST
 
 _NAME = re.compile(r"[^\W\d][\w.-]*")
@@ -76,8 +76,9 @@ def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
 
 def model_name(value: str) -> str:
     """The name of a system."""
+    known = (*SYSTEMS, *ODE_SYSTEMS)
     if value not in SYSTEMS:
-        raise Wrong(f"{show(value)} is not one of {', '.join(SYSTEMS)}", suggestion(value, SYSTEMS))
+        raise Wrong(f"{show(value)} is not one of {', '.join(known)}", suggestion(value, known))
     return value
 
 
@@ -148,6 +149,7 @@ LOW_HIGH = (BeforeValidator(pair("[low, high]")), AfterValidator(ordered))
 Point = Annotated[tuple[Length, Length], BeforeValidator(pair("[x, y]"))]
 Name = Annotated[str, AfterValidator(place_name)]
 Range = Annotated[tuple[Number, Number], *LOW_HIGH, AfterValidator(positive_range)]
+AnyRange = Annotated[tuple[Number, Number], *LOW_HIGH]
 Offsets = Annotated[tuple[Length, Length], *LOW_HIGH]
 AngleRange = Annotated[tuple[Angle, Angle], *LOW_HIGH]
 SteeringBounds = Annotated[tuple[Angle, Angle], *LOW_HIGH, AfterValidator(steering)]

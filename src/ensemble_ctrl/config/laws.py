@@ -176,8 +176,37 @@ class TurnSection(TurnPart):
         return self
 
 
-AnySection = LawSection | OffsetSection | TurnSection
-AnyPart = MixturePart | OffsetMixturePart | TurnMixturePart
+class PlainPart(PartSection):
+    """How a parameter of any sign, in its own unit, is spread."""
+
+    range: f.AnyRange = (0.0, 0.0)
+    """Smallest and largest value, in the parameter's own unit."""
+    _above: ClassVar[float] = -inf
+
+
+class PlainMixturePart(PlainPart):
+    """One law of a mixture."""
+
+    weight: f.Positive = 1.0
+    """Share of the fleet, relative to the other parts."""
+
+
+class PlainSection(PlainPart):
+    """How a parameter of a system that is no robot on arcs is spread over the fleet."""
+
+    mixture: list[PlainMixturePart] | None = None
+    """A list of laws, each with a `weight`, in place of a range."""
+
+    @model_validator(mode="after")
+    def _check_mixture(self) -> Self:
+        """A mixture has parts, and nothing beside it; a law has a range."""
+        _check_range(self)
+        _check_mixture(self)
+        return self
+
+
+AnySection = LawSection | OffsetSection | TurnSection | PlainSection
+AnyPart = MixturePart | OffsetMixturePart | TurnMixturePart | PlainMixturePart
 
 
 def _check_mixture(section: AnySection) -> None:

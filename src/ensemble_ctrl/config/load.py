@@ -15,13 +15,16 @@ from ensemble_ctrl.config.build import build
 from ensemble_ctrl.config.dump import to_data
 from ensemble_ctrl.config.locate import Locator
 from ensemble_ctrl.config.messages import Diagnostic, findings_of, layout
+from ensemble_ctrl.config.ode_section import OdeProblemFile
 from ensemble_ctrl.config.overrides import Override, apply, parse_override
+from ensemble_ctrl.config.own import CONSENT, is_ode, system_class
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.config.source import Source, Text, name_of, read_source
 from ensemble_ctrl.config.tree import TextError, Tree
-from ensemble_ctrl.config.wrong import show
+from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.errors import ConfigError, ProblemError
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.receding.settings import OnlineSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +38,14 @@ class Loaded:
         In file order; each prints as a warning with line and caret.
     text : str
         The file's text, as it was read.
+    online : OnlineSettings or None
+        Its section ``online``, which is about a loop and no part of the problem.
     """
 
     problem: Problem
     warnings: tuple[Diagnostic, ...]
     text: str
+    online: OnlineSettings | None = None
 
     @property
     def data(self) -> dict[str, Any]:
@@ -47,7 +53,7 @@ class Loaded:
         return to_data(self.problem)
 
 
-def load(source: Source, overrides: Iterable[str] = ()) -> Problem:
+def load(source: Source, overrides: Iterable[str] = (), *, trust: bool = False) -> Problem:
     """Read a problem file.
 
     Parameters
@@ -56,6 +62,8 @@ def load(source: Source, overrides: Iterable[str] = ()) -> Problem:
         ``-`` is stdin.
     overrides : iterable of str
         ``KEY=VALUE`` with a dotted key and a YAML value, applied in order before validation.
+    trust : bool
+        Whether to run the Python file that ``fleet.model`` may name; it has to lie next to the problem file.
 
     Returns
     -------
@@ -66,11 +74,11 @@ def load(source: Source, overrides: Iterable[str] = ()) -> Problem:
     ConfigError
         With every error in file order, each with line, column and a hint.
     """
-    return read(source, overrides).problem
+    return read(source, overrides, trust=trust).problem
 
 
-def load_text(text: str, name: str = "<text>", overrides: Iterable[str] = ()) -> Problem:
-    """Read a problem from a text; see `load`.
+def load_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *, trust: bool = False) -> Problem:
+    """Read a problem from a text, with files next to the file called `name`; see `load`.
 
     Examples
     --------
@@ -82,24 +90,24 @@ def load_text(text: str, name: str = "<text>", overrides: Iterable[str] = ()) ->
     >>> problem.steps, round(problem.fleet.heading, 4)
     (40, 0.7854)
     """
-    return read_text(text, name, overrides).problem
+    return read_text(text, name, overrides, trust=trust).problem
 
 
-def read(source: Source, overrides: Iterable[str] = ()) -> Loaded:
+def read(source: Source, overrides: Iterable[str] = (), *, trust: bool = False) -> Loaded:
     """Read a problem file, and keep its warnings and its text; see `load`."""
     try:
         text = read_source(source)
     except TextError as error:
         _refuse([_unplaced(error, name_of(source))], name_of(source))
-    return _read(text, overrides)
+    return _read(text, overrides, trust)
 
 
-def read_text(text: str, name: str = "<text>", overrides: Iterable[str] = ()) -> Loaded:
+def read_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *, trust: bool = False) -> Loaded:
     """Read a problem from a text, and keep its warnings; see `load`."""
-    return _read(Text(name, text, FilePath()), overrides)
+    return _read(Text(name, text, FilePath(name).parent if trust or CONSENT.get() else FilePath()), overrides, trust)
 
 
-def _read(text: Text, overrides: Iterable[str]) -> Loaded:
+def _read(text: Text, overrides: Iterable[str], trust: bool = False) -> Loaded:
     """All steps."""
     tree = _tree(text)
     changes = _overrides(overrides, text.name)
@@ -110,24 +118,33 @@ def _read(text: Text, overrides: Iterable[str]) -> Loaded:
             [locate(Finding((), f"expected a problem with fleet, horizon and task, got {show(data)}"))],
             text.name,
         )
-    problem = _problem(text, data, locate)
+    problem, online = _problem(text, data, locate, trust)
     warnings = [locate(finding) for finding in findings(problem)]
-    return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content)
+    return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content, online)
 
 
-def _problem(text: Text, data: dict[str, Any], locate: Locator) -> Problem:
+def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> tuple[Problem, OnlineSettings | None]:
     """Validate and build, collecting every error."""
     found = locate.repeated()
+    kind: type[ProblemFile] = ProblemFile
+    context: dict[str, Any] = {"folder": text.folder, "trust": trust}
+    if is_ode(data):
+        kind = OdeProblemFile
+        try:
+            context["places"] = system_class(data["fleet"]["model"], context).positions
+        except Wrong as error:  # nothing else can be read without it
+            path = ("fleet", "model", *error.path)
+            _refuse([*found, locate(Finding(path, error.message, error.hint))], text.name)
     try:
-        file = ProblemFile.model_validate(data, context={"folder": text.folder})
+        file = kind.model_validate(data, context=context)
         problem = build(file, re.sub(r"[^\w .+-]", "", FilePath(text.name).stem) or "problem")
     except ValidationError as error:
-        found += [locate(finding) for finding in findings_of(error)]
+        found += [locate(finding) for finding in findings_of(error, kind)]
     except ProblemError as error:
         found += [locate(finding) for finding in error.findings or [Finding((), str(error))]]
     if found:
         _refuse(sorted(found, key=locate.order), text.name)
-    return problem
+    return problem, None if file.online is None else file.online.settings()
 
 
 def _tree(text: Text) -> Tree:

@@ -89,12 +89,12 @@ def layout(diagnostics: Iterable[Diagnostic], name: str) -> str:
     return "\n".join([*map(str, listed), f"{count} error{'s' * (count != 1)} in {_printable(name)}"])
 
 
-def findings_of(error: ValidationError) -> list[Finding]:
+def findings_of(error: ValidationError, root: type[BaseModel] = ProblemFile) -> list[Finding]:
     """Pydantic's errors in our words."""
-    return [_finding(detail) for detail in error.errors(include_url=False)]
+    return [_finding(detail, root) for detail in error.errors(include_url=False)]
 
 
-def _finding(detail: Any) -> Finding:
+def _finding(detail: Any, root: type[BaseModel]) -> Finding:
     """One of pydantic's errors in our words."""
     path: Path = tuple(key for key in detail["loc"] if key != "[key]")
     on_key = path != detail["loc"]
@@ -106,7 +106,7 @@ def _finding(detail: Any) -> Finding:
             hint = f"for example  {EXAMPLES[path]}" if path in EXAMPLES else ""
             return Finding(path, "this is required, but missing", hint)
         case "extra_forbidden":
-            known = fields_at(path[:-1])
+            known = fields_at(path[:-1], root)
             hint = suggestion(path[-1], known) or f"known here: {', '.join(known)}"
             return Finding(path, "unknown field", hint, on_key=True)
         case "literal_error":
@@ -126,9 +126,9 @@ def _raised(path: Path, error: Exception) -> Finding:
     return Finding(path, str(error))
 
 
-def fields_at(path: Path) -> list[str]:
+def fields_at(path: Path, root: type[BaseModel] = ProblemFile) -> list[str]:
     """Fields of the section at a path."""
-    kind: Any = ProblemFile
+    kind: Any = root
     for key in path:
         if isinstance(kind, type) and issubclass(kind, BaseModel):
             kind = kind.model_fields[str(key)].annotation

@@ -13,6 +13,7 @@ from ensemble_ctrl.config.clouds import Cloud, read_cloud
 from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.laws import LawSection, OffsetSection, TurnSection
 from ensemble_ctrl.config.motions import MotionSection
+from ensemble_ctrl.config.online import OnlineSection
 from ensemble_ctrl.config.samples import Columns
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal as TerminalTarget
@@ -235,7 +236,7 @@ class ProblemFile(Model):
     regions: dict[f.Name, RegionShape] = Field(default_factory=dict)
     """Named convex areas that the task speaks of."""
     obstacles: dict[f.Name, Shapes] = Field(default_factory=dict)
-    """Named areas to keep out of, each one shape or a list of shapes."""
+    """Named areas that the task can say `avoid(...)` of, each one shape or a list of shapes."""
     motions: dict[f.Name, MotionSection] = Field(default_factory=dict)
     """How obstacles move from where they are drawn; those not named here stand still."""
     task: f.Task
@@ -248,3 +249,5 @@ class ProblemFile(Model):
     """How to check a plan."""
     report: ReportSection = ReportSection()
     """What figures and summary show."""
+    online: OnlineSection | None = None
+    """How `ensemble-plan online` drives a robot along, measuring and planning again."""

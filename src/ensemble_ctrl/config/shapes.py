@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    Field,
     PrivateAttr,
     ValidationInfo,
     WithJsonSchema,
@@ -23,7 +24,7 @@ from ensemble_ctrl.config.maps import Area, areas_from_file, areas_from_wkt, wro
 from ensemble_ctrl.config.source import checked_path
 from ensemble_ctrl.config.tree import TextError
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
-from ensemble_ctrl.constraints import Obstacle, Polyhedron, convex_pieces
+from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid, convex_pieces
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.errors import EnsembleError
 
@@ -41,15 +42,30 @@ def _side(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
-def _halfplane(value: Any) -> Predicate:
-    """A linear inequality in x and y."""
-    predicate = parse(value) if isinstance(value, str) else None
+def _places(info: ValidationInfo) -> tuple[str, ...]:
+    """Names of the position's coordinates."""
+    return tuple((info.context or {}).get("places", STATES))
+
+
+def _halfplane(value: Any, info: ValidationInfo) -> Predicate:
+    """A linear inequality in the position's coordinates, x and y in the plane."""
+    predicate, places = parse(value) if isinstance(value, str) else None, _places(info)
+    wanted = f"an inequality in {' and '.join(places)}"
     if not isinstance(predicate, Predicate):
-        raise Wrong(f"expected an inequality in x and y, got {show(value)}", _EXAMPLE)
-    unknown = [name for name, _ in predicate.coefficients if name not in STATES]
+        raise Wrong(f"expected {wanted}, got {show(value)}", _EXAMPLE)
+    unknown = [name for name, _ in predicate.coefficients if name not in places]
     if unknown:
-        raise Wrong(f"expected an inequality in x and y, got the unknown {unknown[0]!r}", _EXAMPLE)
+        raise Wrong(f"expected {wanted}, got the unknown {unknown[0]!r}", _EXAMPLE)
     return predicate
+
+
+def _sides(value: Any, info: ValidationInfo) -> Any:
+    """One [low, high] for each coordinate."""
+    places = _places(info)
+    if not isinstance(value, list | tuple) or len(value) != len(places):
+        shape = ", ".join(f"[{name} low, {name} high]" for name in places)
+        raise Wrong(f"expected [{shape}], got {show(value)}")
+    return value
 
 
 def _some(values: list[Any]) -> list[Any]:
@@ -60,7 +76,10 @@ def _some(values: list[Any]) -> list[Any]:
 
 
 Side = Annotated[tuple[f.Length, f.Length], BeforeValidator(f.pair("[low, high]")), AfterValidator(_side)]
-Box = Annotated[tuple[Side, Side], BeforeValidator(f.pair("[[x low, x high], [y low, y high]]"))]
+Box = Annotated[tuple[Side, ...], BeforeValidator(_sides), Field(json_schema_extra={"minItems": 1, "maxItems": 3})]
+ObstacleBox = Annotated[
+    tuple[Side, ...], BeforeValidator(_sides), Field(json_schema_extra={"minItems": 2, "maxItems": 3})
+]
 HalfPlane = Annotated[Predicate, BeforeValidator(_halfplane), WithJsonSchema({"type": "string"})]
 HalfPlanes = Annotated[list[HalfPlane], AfterValidator(_some)]
 
@@ -84,10 +103,11 @@ class RegionShape(f.Model):
     def _build(self, info: ValidationInfo) -> Self:
         """Build the area, so that what is wrong with it is reported with everything else."""
         _only_of_files(self, ("feature",))
+        places = _places(info)
         forms: dict[str, Callable[[Any], Polyhedron]] = {
             "box": Polyhedron.box,
             "polygon": lambda corners: _convex(_cut(corners)),
-            "halfspaces": _intersection,
+            "halfspaces": lambda rows: _intersection(rows, places),
             "file": lambda name: _convex(_pieces(_mapped(name, self.feature, 0.0, info))),
         }
         self._area = _built(self, forms)
@@ -102,7 +122,7 @@ class RegionShape(f.Model):
 class ObstacleShape(f.Model):
     """An area to keep out of, in exactly one of these forms; convex or not. Of a map in a file, all or one feature."""
 
-    box: Box | None = None
+    box: ObstacleBox | None = None
     """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
     """Corners `[[x, y], ...]`, in either direction; any simple polygon."""
@@ -122,10 +142,12 @@ class ObstacleShape(f.Model):
     def _build(self, info: ValidationInfo) -> Self:
         """Build the convex pieces, so that what is wrong with them is reported with everything else."""
         _only_of_files(self, ("feature", "tolerance"))
+        places = _places(info)
+        kind = Solid if len(places) == 3 else Obstacle
         forms: dict[str, Callable[[Any], Pieces]] = {
-            "box": lambda box: (Obstacle.box(box),),
+            "box": lambda box: (kind.box(box),),
             "polygon": _cut,
-            "halfspaces": lambda rows: (Obstacle(*_rows(rows)),),
+            "halfspaces": lambda rows: (kind(*_rows(rows, places)),),
             "wkt": lambda text: _pieces(areas_from_wkt(text)),
             "file": lambda name: _pieces(_mapped(name, self.feature, self.tolerance, info)),
         }
@@ -198,14 +220,14 @@ def _convex(pieces: Pieces) -> Polyhedron:
     return Polyhedron(pieces[0].A, pieces[0].b, np.full(len(pieces[0].b), np.inf))
 
 
-def _intersection(halfplanes: list[Predicate]) -> Polyhedron:
+def _intersection(halfplanes: list[Predicate], places: tuple[str, ...]) -> Polyhedron:
     """The points that satisfy every inequality."""
-    A, lower = _rows(halfplanes)
+    A, lower = _rows(halfplanes, places)
     return Polyhedron(A, lower, np.full(len(lower), np.inf))
 
 
-def _rows(halfplanes: list[Predicate]) -> tuple[Floats, Floats]:
+def _rows(halfplanes: list[Predicate], places: tuple[str, ...]) -> tuple[Floats, Floats]:
     """Inequalities as ``A x >= b``."""
     coefficients = [dict(halfplane.coefficients) for halfplane in halfplanes]
-    A = np.array([[row.get(state, 0.0) for state in STATES] for row in coefficients])
+    A = np.array([[row.get(state, 0.0) for state in places] for row in coefficients])
     return A, np.array([0.0 - halfplane.offset for halfplane in halfplanes])

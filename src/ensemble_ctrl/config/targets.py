@@ -7,8 +7,9 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, WithJsonSchema
+from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
+from ensemble_ctrl.checks import STATES
 from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.errors import ProblemError
@@ -24,10 +25,15 @@ FORMS = "[x, y], {PARAMETER: [[value, [x, y]], ...]}, {moments: ...}, or {mean: 
 _LENGTH, _NUMBER = quantity("length"), quantity("number")
 
 
-def target(value: Any) -> Pair | Target:
+def target(value: Any, info: ValidationInfo) -> tuple[float, ...] | Target:
     """A target in any of its forms."""
+    places = (info.context or {}).get("places", STATES)
     if not isinstance(value, dict):
-        return _pair(value, (), FORMS)
+        if tuple(places) == STATES:
+            return _pair(value, (), FORMS)
+        if not isinstance(value, list) or len(value) != len(places):
+            raise Wrong(f"expected [{', '.join(places)}], got {show(value)}")
+        return tuple(_one(one, (i,), _LENGTH) for i, one in enumerate(value))
     keys = set(value)
     if "moments" in keys:
         _only(keys, {"moments", "weights"})
@@ -66,7 +72,7 @@ def target_data(given: Any) -> Any:
 Terminal = Annotated[
     Any,
     BeforeValidator(target),
-    WithJsonSchema({"anyOf": [{"type": "array", "minItems": 2, "maxItems": 2}, {"type": "object"}]}),
+    WithJsonSchema({"anyOf": [{"type": "array", "minItems": 1, "maxItems": 3}, {"type": "object"}]}),
 ]
 
 

@@ -3,5 +3,6 @@
 from ensemble_ctrl.constraints.obstacle import BigMBounds, Obstacle
 from ensemble_ctrl.constraints.polygon import convex_cover, convex_pieces
 from ensemble_ctrl.constraints.polyhedron import Polyhedron
+from ensemble_ctrl.constraints.solid import Solid
 
-__all__ = ["BigMBounds", "Obstacle", "Polyhedron", "convex_cover", "convex_pieces"]
+__all__ = ["BigMBounds", "Obstacle", "Polyhedron", "Solid", "convex_cover", "convex_pieces"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -86,5 +88,22 @@ def _ordered(points: Array, slack: float) -> Array:
         if not any(np.abs(point - other).max() <= 10 * slack for other in kept):
             kept.append(point)
     vertices = np.array(kept)
+    vertices.setflags(write=False)
+    return vertices
+
+
+def space_vertices(G: Array, h: Array) -> Array:
+    """Corners of the bounded set ``G x <= h`` (unit rows) in space, without repeats, shape (corners, 3)."""
+    triples = np.array(list(combinations(range(len(G)), 3)), dtype=np.int64).reshape(-1, 3)
+    rows = G[triples]
+    crossing = np.abs(np.linalg.det(rows)) > 1e-12
+    points = np.linalg.solve(rows[crossing], h[triples[crossing]][..., None])[..., 0]
+    slack = TOLERANCE * max(1.0, float(np.abs(h).max(initial=0.0)))
+    points = points[(points @ G.T <= h + slack).all(axis=1)]
+    kept: list[Array] = []
+    for point in points:
+        if not any(np.abs(point - other).max() <= 10 * slack for other in kept):
+            kept.append(point)
+    vertices = np.array(kept).reshape(-1, 3)
     vertices.setflags(write=False)
     return vertices

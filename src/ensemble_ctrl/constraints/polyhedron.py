@@ -9,7 +9,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.constraints._rows import boundary_vertices, checked_rows, is_cone_trivial, is_feasible
+from ensemble_ctrl.constraints._rows import (
+    boundary_vertices,
+    checked_rows,
+    is_cone_trivial,
+    is_feasible,
+    space_vertices,
+)
 from ensemble_ctrl.errors import ProblemError
 
 Array = NDArray[np.float64]
@@ -149,13 +155,18 @@ class Polyhedron:
 
     @cached_property
     def vertices(self) -> Array:
-        """Corners of a bounded 2-D polyhedron, counter-clockwise, shape (corners, 2), metres."""
-        if self.A.shape[1] != 2:
-            raise ProblemError(f"Polyhedron.vertices: expected 2 dimensions, got {self.A.shape[1]}")
+        """Corners of a bounded polyhedron, n up to 3, counter-clockwise in the plane, shape (corners, n), metres."""
+        if self.A.shape[1] > 3:
+            raise ProblemError(f"Polyhedron.vertices: expected at most 3 dimensions, got {self.A.shape[1]}")
         if self.is_empty or not self.is_bounded:
             state = "an empty" if self.is_empty else "an unbounded"
             raise ProblemError(f"Polyhedron.vertices: expected a bounded set with points in it, got {state} one")
-        return boundary_vertices(*self.unit_rows())
+        G, h = self.unit_rows()
+        if self.A.shape[1] == 1:
+            ends = np.array([[(h / G[:, 0])[G[:, 0] < 0].max()], [(h / G[:, 0])[G[:, 0] > 0].min()]])
+            ends.setflags(write=False)
+            return ends
+        return boundary_vertices(G, h) if self.A.shape[1] == 2 else space_vertices(G, h)
 
     def _points(self, points: ArrayLike) -> Array:
         """The points as an array whose last axis is checked."""

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate, as_data
 from ensemble_ctrl.config import to_data
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.export.members import Members, sampled
 from ensemble_ctrl.export.table import to_csv
 from ensemble_ctrl.export.tube import to_geojson
 from ensemble_ctrl.folder import FolderError, in_place_of, write_text
 from ensemble_ctrl.plain import to_json
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def export(
     ProblemError
         For an unknown form or a number of members out of range.
     UnsupportedError
-        For ``rosbag`` without the library ``rosbags``.
+        For ``rosbag`` without the library ``rosbags``, and for fleets that follow a differential equation.
     FolderError
         If the path is taken or can't be written.
     """
@@ -70,6 +70,9 @@ def export(
     count = MEMBERS[form] if members is None else members
     if not 0 <= count <= MOST_MEMBERS:
         raise ProblemError(f"members: expected a number from 0 to {MOST_MEMBERS}, got {count}")
+    if isinstance(problem, OdeProblem):
+        wanted = f"expected a plan of robots on arcs, got one of the {problem.fleet.system.name}"
+        raise UnsupportedError(f"export: {wanted}, whose commands are in controls.csv")
     shown = sampled(problem, controls, count)
     if form == "rosbag":
         _bag(problem, controls, shown, path, overwrite)

@@ -14,8 +14,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,6 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Formula, Ops, Predicate, Signals, robustness
 from ensemble_ctrl.errors import UnsupportedError
-from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import Block, Build
 
 Floats = NDArray[np.float64]
@@ -35,13 +35,35 @@ BAND = 0.35
 """Metres below the largest part, at the guess, within which parts of a maximum are kept."""
 
 
+class Places(Protocol):
+    """What rows ask of a layout: where points stand, and new levels."""
+
+    @property
+    def steps(self) -> int:
+        """Control steps."""
+
+    @property
+    def count(self) -> int:
+        """Points at one time."""
+
+    @property
+    def points(self) -> NDArray[np.int64]:
+        """Indices of the points, shape (steps + 1, states * count): one state after the other."""
+
+    def level(self) -> int:
+        """Hand out the index of a new level."""
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
-    """``x px + y py + offset`` at one grid time, for every point or for the mean member."""
+    """``sum of coefficient * state + offset`` at one grid time, for every point or for the mean member.
+
+    `columns` says which states, by their place in the points.
+    """
 
     at: int
-    x: float
-    y: float
+    columns: tuple[int, ...]
+    coefficients: tuple[float, ...]
     offset: float
     mean: bool
 
@@ -61,14 +83,16 @@ class GuessValues:
 
     Parameters
     ----------
-    curve : ndarray, shape (steps + 1, points, 2)
+    curve : ndarray, shape (steps + 1, points, states)
         The points under the guess, metres.
     mean : ndarray, shape (points,)
         Weights of the points in the mean member's position.
+    places : ndarray, shape (places, points), optional
+        Combinations of the points at which rows have to hold; the points themselves if not given.
     """
 
-    def __init__(self, curve: Floats, mean: Floats) -> None:
-        self.curve, self.mean = curve, mean
+    def __init__(self, curve: Floats, mean: Floats, places: Floats | None = None) -> None:
+        self.curve, self.mean, self.places = curve, mean, places
         self.levels: dict[int, float] = {}
         self._known: dict[Minimum, float] = {}
 
@@ -88,8 +112,10 @@ class GuessValues:
         """The value of one term."""
         if isinstance(term, Level):
             return self.levels[term.index]
-        heights = term.x * self.curve[term.at, :, 0] + term.y * self.curve[term.at, :, 1] + term.offset
-        return float(self.mean @ heights if term.mean else heights.min())
+        heights = self.curve[term.at][:, list(term.columns)] @ np.array(term.coefficients) + term.offset
+        if term.mean:
+            return float(self.mean @ heights)
+        return float((heights if self.places is None else self.places @ heights).min())
 
 
 @dataclass(frozen=True)
@@ -98,38 +124,44 @@ class PointSignals:
 
     steps: int
     step: float
-    shift: tuple[float, float] = (0.0, 0.0)
+    shift: tuple[float, ...] = (0.0, 0.0)
     averaged: bool = False
     members: int = 1
+    states: tuple[str, ...] = ("x", "y")
 
     def leaf(self, predicate: Predicate, first: int, last: int) -> Values:
         """One row for each time, shape (1, last - first + 1)."""
         coefficients, offset = predicate.normalised()
         by_name = dict(coefficients)
-        x, y = by_name.pop("x", 0.0), by_name.pop("y", 0.0)
-        if by_name:
+        unknown = [name for name in by_name if name not in self.states]
+        if unknown:
+            wanted = " and ".join(self.states)
             raise UnsupportedError(
-                f"task: the planner needs predicates over x and y, got {predicate} ({', '.join(by_name)})"
+                f"task: the planner needs predicates over {wanted}, got {predicate} ({', '.join(unknown)})"
             )
+        plane = len(self.states) == 2
+        used = tuple(i for i, name in enumerate(self.states) if plane or name in by_name)
+        values = tuple(by_name.get(self.states[i], 0.0) for i in used)
         if not self.averaged:
-            offset -= abs(x) * self.shift[0] + abs(y) * self.shift[1]
-        return _matrix([(Row(k, x, y, offset, self.averaged),) for k in range(first, last + 1)])
+            offset -= sum(abs(value) * self.shift[i] for i, value in zip(used, values, strict=True))
+        return _matrix([(Row(k, used, values, offset, self.averaged),) for k in range(first, last + 1)])
 
     def mean(self) -> Signals:
         """The same for the mean member."""
-        return PointSignals(self.steps, self.step, self.shift, averaged=True)
+        return replace(self, averaged=True)
 
 
 class LevelOps(Ops):
     """Minimum by union of terms, maximum by a new level; `maxima` lists the rows to add.
 
-    Of the parts of a maximum only those are kept that come within `BAND` of the largest at the guess: the others would
-    add nothing to a log-sum-exp of this sharpness, and leaving parts out only lowers it.
+    Of the parts of a maximum only those are kept that come within `band` metres of the largest at the guess: the others
+    would add nothing to a log-sum-exp of this sharpness, and leaving parts out only lowers it.
     """
 
-    def __init__(self, layout: Layout, guess: GuessValues) -> None:
+    def __init__(self, layout: Places, guess: GuessValues, band: float = BAND) -> None:
         self.layout = layout
         self.guess = guess
+        self.band = band
         self.maxima: list[tuple[list[int], int]] = []
         self.below: list[tuple[int, Minimum]] = []
         self._levels: dict[Minimum, int] = {}
@@ -142,6 +174,10 @@ class LevelOps(Ops):
         """Entrywise a level under the parts' levels."""
         stacked = list(values)
         return _matrix([self._maximum([v[0, t] for v in stacked]) for t in range(stacked[0].shape[1])])
+
+    def known(self, value: float, members: int, times: int) -> Values:
+        """A row without a slope."""
+        return _matrix([(Row(0, (0, 1), (0.0, 0.0), value, False),)] * times)
 
     def times(self, columns: Sequence[Values]) -> Values:
         """Join in time."""
@@ -158,7 +194,7 @@ class LevelOps(Ops):
     def _maximum(self, parts: list[Minimum]) -> Minimum:
         """A new level at or below the smooth maximum of the parts."""
         values = [self.guess.of(part) for part in parts]
-        parts = [part for part, value in zip(parts, values, strict=True) if value >= max(values) - BAND]
+        parts = [part for part, value in zip(parts, values, strict=True) if value >= max(values) - self.band]
         if len(parts) == 1:
             return parts[0]
         level = self.layout.level()
@@ -188,11 +224,13 @@ class TaskRows:
 def task_rows(
     parts: Sequence[Formula],
     level: int,
-    layout: Layout,
+    layout: Places,
     step: float,
     mean: Floats,
     curve: Floats,
     shift: Floats,
+    states: tuple[str, ...] = ("x", "y"),
+    places: Floats | None = None,
 ) -> TaskRows:
     """Rows that keep `level` at or below the robustness of every part.
 
@@ -202,20 +240,24 @@ def task_rows(
         Ground formulas.
     level : int
         Index of the level of the whole.
-    layout : Layout
+    layout : Places
         Hands out further levels.
     step : float
         Seconds.
     mean : ndarray, shape (points,)
         Weights of the points in the mean member's position.
-    curve : ndarray, shape (steps + 1, points, 2)
+    curve : ndarray, shape (steps + 1, points, states)
         The points under the guess, metres.
-    shift : ndarray, shape (2,)
+    shift : ndarray, shape (states,)
         Half the sides of the box of start positions, metres: predicates hold for all of it.
+    states : tuple of str
+        Names of the points' coordinates.
+    places : ndarray, shape (places, points), optional
+        Combinations of the points at which rows have to hold; the points themselves if not given.
     """
-    guess = GuessValues(curve, mean)
-    ops, signals = LevelOps(layout, guess), PointSignals(layout.steps, step, (float(shift[0]), float(shift[1])))
-    whole: Minimum = sum((robustness(part, signals, ops) for part in parts), ())
+    guess = GuessValues(curve, mean, places)
+    ops = LevelOps(layout, guess)
+    whole = minimum_of(parts, ops, step, shift, states)
     if whole:
         ops.below.append((level, whole))
         guess.note(level, [guess.of(whole)])
@@ -223,12 +265,20 @@ def task_rows(
     rows = [(low, term) for low, term in pairs if isinstance(term, Row)]
     order = [(low, term.index) for low, term in pairs if isinstance(term, Level)]
     blocks = [
-        *_row_blocks([r for r in rows if not r[1].mean], layout, np.eye(layout.count)),
+        *_row_blocks([r for r in rows if not r[1].mean], layout, np.eye(layout.count) if places is None else places),
         *_row_blocks([r for r in rows if r[1].mean], layout, mean[None, :]),
         *_maximum_blocks(ops.maxima),
         *_order_blocks(order),
     ]
     return TaskRows(blocks, guess.levels)
+
+
+def minimum_of(
+    parts: Sequence[Formula], ops: LevelOps, step: float, shift: Floats, states: tuple[str, ...] = ("x", "y")
+) -> Minimum:
+    """The value of a conjunction of ground formulas, for starts in a box of half sides `shift`."""
+    signals = PointSignals(ops.layout.steps, step, tuple(shift.tolist()), states=states)
+    return sum((robustness(part, signals, ops) for part in parts), ())
 
 
 def _matrix(entries: Sequence[Minimum]) -> Values:
@@ -238,19 +288,30 @@ def _matrix(entries: Sequence[Minimum]) -> Values:
     return matrix
 
 
-def _row_blocks(rows: list[tuple[int, Row]], layout: Layout, places: Floats) -> list[Block]:
-    """``x px + y py + offset - level >= 0`` at every place, a combination of the points."""
-    if not rows:
-        return []
-    n, image = layout.count, ca.DM(places)
+def _row_blocks(rows: list[tuple[int, Row]], layout: Places, places: Floats) -> list[Block]:
+    """``sum of coefficient * state + offset - level >= 0`` at every place, a combination of the points.
+
+    There is one block for each set of states that rows are about.
+    """
+    about: dict[tuple[int, ...], list[tuple[int, Row]]] = defaultdict(list)
+    for pair in rows:
+        about[pair[1].columns].append(pair)
+    return [_row_block(used, part, layout, places) for used, part in about.items()]
+
+
+def _row_block(used: tuple[int, ...], rows: list[tuple[int, Row]], layout: Places, places: Floats) -> Block:
+    """The rows about some of the states."""
+    n, count, image = layout.count, len(used), ca.DM(places)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
-        return ca.mtimes(image, d[0] * z[:n] + d[1] * z[n : 2 * n]) + d[2] - z[2 * n]
+        heights = sum((d[i] * z[i * n : (i + 1) * n] for i in range(1, count)), d[0] * z[:n])
+        return ca.mtimes(image, heights) + d[count] - z[count * n]
 
-    at = [row.at for _, row in rows]
-    columns = np.column_stack([layout.points[at], [level for level, _ in rows]])
-    data = np.array([[row.x, row.y, row.offset] for _, row in rows])
-    return [_at_least_zero(build, columns, data, len(places))]
+    at = np.array([row.at for _, row in rows])
+    states = np.concatenate([i * n + np.arange(n) for i in used])
+    columns = np.column_stack([layout.points[at][:, states], [level for level, _ in rows]])
+    data = np.array([[*row.coefficients, row.offset] for _, row in rows])
+    return _at_least_zero(build, columns, data, len(places))
 
 
 def _maximum_blocks(maxima: list[tuple[list[int], int]]) -> list[Block]:

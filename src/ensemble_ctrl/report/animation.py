@@ -20,7 +20,7 @@ from ensemble_ctrl.errors import EnsembleError
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION, shades, viridis
 from ensemble_ctrl.report.text import unit_of
-from ensemble_ctrl.report.view import Canvas, ways, window
+from ensemble_ctrl.report.view import Canvas, require_map, ways, window
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont
@@ -69,7 +69,10 @@ def animate(problem: Problem, controls: Floats, path: Path, seconds: float = SEC
     ------
     AnimationError
         For another ending, a length that is none, and for a film where there is no ``ffmpeg``.
+    UnsupportedError
+        For a fleet that follows a differential equation.
     """
+    require_map(problem, "an animation")
     path = Path(path)
     kind = path.suffix[1:].lower()
     require(str(path), kind)

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.drawing import highest, outlines, target_lines
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, REGION, TWIN, shades
+from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet, sheet_size
 from ensemble_ctrl.report.text import ranges_text, unit_of
 from ensemble_ctrl.report.view import ways
 
@@ -126,6 +127,8 @@ def draw_trajectories(
     """
     from matplotlib.collections import LineCollection
 
+    if isinstance(problem, OdeProblem):
+        return _draw_ode(problem, controls, ax)
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
     substeps = max(1, POINTS // problem.steps)
@@ -160,6 +163,30 @@ def _draw_scale(problem: Problem, ax: Axes) -> None:
     bar = figure.colorbar(colours, cax=place)
     unit = unit_of(fleet.names[0]).strip() or "-"
     bar.set_label(f"{fleet.names[0]} [{unit}]")
+
+
+def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
+    """Projections of a fleet that follows a differential equation; on given axes the first of them."""
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        figure = plt.figure(figsize=sheet_size(problem, controls), layout="compressed")
+        axes = sheet(problem, controls, figure)
+    else:
+        axes = [ax]
+    draw_paths(problem, controls, axes)
+    axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
+    return axes[0]
+
+
+def _ode_figures(problem: OdeProblem, controls: Floats) -> dict[str, Figure]:
+    """Projections and spread of a fleet that follows a differential equation."""
+    paths, spread = new_figure(sheet_size(problem, controls)), new_figure((7.2, 4.2))
+    axes = sheet(problem, controls, paths)
+    draw_paths(problem, controls, axes)
+    axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
+    draw_spread(problem, controls, spread.subplots())
+    return {"trajectories.png": paths, "spread.png": spread}
 
 
 def _draw_twin(paths: Floats, ax: Axes) -> None:
@@ -198,12 +225,15 @@ def write_figures(
     from ensemble_ctrl.report.kinds.controls import draw_controls
     from ensemble_ctrl.report.routes import draw_routes
 
-    trajectory_figure = new_figure(map_size(problem, controls, twin_controls))
-    draw_trajectories(problem, controls, placed_axes(trajectory_figure, *MARGINS), twin_controls)
     control_figure = new_figure((7.2, 1.0 + 1.6 * controls.shape[1]))
     draw_controls(problem, controls, placed_axes(control_figure, 0.75, 0.2, 0.55, 0.4))
-    figures = {"trajectories.png": trajectory_figure, "controls.png": control_figure}
-    if len(routes) > 1:
+    if isinstance(problem, OdeProblem):
+        figures = _ode_figures(problem, controls)
+    else:
+        figures = {"trajectories.png": new_figure(map_size(problem, controls, twin_controls))}
+        draw_trajectories(problem, controls, placed_axes(figures["trajectories.png"], *MARGINS), twin_controls)
+    figures["controls.png"] = control_figure
+    if len(routes) > 1 and not isinstance(problem, OdeProblem):
         figures["routes.png"] = draw_routes(problem, controls, routes)
     for name, figure in figures.items():
         save(figure, folder / name)

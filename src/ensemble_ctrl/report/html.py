@@ -27,7 +27,7 @@ from ensemble_ctrl.report.palette import hexadecimal, viridis
 from ensemble_ctrl.report.series import by_parameter, over_time
 from ensemble_ctrl.report.text import PlanLike, conflict_text, summary_rows, unit_of, verdict
 from ensemble_ctrl.report.tube import Ribbon, tube
-from ensemble_ctrl.report.view import conflict_places
+from ensemble_ctrl.report.view import conflict_places, require_map
 from ensemble_ctrl.report.words import certificate_words
 
 Floats = NDArray[np.float64]
@@ -54,8 +54,14 @@ def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any]
     -------
     str
         HTML that loads nothing.
+
+    Raises
+    ------
+    UnsupportedError
+        For a fleet that follows a differential equation.
     """
     problem, controls = plan.problem, plan.controls
+    require_map(problem, "report.html")
     ribbons = tube(problem, controls)
     marks = [(conflict_text(conflict), place) for conflict, place in conflict_places(plan)]
     drawing, motion = map_and_motion(problem, controls, ribbons, marks)

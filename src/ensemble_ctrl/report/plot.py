@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.figures import draw_trajectories, map_size
 from ensemble_ctrl.report.text import PlanLike
+from ensemble_ctrl.report.view import require_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,6 +31,11 @@ MARGINS = {
 }
 """Inches at the left, right, below and above; else `AROUND`."""
 AROUND = (0.56, 0.12, 0.42, 0.12)
+
+
+def kinds_of(problem: Problem) -> tuple[str, ...]:
+    """The kinds that there are of a problem's plans."""
+    return KINDS[:2] if isinstance(problem, OdeProblem) else KINDS
 
 
 class Drawable(PlanLike, Protocol):
@@ -60,11 +67,15 @@ def draw(plan: Drawable, kind: str, ax: Axes | None = None) -> Axes:
     ------
     ProblemError
         For another kind, and for the certificate of a plan without one.
+    UnsupportedError
+        For a kind other than trajectories and controls of a fleet that follows a differential equation.
     """
     if kind not in KINDS:
         raise ProblemError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
     if kind == "trajectories":
         return draw_trajectories(plan.problem, plan.controls, ax, plan.twin)
+    if kind not in kinds_of(plan.problem):
+        require_map(plan.problem, f"the picture {kind!r}")
     certificate = plan.certificate
     if kind == "certificate" and certificate is None:
         raise ProblemError("kind: expected a plan with a certificate, got one without; see Plan.certify")
@@ -109,7 +120,7 @@ def write_plot(plan: Drawable, kind: str, path: Path, format: str = "png") -> Pa
     with rc_context(PAPER):
         margins = MARGINS.get(kind, AROUND)
         height = SIZES.get(kind, HEIGHT)
-        if kind == "trajectories":
+        if kind == "trajectories" and not isinstance(plan.problem, OdeProblem):
             height = map_size(plan.problem, plan.controls, plan.twin, COLUMN, margins)[1]
         figure = new_figure((COLUMN, height), dpi=300)
         draw(plan, kind, placed_axes(figure, *margins)).set_title("")

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.fleet import START, Fleet
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.ensemble import Ensemble
+from ensemble_ctrl.fleet import START
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import Replay
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ class PlanLike(Protocol):
         """What fails."""
 
 
+NOT_COVERED = "not covered for this model: replay only"
+"""What is proven of a fleet that follows a differential equation."""
 STATUS_WORDS = {
     "planned": "plan found",
     "infeasible": "NO PLAN FOUND (infeasible near every guess)",
@@ -65,7 +68,9 @@ def verdict(plan: PlanLike) -> str:
         return words
     bad = int(run.violating.sum())
     proof = ""
-    if plan.certificate is not None:
+    if isinstance(plan.problem, OdeProblem):
+        proof = "replayed only (no proof covers this model), "
+    elif plan.certificate is not None:
         proof = "proven for every member, " if plan.certificate.proven == "yes" else "NOT proven for every member, "
     return f"{words}, {proof}" + (
         f"no member of {run.members} violates" if not bad else f"{bad} of {run.members} members VIOLATE it"
@@ -91,7 +96,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
     if plan.status == "infeasible":
         rows += _tried(d.get("suggestions", {}))
-    rows += proven(plan.certificate)
+    rows += [("proven", NOT_COVERED)] if isinstance(problem, OdeProblem) else proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
     rows += [("arrival", text) for text in _arrival(d.get("arrival", {}))]
@@ -117,6 +122,10 @@ def _tried(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _fleet(problem: Problem) -> str:
     """Who moves, from where."""
+    if isinstance(problem, OdeProblem):
+        own = problem.fleet
+        place = ", ".join(f"{value:g}" for value in own.position)
+        return f"{own.system.name}, {ranges_text(own)}, radius {own.radius:g} m, from ({place})"
     fleet = problem.fleet
     x, y = fleet.position
     return (
@@ -125,7 +134,7 @@ def _fleet(problem: Problem) -> str:
     )
 
 
-def ranges_text(fleet: Fleet) -> str:
+def ranges_text(fleet: Ensemble) -> str:
     """The parameters with their ranges; lengths and angles with their units."""
     if not fleet.names:
         return "all members equal"
@@ -185,6 +194,8 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     if certificate is None:
         return [("proven", "nothing for all parameters (no certificate was asked for)")]
     c = certificate
+    if c.proven == "not covered":
+        return [("proven", NOT_COVERED)]
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
     scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
     bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.conflicts import Conflict
 from ensemble_ctrl.drawing import frame, outlines, target_lines
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.errors import UnsupportedError
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.text import PlanLike
 
@@ -52,6 +53,19 @@ class Canvas:
     def at(self, points: Floats) -> Floats:
         """Drawing coordinates, shape of `points`."""
         return np.asarray((points - self.low) * [self.scale, -self.scale] + [self.left, self.top + self.height])
+
+
+def require_map(problem: Problem, what: str) -> None:
+    """Say where `what` is not drawn: of fleets that follow a differential equation there is no tube and no one map.
+
+    Raises
+    ------
+    UnsupportedError
+        For such a fleet.
+    """
+    if isinstance(problem, OdeProblem):
+        drawn = "the run's own figures show its trajectories, controls and spread"
+        raise UnsupportedError(f"{what} is not drawn for {problem.fleet.system.name}: {drawn}")
 
 
 def ways(problem: Problem, controls: Floats, members: Floats, substeps: int = 1) -> Floats:

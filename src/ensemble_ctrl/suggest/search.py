@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.conflicts import conflicts
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.ocp.solvers import Iteration
 from ensemble_ctrl.planner import Progress, screen, solve
-from ensemble_ctrl.problem import Problem, ReportOptions
+from ensemble_ctrl.problem import OdeProblem, Problem, ReportOptions
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.suggest.relax import Relaxation, Relaxed, relaxations, wider_bounds
 
@@ -94,6 +94,8 @@ def suggest(
     Suggestions
         The first kind of change that helps, as small as a bisection over a few strengths finds it.
     """
+    if isinstance(problem, OdeProblem):
+        raise UnsupportedError(f"suggest: expected robots on arcs, got the {problem.fleet.system.name}")
     search = _Search(time.perf_counter() + seconds, seconds, progress)
     if progress is not None:
         search.stopped = progress("suggest", None)

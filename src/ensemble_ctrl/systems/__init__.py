@@ -3,9 +3,27 @@
 from ensemble_ctrl.systems.arcs import DRIVE, ArcSystem
 from ensemble_ctrl.systems.arrays import Arrays, sinc
 from ensemble_ctrl.systems.bicycle import Bicycle
+from ensemble_ctrl.systems.double_integrator import DoubleIntegrator
+from ensemble_ctrl.systems.ode import OdeSystem
+from ensemble_ctrl.systems.quadrotor import Quadrotor
 from ensemble_ctrl.systems.unicycle import Unicycle
 
 SYSTEMS: dict[str, type[ArcSystem]] = {Unicycle.name: Unicycle, Bicycle.name: Bicycle}
-"""Every model by the name a problem file uses."""
+"""Every model that moves on arcs by the name a problem file uses."""
 
-__all__ = ["DRIVE", "SYSTEMS", "ArcSystem", "Arrays", "Bicycle", "Unicycle", "sinc"]
+ODE_SYSTEMS: dict[str, type[OdeSystem]] = {system.name: system for system in (DoubleIntegrator, Quadrotor)}
+"""Every model told by its differential equation by the name a problem file uses."""
+
+__all__ = [
+    "DRIVE",
+    "ODE_SYSTEMS",
+    "SYSTEMS",
+    "ArcSystem",
+    "Arrays",
+    "Bicycle",
+    "DoubleIntegrator",
+    "OdeSystem",
+    "Quadrotor",
+    "Unicycle",
+    "sinc",
+]

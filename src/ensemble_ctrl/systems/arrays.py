@@ -57,3 +57,25 @@ def sinc(x: Any, arrays: Arrays = np) -> Any:
         return series
     safe = arrays.where(small, 1.0, x)
     return arrays.where(small, series, arrays.sin(safe) / safe)
+
+
+def _elementwise(name: str, plain: Any) -> Any:
+    """A function of one argument for numbers, NumPy arrays and CasADi expressions alike."""
+
+    def apply(x: Any) -> Any:
+        own = getattr(x, name, None)
+        return plain(x) if own is None else own()
+
+    apply.__name__ = apply.__qualname__ = name
+    apply.__doc__ = f"``{name}`` of every entry of a number, a NumPy array or a CasADi expression."
+    return apply
+
+
+sin = _elementwise("sin", np.sin)
+cos = _elementwise("cos", np.cos)
+tan = _elementwise("tan", np.tan)
+sqrt = _elementwise("sqrt", np.sqrt)
+exp = _elementwise("exp", np.exp)
+log = _elementwise("log", np.log)
+tanh = _elementwise("tanh", np.tanh)
+arctan = _elementwise("arctan", np.arctan)

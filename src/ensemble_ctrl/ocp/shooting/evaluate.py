@@ -1,0 +1,92 @@
+"""What controls are worth for a fleet that follows a differential equation, from a finer replay of many members."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
+from ensemble_ctrl.duties import duties, grounded, other_parts
+from ensemble_ctrl.ocp.evaluate import Value
+from ensemble_ctrl.problem import OdeProblem
+
+Floats = NDArray[np.float64]
+
+LOOKS = 4
+"""Times in a step at which the distance from obstacles is looked at."""
+MEMBERS = {0: 1, 1: 17, 2: 7, 3: 4}
+"""Chebyshev points for each of so many parameters, else 3, ends included: the members looked at."""
+FLEET = 400
+"""Members drawn for a task that speaks of the fleet as a whole."""
+FAR = 1e6
+"""Metres of shortfall where a state is not finite."""
+
+
+def evaluate(problem: OdeProblem, controls: Floats) -> Value:
+    """Evaluate `controls` of shape (steps, n_u)."""
+    fleet, aim, step = problem.fleet, problem.objective, problem.duration / len(controls)
+    effort, excess = _commands(problem, controls, step)
+    members = fleet.bent_members(_spread(len(fleet.names)))
+    fine = np.repeat(controls, LOOKS, axis=0)
+    states = fleet.integrated(fine, members, step / LOOKS, 1)
+    if not np.isfinite(states).all():
+        return Value(FAR, -FAR, 0.0, effort, -FAR, excess)
+    worst = _robustness(problem, states[:, ::LOOKS], controls)
+    gap = _gap(problem, states[..., fleet.place_columns])
+    terminal = _terminal(problem, controls)
+    return Value(-aim.robustness * worst + terminal + effort, worst, terminal, effort, gap, excess)
+
+
+def _commands(problem: OdeProblem, controls: Floats, step: float) -> tuple[float, float]:
+    """The effort, and by how much a command changes too fast."""
+    fleet, aim = problem.fleet, problem.objective
+    half = np.maximum((np.asarray(fleet.input_upper) - np.asarray(fleet.input_lower)) / 2, 1e-9)
+    change = np.diff(controls, axis=0) / step
+    squares = float((((controls - fleet.rest(fleet.center)) / half) ** 2).sum())
+    effort = step * (aim.effort * squares + aim.smoothness * float(((change / half) ** 2).sum()))
+    if fleet.rate_bounds is None:
+        return effort, -np.inf
+    return effort, float((np.abs(change) - fleet.rate_bounds).max(initial=-np.inf))
+
+
+def _spread(parameters: int) -> Floats:
+    """Scaled members on a tensor grid of Chebyshev points, corners and middle included."""
+    axis = np.cos(np.linspace(0.0, np.pi, MEMBERS.get(parameters, 3)))
+    return np.array(list(product(*[axis] * parameters)), dtype=float).reshape(len(axis) ** parameters, parameters)
+
+
+def _robustness(problem: OdeProblem, states: Floats, controls: Floats) -> float:
+    """Exact robustness of the task without its duties, worst of the members at the grid times."""
+    fleet, step = problem.fleet, problem.duration / len(controls)
+    formulas = [grounded(problem, part) for part in other_parts(problem)]
+    signals, ops = StateSignals(states, fleet.states, step), ExactOps()
+    whole = signals
+    if any(map(reads_fleet, formulas)):
+        drawn = fleet.integrated(controls, fleet.sample(FLEET, seed=0), step, 1)
+        whole = StateSignals(drawn, fleet.states, step)
+    values = [float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in formulas]
+    return min(values, default=0.0)
+
+
+def _gap(problem: OdeProblem, paths: Floats) -> float:
+    """Smallest distance, beyond the radius, of any member from what it is to keep out of at the times looked at."""
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    least = np.inf
+    for duty in duties(problem):
+        when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
+        for piece in duty.pieces:
+            least = min(least, float(piece.distance(paths[:, when]).min(initial=np.inf)) - duty.radius)
+    return least
+
+
+def _terminal(problem: OdeProblem, controls: Floats) -> float:
+    """Twice the fleet's mean squared distance from the target, weighted."""
+    aim, fleet = problem.objective, problem.fleet
+    if not isinstance(aim.target, np.ndarray):
+        return 0.0
+    nodes, weights = fleet.rule(8 if len(fleet.names) < 2 else 4)
+    final = fleet.integrated(controls, fleet.bent_members(nodes), problem.duration / len(controls), 1)[:, -1]
+    off = final[:, fleet.place_columns] - aim.target
+    return aim.terminal * float(weights @ (off**2).sum(axis=1))

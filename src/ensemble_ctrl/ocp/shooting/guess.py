@@ -1,0 +1,132 @@
+"""First guesses for multiple shooting: for each way of doing the task a way through the map, driven smoothly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.duties import duties
+from ensemble_ctrl.ocp.shooting.transcription import Iterate
+from ensemble_ctrl.ocp.shooting.ways import resampled, way
+from ensemble_ctrl.ocp.skeleton import Skeleton, skeletons
+from ensemble_ctrl.ode_fleet import OdeFleet
+from ensemble_ctrl.problem import OdeProblem
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """Where the fleet may go.
+
+    Attributes
+    ----------
+    name : str
+        The regions that it visits, in order.
+    corners : ndarray, shape (corners, d)
+        Metres.
+    iterate : Iterate
+        The command at rest and the middle member's states along the way.
+    """
+
+    name: str
+    corners: Floats
+    iterate: Iterate
+
+    @property
+    def length(self) -> float:
+        """Of the way, metres."""
+        return float(np.linalg.norm(np.diff(self.corners, axis=0), axis=1).sum())
+
+
+def guesses(problem: OdeProblem, steps: int) -> list[Guess]:
+    """One guess for each of the first few ways of doing the task; at least one."""
+    most = 4 if problem.solve.routes == "all" else int(problem.solve.routes)
+    found: list[Guess] = []
+    for names, stops in islice(_itineraries(problem), most):
+        found.append(_driven(problem, steps, names, stops))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Stop:
+    """Be at a place at a time, and stay there until another, seconds."""
+
+    place: Floats
+    early: float
+    late: float
+    dwell: float = 0.0
+
+
+def _itineraries(problem: OdeProblem) -> Iterator[tuple[str, list[Stop]]]:
+    """Places to be at, one list for each way of doing the task."""
+    seen: set[str] = set()
+    for skeleton in skeletons(problem):
+        for order in islice(skeleton.orders(), 2):
+            name = " ".join(skeleton.visits[i].name for i in order) or "straight"
+            if name not in seen:
+                seen.add(name)
+                yield name, _stops(problem, skeleton, order)
+
+
+def _stops(problem: OdeProblem, skeleton: Skeleton, order: Sequence[int]) -> list[Stop]:
+    """The middles of the regions to be visited, and the target."""
+    stops = []
+    for i in order:
+        visit = skeleton.visits[i]
+        if visit.region.is_bounded:
+            stops.append(Stop(visit.region.vertices.mean(axis=0), visit.early, visit.late, visit.dwell))
+    target = problem.objective.target
+    if isinstance(target, np.ndarray) and not stops:
+        stops.append(Stop(target, problem.duration, problem.duration))
+    return stops
+
+
+def _driven(problem: OdeProblem, steps: int, name: str, stops: list[Stop]) -> Guess:
+    """The middle member's states along a way through the stops, from rest to rest between them."""
+    fleet, times = problem.fleet, np.linspace(0.0, problem.duration, steps + 1)
+    pieces = [piece for duty in duties(problem) for piece in duty.pieces]
+    keep = max((duty.radius for duty in duties(problem)), default=0.0) + problem.solve.margin
+    legs, here = [], fleet.position
+    for stop in stops:
+        legs.append(way(here, stop.place, pieces, keep))
+        here = stop.place
+    path = np.tile(fleet.position, (steps + 1, 1))
+    whole = sum(float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum()) for leg in legs)
+    left, gone = 0.0, 0.0
+    for leg, stop in zip(legs, stops, strict=True):
+        gone += float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum())
+        share = gone / whole if whole > 0 else 1.0
+        arrive = max(left + 1e-6, min(stop.late, max(stop.early, share * problem.duration)))
+        shares = np.clip((times - left) / (arrive - left), 0.0, 1.0)
+        moving = times >= left
+        path[moving] = resampled(leg, shares**2 * (3 - 2 * shares))[moving]
+        left = arrive + stop.dwell
+    member = fleet.center[None]
+    states = np.tile(fleet.start_states(member)[None], (steps + 1, 1, 1))
+    speed = np.gradient(path, times, axis=0)
+    for axis, (place, rate) in enumerate(_velocities(fleet)):
+        states[1:, place, 0] = path[1:, axis]
+        if rate is not None:
+            states[1:, rate, 0] = speed[1:, axis]
+    controls = np.tile(fleet.rest(fleet.center), (steps, 1))
+    return Guess(name, np.concatenate(legs) if legs else fleet.position[None], Iterate(controls, states))
+
+
+def _velocities(fleet: OdeFleet) -> list[tuple[int, int | None]]:
+    """For each coordinate of the position its state, and the state that is its rate, if there is one."""
+    generator = np.random.default_rng(0)
+    members = np.tile(fleet.center, (5, 1))
+    x = fleet.start_states(members) + 0.1 * generator.standard_normal((len(fleet.states), 5))
+    with np.errstate(all="ignore"):
+        rates = fleet.system.rates(x, fleet.rest(fleet.center), fleet.psi(members))
+    found: list[tuple[int, int | None]] = []
+    for name in fleet.places:
+        place = fleet.states.index(name)
+        same = [k for k in range(len(x)) if np.allclose(rates[place], x[k], rtol=1e-9, atol=1e-12)]
+        found.append((place, same[0] if same else None))
+    return found

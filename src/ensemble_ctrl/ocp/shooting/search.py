@@ -1,0 +1,185 @@
+"""The search for controls of a fleet that follows a differential equation: the middle member first, then the fleet."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.duties import duties
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ocp.rounds import Attempt
+from ensemble_ctrl.ocp.shooting.evaluate import evaluate
+from ensemble_ctrl.ocp.shooting.guess import Guess
+from ensemble_ctrl.ocp.shooting.planes import separate
+from ensemble_ctrl.ocp.shooting.transcription import Iterate, transcribe
+from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Watch, ipopt
+from ensemble_ctrl.ocp.truncation import Truncation
+from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.systems.integration import rk4
+
+Floats = NDArray[np.float64]
+
+ACCURACY = 1e-5
+"""Error of the integration within the program; what judges the controls integrates more accurately."""
+MOST_SUBSTEPS = 8
+"""Runge-Kutta steps in a step of control within the program."""
+NOMINAL_ROUNDS, FLEET_ROUNDS = 3, 5
+ORDERS = {0: 0, 1: 3, 2: 2}
+"""Truncation order for so many parameters unless the problem says another, else 1."""
+GAIN = 5e-3
+"""Rounds end when one lowers the cost by less."""
+SMALL = 1e-4
+"""Metres kept to spare beyond what was missing."""
+FAR = 50.0
+"""Times the size of the guess beyond which a simulated state is no use as a start."""
+
+
+class Clock(Protocol):
+    """What the search asks of whoever runs it."""
+
+    def options(self, barrier: float, tolerance: float) -> IpoptOptions:
+        """Solver options within what is left of the time."""
+
+    def over(self) -> bool:
+        """Whether to stop now with what there is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One choice of node robots, and how finely they are integrated."""
+
+    problem: OdeProblem
+    truncation: Truncation
+    substeps: int
+
+    def simulated(self, controls: Floats) -> Iterate:
+        """The node robots under `controls`."""
+        fleet = self.problem.fleet
+        members = fleet.bent_members(self.truncation.nodes)
+        states = fleet.integrated(controls, members, self.problem.duration / len(controls), self.substeps, rk4)
+        return Iterate(controls, states.transpose(1, 2, 0))
+
+
+def nominal(problem: OdeProblem) -> Truncation:
+    """The middle member alone."""
+    none = (0,) * len(problem.fleet.names)
+    return Truncation(none, none, False)
+
+
+def whole(problem: OdeProblem) -> Truncation:
+    """Node robots for the whole fleet, and what of them has to keep the constraints."""
+    count = len(problem.fleet.names)
+    order = ORDERS.get(count, 1) if problem.order is None else problem.order
+    return Truncation((order,) * count, (order,) * count, problem.solve.guarantee == "hull", problem.fleet.bent_laws)
+
+
+def first(problem: OdeProblem, guess: Guess, clock: Clock, watch: Watch | None) -> tuple[Attempt, Floats]:
+    """Controls for the middle member from a geometric guess, with its states, shape (steps + 1, n_x, 1)."""
+    stage = Stage(problem, nominal(problem), _substeps(problem, guess.iterate.controls))
+    return _rounds(stage, guess.iterate, NOMINAL_ROUNDS, clock, watch, 1e-1)
+
+
+def second(problem: OdeProblem, controls: Floats, states: Floats, clock: Clock, watch: Watch | None) -> Attempt:
+    """Controls for the whole fleet from those of the middle member and its states."""
+    stage = Stage(problem, whole(problem), _substeps(problem, controls))
+    iterate = stage.simulated(controls)
+    size = FAR * max(1.0, float(np.abs(states).max()))
+    if not (np.abs(iterate.states) <= size).all():
+        iterate = Iterate(controls, np.repeat(states, stage.truncation.collocation.count, axis=2))
+    return _rounds(stage, iterate, FLEET_ROUNDS, clock, watch, 1e-2)[0]
+
+
+def given(problem: OdeProblem, controls: Floats) -> tuple[Attempt, Floats]:
+    """A caller's controls as an attempt that cost nothing, with the middle member's states."""
+    stage = Stage(problem, nominal(problem), _substeps(problem, controls))
+    return _start(stage, controls), np.nan_to_num(stage.simulated(controls).states)
+
+
+def _substeps(problem: OdeProblem, controls: Floats) -> int:
+    """Runge-Kutta steps within the program."""
+    try:
+        found = problem.fleet.substeps(controls, problem.duration / len(controls), ACCURACY, rk4)
+    except ProblemError:
+        return MOST_SUBSTEPS
+    return min(MOST_SUBSTEPS, max(1, found // 2))
+
+
+def _start(stage: Stage, controls: Floats) -> Attempt:
+    """The guess as an attempt that cost nothing."""
+    value = evaluate(stage.problem, controls)
+    return Attempt(controls, value, stage.truncation, "failed", "not solved", 0, 0.0, 0.0, 0)
+
+
+def _rounds(
+    stage: Stage, iterate: Iterate, rounds: int, clock: Clock, watch: Watch | None, barrier: float
+) -> tuple[Attempt, Floats]:
+    """Solve, choose the planes anew at the solution, keep as much more to spare as was missing, and solve again."""
+    best, found, spare = _start(stage, iterate.controls), iterate, (0.0, 0.0)
+    for k in range(rounds):
+        solved, iterate = _round(stage, iterate, spare, clock.options(barrier if k == 0 else 1e-3, 1e-4), watch)
+        better = rank(solved) < rank(best) or (best.iterations == 0 and solved.value.keeps(0.0))
+        gain = best.value.cost - solved.value.cost
+        settled = solved.value.keeps(0.0) and best.value.keeps(0.0) and gain < GAIN
+        kept = solved if better else best
+        found = iterate if better else found
+        best = _with_work(kept, best, solved)
+        if settled or solved.status in ("interrupted", "limit") or clock.over():
+            break
+        spare = _more(spare, solved, len(stage.truncation.nodes))
+    return best, found.states
+
+
+def _more(spare: tuple[float, float], solved: Attempt, nodes: int) -> tuple[float, float]:
+    """What to keep to spare next: more by what a finer replay of the fleet finds missing."""
+    missing = (max(0.0, -solved.value.gap), max(0.0, -solved.value.robustness))
+    if nodes == 1 or max(missing) >= 1.0:
+        return spare
+    grown = [s + (1.5 * m + SMALL if m > 0 else 0.0) for s, m in zip(spare, missing, strict=True)]
+    return grown[0], grown[1]
+
+
+def _round(
+    stage: Stage, iterate: Iterate, spare: tuple[float, float], options: IpoptOptions, watch: Watch | None
+) -> tuple[Attempt, Iterate]:
+    """One choice of planes."""
+    problem, began = stage.problem, time.perf_counter()
+    columns = [problem.fleet.states.index(name) for name in problem.fleet.places]
+    positions = iterate.states[:, columns].transpose(0, 2, 1)
+    points = np.einsum("ij,tjd->tid", stage.truncation.to_points, positions)
+    planes = separate(points, duties(problem), problem.duration)
+    program = transcribe(problem, stage.truncation, iterate, planes, planes.active, stage.substeps, spare)
+    built = time.perf_counter()
+    outcome = ipopt(program.program, program.guess, program.lower, program.upper, options, watch)
+    solved = time.perf_counter()
+    found = program.iterate(outcome.x)
+    attempt = _attempt(stage, found.controls, outcome, built - began, solved - built, int(planes.active.sum()))
+    return attempt, found
+
+
+def _attempt(stage: Stage, controls: Floats, outcome: Outcome, built: float, solved: float, pairs: int) -> Attempt:
+    """A solution with what it is worth."""
+    value = evaluate(stage.problem, controls)
+    return Attempt(
+        controls, value, stage.truncation, outcome.status, outcome.message, outcome.iterations, built, solved, pairs
+    )
+
+
+def _with_work(kept: Attempt, before: Attempt, after: Attempt) -> Attempt:
+    """`kept` with the work of both."""
+    return replace(
+        kept,
+        iterations=before.iterations + after.iterations,
+        build_seconds=before.build_seconds + after.build_seconds,
+        solve_seconds=before.solve_seconds + after.solve_seconds,
+    )
+
+
+def rank(attempt: Attempt) -> tuple[bool, float, float]:
+    """Sorting key: feasible first, then cost; infeasible by how much they fall short."""
+    value = attempt.value
+    short = max(0.0, -value.gap) + max(0.0, -value.robustness) + max(0.0, value.excess)
+    return (not value.keeps(0.0), 0.0 if value.keeps(0.0) else short, value.cost)

@@ -1,0 +1,193 @@
+r"""Systems told by their differential equation: what a user's own system, and every system that is no arc, builds on.
+
+A member's state `x` follows ``xdot(x, u, psi)`` while its command `u` is constant over a step.  The right-hand side is
+written once, over numbers, NumPy arrays of members and CasADi expressions alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.systems.integration import Rule, extrapolated
+
+Floats = NDArray[np.float64]
+
+
+class OdeSystem:
+    r"""The dynamics ``dx/dt = xdot(x, u, psi)`` that every member of a fleet shares.
+
+    A child says what its states and commands are, and writes `xdot`; that is all. Its class attributes are
+
+    Attributes
+    ----------
+    name, summary : str
+        For lists and reports.
+    states : tuple of str
+        Names of the states, in order; tasks speak of them.
+    positions : tuple of str
+        Which states are the position, one to three of them, metres: regions and obstacles are about these.
+    controls, control_units : tuple of str
+        Names and units of the commands.
+    input_bounds : tuple of (float, float)
+        Default bounds of each command.
+    parameters : mapping of str to float
+        What may differ between members, each with the value where it does not.
+
+    Notes
+    -----
+    Write `xdot` with arithmetic and the functions of `ensemble_ctrl.systems.arrays` (``sin``, ``sqrt``, ...), without
+    ``if`` on states: it is evaluated on expressions too.
+
+    Examples
+    --------
+    >>> class Cart(OdeSystem):
+    ...     name, states, positions = "cart", ("x", "v"), ("x",)
+    ...     controls, control_units, input_bounds = ("force",), ("N",), ((-5.0, 5.0),)
+    ...     parameters = {"mass": 1.0}
+    ...     def xdot(self, x, u, psi):
+    ...         return [x[1], u[0] / psi["mass"]]
+    >>> end = Cart().flow(np.zeros((2, 2)), [2.0], {"mass": np.array([1.0, 2.0])}, 1.0, substeps=1)
+    >>> end.round(3)
+    array([[1. , 0.5],
+           [2. , 1. ]])
+    """
+
+    name: ClassVar[str] = ""
+    summary: ClassVar[str] = ""
+    states: ClassVar[tuple[str, ...]] = ()
+    positions: ClassVar[tuple[str, ...]] = ()
+    controls: ClassVar[tuple[str, ...]] = ()
+    control_units: ClassVar[tuple[str, ...]] = ()
+    input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ()
+    parameters: Mapping[str, float] = {}
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
+        """Rates of the states.
+
+        Parameters
+        ----------
+        x : sequence of arrays
+            One entry for each of `states`: a number, an array over members, or an expression.
+        u : sequence of arrays
+            One entry for each of `controls`.
+        psi : mapping of str to array
+            The parameters by name.
+
+        Returns
+        -------
+        sequence of arrays
+            One rate for each state, in the state's unit per second.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.xdot")
+
+    def exact(self, x: Any, u: Any, psi: Mapping[str, Any], step: Any) -> Sequence[Any] | None:
+        """The states after `step` seconds of a constant command in closed form; None where there is no such form."""
+        return None
+
+    def check(self, psi: Mapping[str, float]) -> None:
+        """Refuse parameters for which the equations make no sense.
+
+        Raises
+        ------
+        ProblemError
+            For example for a mass that is not positive. It is called with the corners of a fleet's ranges.
+        """
+
+    def rest(self, psi: Mapping[str, float]) -> Sequence[float]:
+        """The command that costs no effort, such as the thrust of a hover; zero unless a child says otherwise."""
+        return [0.0] * len(self.controls)
+
+    def start(self) -> Mapping[str, float]:
+        """States that do not start at zero unless a fleet says so, such as the scalar part of a quaternion."""
+        return {}
+
+    def settings(self) -> Mapping[str, Any]:
+        """Numbers that all members share and that a problem file may give, by name; written back into problem files."""
+        return {}
+
+    @property
+    def has_exact(self) -> bool:
+        """Whether `exact` is written."""
+        return type(self).exact is not OdeSystem.exact
+
+    def flow(
+        self, x: Floats, u: Any, psi: Mapping[str, Any], step: float, substeps: int, rule: Rule = extrapolated
+    ) -> Floats:
+        """The states of all members after a step of a constant command.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n_x, members)
+        u : sequence of float or arrays of shape (members,)
+            The command.
+        psi : mapping of str to array of shape (members,)
+        step : float
+            Seconds.
+        substeps : int
+            Steps of the rule; of no matter where `exact` is written.
+        rule : callable
+            A rule of `ensemble_ctrl.systems.integration`.
+
+        Returns
+        -------
+        ndarray, shape (n_x, members)
+        """
+        if self.has_exact:
+            return self._stacked(self.exact(list(x), u, psi, step), x, "exact")
+        return np.asarray(rule(lambda at: self.rates(at, u, psi), x, step, substeps))
+
+    def rates(self, x: Floats, u: Any, psi: Mapping[str, Any]) -> Floats:
+        """`xdot` as one array of the shape of `x`, (n_x, members), checked for its shape.
+
+        Raises
+        ------
+        ProblemError
+            If `xdot` returns something else than one rate for each state.
+        """
+        return self._stacked(self.xdot(list(x), u, psi), x, "xdot")
+
+    def _stacked(self, rows: Any, x: Floats, what: str) -> Floats:
+        """What a system returns as one array of the shape of `x`."""
+        place = f"{type(self).__name__}.{what}"
+        try:
+            found = len(rows)
+        except TypeError:
+            raise ProblemError(f"{place}: expected {len(self.states)} rates, got {type(rows).__name__}") from None
+        if found != len(self.states):
+            names = ", ".join(self.states)
+            raise ProblemError(f"{place}: expected {len(self.states)} entries ({names}), got {found}")
+        result = np.empty_like(x)
+        for name, row, value in zip(self.states, result, rows, strict=True):
+            try:
+                row[...] = value
+            except (TypeError, ValueError):
+                shape = getattr(value, "shape", type(value).__name__)
+                raise ProblemError(f"{place}: expected an array over members for {name}, got {shape}") from None
+        return result
+
+    def require_complete(self) -> None:
+        """Refuse a system that does not say what it is.
+
+        Raises
+        ------
+        ProblemError
+            Naming the attribute that is missing or does not fit the others.
+        """
+        kind = type(self).__name__
+        for attribute in ("name", "states", "positions", "controls"):
+            if not getattr(self, attribute):
+                raise ProblemError(f"{kind}.{attribute}: this is required, but missing")
+        if len(set(self.states)) != len(self.states) or not all(name.isidentifier() for name in self.states):
+            raise ProblemError(f"{kind}.states: expected different names, got {self.states}")
+        unknown = [name for name in self.positions if name not in self.states]
+        if unknown or not 1 <= len(self.positions) <= 3:
+            raise ProblemError(f"{kind}.positions: expected one to three of the states, got {self.positions}")
+        for attribute in ("control_units", "input_bounds"):
+            if len(getattr(self, attribute)) != len(self.controls):
+                wanted = f"one entry for each of {', '.join(self.controls)}"
+                raise ProblemError(f"{kind}.{attribute}: expected {wanted}, got {getattr(self, attribute)}")

@@ -1,0 +1,136 @@
+"""Multiple shooting: planes, ways, and a program whose solutions are trajectories."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from ensemble_ctrl import DoubleIntegrator, Interval, Obstacle, OdeFleet, OdeProblem, Polyhedron, ProblemError, Solid
+from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.duties import Duty
+from ensemble_ctrl.ocp.shooting.evaluate import evaluate
+from ensemble_ctrl.ocp.shooting.guess import guesses
+from ensemble_ctrl.ocp.shooting.planes import separate
+from ensemble_ctrl.ocp.shooting.search import Stage, nominal, whole
+from ensemble_ctrl.ocp.shooting.transcription import transcribe
+from ensemble_ctrl.ocp.shooting.ways import resampled, way
+from ensemble_ctrl.replay import replay
+
+Floats = NDArray[np.float64]
+BLOCK = Obstacle.box([[1.5, 2.5], [-1.0, 0.4]])
+
+
+def problem(task: str = "G avoid(obstacles) and F[5, 6] in(goal)") -> OdeProblem:
+    """Point masses of 0.8 to 1.2 kg around a block."""
+    fleet = OdeFleet(DoubleIntegrator(), {"mass": Interval(0.8, 1.2)}, {}, radius=0.1)
+    regions = {"goal": Polyhedron.box([[3.5, 5.5], [-0.8, 0.8]])}
+    return OdeProblem("masses", fleet, 6.0, 20, parse(task), regions, {"block": (BLOCK,)})
+
+
+def separable(points: Floats, corners: Floats) -> bool:
+    """Whether a plane separates two sets of points, by linear programming."""
+    rows = np.vstack(
+        [np.column_stack([-points, -np.ones(len(points))]), np.column_stack([corners, np.ones(len(corners))])]
+    )
+    found = linprog(np.zeros(rows.shape[1]), A_ub=rows, b_ub=-np.ones(len(rows)), bounds=[(None, None)] * rows.shape[1])
+    return bool(found.status == 0)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_planes_separate_whatever_can_be_separated(d: int) -> None:
+    generator = np.random.default_rng(d)
+    piece = Obstacle.box([[-1, 1]] * 2) if d == 2 else Solid.hull(generator.standard_normal((10, 3)))
+    middles = np.cumsum(0.5 * generator.standard_normal((60, 1, d)), axis=0)
+    points = middles + 0.3 * generator.standard_normal((60, 5, d))
+    planes = separate(points, [Duty("o", (piece,), 0.1, 0.0, 4.0)], 4.0)
+    both = np.concatenate([points[:-1], points[1:]], axis=1)
+    seen = set()
+    for k, group in enumerate(both):
+        gap = planes.gap[0, k] + 0.1
+        near = float((group @ planes.normal[0, k]).min()) - planes.support[0, k]
+        assert gap == pytest.approx(near, abs=1e-9)
+        assert gap <= float(piece.distance(group).min()) + 1e-9
+        apart = separable(group, piece.vertices)
+        seen.add(apart)
+        assert (gap > 0) == apart or abs(gap) < 0.02
+    assert seen == {True, False}
+
+
+def test_the_plane_of_one_point_is_at_its_distance() -> None:
+    solid = Solid.hull(np.random.default_rng(3).standard_normal((10, 3)))
+    points = 4 * np.random.default_rng(4).standard_normal((30, 1, 3))
+    planes = separate(np.repeat(points, 2, axis=0), [Duty("o", (solid,), 0.0, 0.0, 1.0)], 1.0)
+    np.testing.assert_allclose(planes.gap[0, ::2], solid.distance(points[:, 0]), atol=2e-2)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_way_keeps_clear(d: int) -> None:
+    start, end = np.zeros(d), np.array([4.0, 0.0, 0.0][:d])
+    bounds = [[1.5, 2.5], [-1.0, 1.2], [-1.0, 1.0]][:d]
+    piece = BLOCK if d == 2 else Solid.box(bounds)
+    corners = way(start, end, [piece], 0.1)
+    points = resampled(corners, np.linspace(0, 1, 300))
+    assert (piece.distance(points) > 0.05).all()
+    np.testing.assert_allclose(corners[[0, -1]], [start, end])
+    assert np.linalg.norm(np.diff(corners, axis=0), axis=1).sum() < 7.0
+
+
+def test_a_way_without_obstacles_is_straight_and_one_that_is_walled_in_too() -> None:
+    assert len(way(np.zeros(2), np.ones(2), [], 0.1)) == 2
+    sides: list[list[list[float]]] = [[[-1, 1], [1, 1.2]], [[-1, 1], [-1.2, -1]]]
+    sides += [[[1, 1.2], [-1.2, 1.2]], [[-1.2, -1], [-1.2, 1.2]]]
+    walls = [Obstacle.box(side) for side in sides]
+    assert len(way(np.zeros(2), np.array([3.0, 0.0]), walls, 0.1)) == 2
+
+
+def test_the_guess_goes_round_the_block_and_has_its_velocity() -> None:
+    (guess,) = guesses(problem(), 20)
+    states = guess.iterate.states[..., 0]
+    assert (BLOCK.distance(states[:, :2]) > 0.1).all()
+    np.testing.assert_allclose(np.gradient(states[:, 0], 0.3)[2:-2], states[2:-2, 2], atol=1e-9)
+    assert guess.name == "goal"
+
+
+@pytest.mark.parametrize("guarantee", ["nodes", "hull"])
+def test_simulated_states_keep_the_programs_dynamics(guarantee: str) -> None:
+    """The defects of a simulation vanish, and those of another state do not."""
+    given = problem().with_(solve=problem().solve.__class__(guarantee=guarantee))  # type: ignore[arg-type]
+    controls = np.random.default_rng(0).uniform(-1, 1, (20, 2))
+    stage = Stage(given, whole(given), 1)
+    iterate = stage.simulated(controls)
+    positions = iterate.states[:, :2].transpose(0, 2, 1)
+    points = np.einsum("ij,tjd->tid", stage.truncation.to_points, positions)
+    planes = separate(points, [Duty("block", (BLOCK,), 0.1, 0.0, 6.0)], 6.0)
+    shooting = transcribe(given, stage.truncation, iterate, planes, planes.active, 1, (0.0, 0.0))
+    g = np.array(shooting.program.functions["g"](shooting.guess, shooting.program.parameters)).ravel()
+    rows = {name: slice(a, b) for name, a, b in shooting.program.rows}
+    np.testing.assert_allclose(g[rows["moving"]], 0.0, atol=1e-12)
+    again = shooting.iterate(shooting.guess)
+    np.testing.assert_allclose(again.controls, controls, atol=1e-12)
+    np.testing.assert_allclose(again.states, iterate.states, atol=1e-12)
+    moved = shooting.guess.copy()
+    moved[shooting.layout.states[3, 0, 0]] += 0.1
+    g = np.array(shooting.program.functions["g"](moved, shooting.program.parameters)).ravel()
+    assert np.abs(g[rows["moving"]]).max() > 0.09
+
+
+def test_what_controls_are_worth_is_what_a_replay_finds() -> None:
+    given = problem("G avoid(obstacles) and F[5, 6] in(goal) and G vx <= 1.2")
+    controls = np.random.default_rng(1).uniform(-0.5, 1, (20, 2))
+    value = evaluate(given, controls)
+    run = replay(given, controls, parameters=given.fleet.grid(101), substeps=4)
+    assert value.gap == pytest.approx(min(c.distance for c in run.clearances), abs=0.02)
+    assert min(value.gap, value.robustness) == pytest.approx(run.worst[0], abs=0.02)
+
+
+def test_one_node_for_the_middle_and_four_for_the_fleet() -> None:
+    assert nominal(problem()).to_points.tolist() == [[1.0]]
+    assert whole(problem()).to_points.shape == (4, 4)
+    assert whole(problem().with_(order=6)).to_points.shape == (7, 7)
+
+
+def test_tasks_of_unknown_states_do_not_reach_the_program() -> None:
+    with pytest.raises(ProblemError, match="the name of a state"):
+        problem("F height >= 1")

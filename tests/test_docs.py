@@ -1,0 +1,98 @@
+"""The pages: links lead somewhere, messages that are explained exist, and nothing is missing from the reference."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import ensemble_ctrl
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+MADE = ("_build", "_generated", "tutorials", "jupyter_execute")
+PAGES = [page for page in sorted(DOCS.rglob("*.md")) if not set(page.relative_to(DOCS).parts) & set(MADE)]
+PAGES += [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", ROOT / "benchmarks" / "README.md"]
+LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)|<img src=\"([^\"]+)\"|\{image\} (\S+)")
+SCRIPTS = {path.stem for path in (ROOT / "examples").glob("*.py")}
+
+
+def text_of(page: Path) -> str:
+    """A page without its code."""
+    text = page.read_text(encoding="utf-8")
+    return re.sub(r"^```(?!\{image\}).*?^```$|`[^`\n]+`", "", text, flags=re.MULTILINE | re.DOTALL)
+
+
+@cache
+def anchors(page: Path) -> set[str]:
+    """What a link into a page can name, as MyST makes them of its headings."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    headings = re.findall(r"^#{1,3} (.+)$", text, re.MULTILINE)
+    return {
+        re.sub(r"[^\w\- ]", "", heading.lower().replace("'", "-")).strip().replace(" ", "-") for heading in headings
+    }
+
+
+def broken(page: Path) -> list[str]:
+    """Links of a page that lead nowhere."""
+    found = []
+    for link in ("".join(groups) for groups in LINK.findall(text_of(page))):
+        name, _, anchor = link.partition("#")
+        if name.startswith(("http:", "https:")):
+            continue
+        target = (page.parent / name) if name else page
+        if target.suffix == ".ipynb":
+            found += [] if target.stem in SCRIPTS or target.stem == "notebook" else [link]
+        elif not target.exists() or (anchor and target.suffix == ".md" and anchor not in anchors(target.resolve())):
+            found.append(link)
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_of_a_page_lead_somewhere(page: Path) -> None:
+    assert broken(page) == []
+
+
+def test_broken_links_are_found(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# A heading\n[a](#a-heading) [b](#b) [c](c.md) [d](page.md#a-heading) [e](page.md#e) `[f](f.md)`\n"
+    )
+    assert broken(page) == ["#b", "c.md", "page.md#e"]
+
+
+def test_every_page_is_in_the_contents() -> None:
+    listed: set[Path] = set()
+    for page in PAGES:
+        for tree in re.findall(
+            r"^```\{toctree\}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+        ):
+            listed |= {(page.parent / line).with_suffix(".md") for line in tree.split() if not line.startswith(":")}
+    pages = {page for page in PAGES if page.is_relative_to(DOCS)} - {DOCS / "index.md"}
+    assert pages - listed == set()
+
+
+def test_messages_that_are_explained_are_messages() -> None:
+    """Each heading in code on the page of failures, piece by piece between its ellipses, stands in the source."""
+    page = (DOCS / "failures.md").read_text(encoding="utf-8")
+    headings = [line for line in page.splitlines() if line.startswith("### ")]
+    messages = [message for line in headings for message in re.findall(r"`([^`]+)`", line)]
+    assert len(messages) > 20
+    source = "".join(path.read_text(encoding="utf-8") for path in Path(ensemble_ctrl.__file__).parent.rglob("*.py"))
+    source = re.sub(r'"\s*\n\s*f?"', "", source)
+    pieces = [piece.strip() for message in messages for piece in message.split("…") if piece.strip(" ;")]
+    assert [piece for piece in pieces if piece not in source] == []
+
+
+def test_every_public_name_is_in_the_reference() -> None:
+    listed = (DOCS / "api.md").read_text(encoding="utf-8").split("## Plans")[0].split()
+    assert set(ensemble_ctrl.__all__) - set(listed) == {"__version__"}
+
+
+def test_every_figure_of_the_method_is_shown_and_made() -> None:
+    shown = re.findall(r"_static/method/(\w+)\.svg", (DOCS / "method.md").read_text(encoding="utf-8"))
+    made = re.findall(r'"(\w+)": \1\b', (DOCS / "make_figures.py").read_text(encoding="utf-8"))
+    assert sorted(shown) == sorted(made) == sorted(path.stem for path in (DOCS / "_static" / "method").glob("*.svg"))
+    assert max(path.stat().st_size for path in (DOCS / "_static" / "method").glob("*.svg")) < 60_000

@@ -1,0 +1,160 @@
+"""Plans for fleets that follow a differential equation, from Python and from files, and what is said of them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ensemble_ctrl as ec
+from ensemble_ctrl.cli.app import invoke
+from ensemble_ctrl.config import dump
+from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.folder import ResultsFolder
+from ensemble_ctrl.replay import states
+from ensemble_ctrl.report import summary_lines
+
+Floats = NDArray[np.float64]
+ROOT = Path(__file__).parents[1]
+QUADROTOR = ROOT / "configs" / "systems" / "quadrotor_delivery.yaml"
+MASSES = ROOT / "configs" / "systems" / "unknown_mass.yaml"
+OWN = ROOT / "examples" / "own_system.py"
+CRANE = OWN.with_suffix(".yaml")
+
+
+@cache
+def plan_of(path: Path) -> ec.Plan:
+    """The plan of a problem file."""
+    return ec.plan(ec.load(path, trust=True))
+
+
+@pytest.mark.parametrize("path", [MASSES, CRANE], ids=lambda path: path.stem)
+def test_every_member_does_the_task(path: Path) -> None:
+    """More members than the plan was made with, looked at more often."""
+    plan = plan_of(path)
+    run = plan.replay(parameters=plan.problem.fleet.grid(301), substeps=4)
+    assert plan.status == "planned"
+    assert not run.violating.any()
+    assert plan.certificate is None
+    assert plan.verified
+
+
+def test_the_delivery_goes_through_the_window_hovers_and_spreads_as_gravity_says() -> None:
+    """Unequal masses under one thrust must differ by the relative mass times climb and fall."""
+    plan = plan_of(QUADROTOR)
+    problem = plan.problem
+    assert plan.status == "planned"
+    assert not plan.replay(parameters=problem.fleet.grid(101), substeps=4).violating.any()
+    found = states(problem, plan.controls, problem.fleet.grid(21), 8)
+    path, speed = found[..., :3], np.linalg.norm(found[:, -1, 3:6], axis=-1)
+    inside = (path[..., 0] > 1.4) & (path[..., 0] < 1.6)
+    assert inside.any(axis=1).all()
+    assert (np.abs(path[inside][:, 1]) < 0.6).all()
+    assert ((path[inside][:, 2] > 0.9) & (path[inside][:, 2] < 2.1)).all()
+    assert (speed < 1.2).all()
+    apart = path[0, :, 2] - path[-1, :, 2]
+    times = np.linspace(0, problem.duration, len(apart))
+    lift = path[10, :, 2] - 1.5 + 9.81 * times**2 / 2
+    expected = lift * 6.25 * (1 / 6.0 - 1 / 6.5)
+    np.testing.assert_allclose(apart, expected, atol=0.25 * expected.max())
+    assert plan._repr_html_().count("<polyline") == 9
+
+
+def test_a_better_plan_costs_less_than_a_seed() -> None:
+    """The optimum is no worse than pushing as hard as the mean mass would need."""
+    plan = plan_of(MASSES)
+    assert plan.details["cost"] <= 5.6
+    assert plan.details["gap"] >= 0
+    assert plan.details["orders"] == [3]
+
+
+def test_the_same_from_python_with_nodes() -> None:
+    fleet = ec.OdeFleet(ec.DoubleIntegrator(), {"mass": ec.Interval(0.9, 1.1)}, {"x": 0.0})
+    problem = ec.OdeProblem(
+        name="push",
+        fleet=fleet,
+        duration=3.0,
+        steps=15,
+        task=parse("F[2.5, 3] (in(goal) and vx <= 0.5)"),
+        regions={"goal": ec.Polyhedron.box([[1.0, 2.0], [-0.5, 0.5]])},
+        solve=ec.SolveOptions(guarantee="nodes"),
+    )
+    plan = ec.plan(problem)
+    assert plan.replayed is not None
+    assert plan.replayed.satisfied == 1.0
+    text = "\n".join(summary_lines(plan))
+    assert "proven     not covered for this model: replay only" in text
+    assert "replayed only (no proof covers this model)" in text
+    again = ec.plan(problem, guess=plan)
+    assert again.details["cost"] <= plan.details["cost"] + 0.02
+
+
+def test_a_task_that_is_out_of_reach_has_no_plan() -> None:
+    problem = ec.load(MASSES, ["task=F[0, 2] in(goal)", "solve.max_iterations=60"])
+    with pytest.raises(ec.SolveError, match=r"no plan was found; violated near the best guess: F\[0,2\] in\(goal\) by"):
+        ec.plan(problem)
+
+
+def test_asking_for_a_proof_says_that_there_is_none() -> None:
+    problem = ec.load(MASSES, ["verify.certificate=true", "verify.members=50"])
+    plan = ec.plan(problem, check=False)
+    assert plan.certificate is not None
+    assert plan.certificate.proven == "not covered"
+    assert plan.status == "planned"
+    assert not plan.verified
+
+
+def test_the_example_is_at_most_20_lines_and_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = OWN.read_text()
+    kind = source[source.index("class CartPole") : source.index("def problem")].strip()
+    assert len(kind.splitlines()) <= 20
+    monkeypatch.syspath_prepend(str(OWN.parent))
+    own_system = import_module("own_system")
+    problem = own_system.problem()
+    assert problem.fleet.system.states == ("x", "v", "angle", "rate")
+    plan = ec.plan(problem)
+    assert plan.replayed is not None
+    assert plan.replayed.satisfied == 1.0
+    sys.modules.pop("own_system")
+
+
+def test_files_and_problems_are_the_same() -> None:
+    for path in (QUADROTOR, MASSES, CRANE):
+        text = dump(ec.load(path, trust=True))
+        assert dump(ec.load_text(text, str(path), trust=True)) == text
+
+
+def test_the_command_plans_saves_shows_and_verifies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """From a file with a system of one's own to a folder, and back from it."""
+    target = tmp_path / "crane"
+    small = ["--set", "verify.members=100", "--set", "horizon.steps=20", "--trust", "-q"]
+    assert invoke(["run", str(CRANE), "-o", str(target), "--json", *small]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["status"], facts["certificate"]) == ("planned", None)
+    names = {file.name for file in target.iterdir()}
+    assert {"own_system.py", "plan.npz", "trajectories.png", "controls.png", "spread.png"} <= names
+    assert invoke(["show", str(target)]) == 2
+    assert "expected your consent to run own_system.py" in capsys.readouterr().err
+    assert invoke(["show", str(target), "--trust"]) == 0
+    assert "not covered for this model" in capsys.readouterr().out
+    assert invoke(["verify", str(target), "--trust"]) == 4
+    assert "NOT COVERED" in capsys.readouterr().out
+    ResultsFolder(target, overwrite=True).discard()
+    plan = ec.Plan.load(target, trust=True)
+    assert plan.problem.steps == 20
+
+
+@pytest.mark.parametrize("path", [MASSES, CRANE], ids=lambda path: path.stem)
+def test_a_notebook_shows_its_map(path: Path) -> None:
+    plan = plan_of(path)
+    assert plan._repr_html_().count("<polyline") == 9
+    assert plan.plot() is not None
+    import matplotlib.pyplot as plt
+
+    plt.close("all")
