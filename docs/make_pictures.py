@@ -37,7 +37,7 @@ def figures(plan: Plan, path: Path) -> None:
     for k, picture in enumerate(drawn):
         sheet.paste(picture, ((k % 2) * (width + GAP), (k // 2) * (heights[0] + GAP)))
     small = sheet.resize((1000, round(1000 * sheet.height / sheet.width)), Image.Resampling.LANCZOS)
-    small.quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
+    small.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 if __name__ == "__main__":

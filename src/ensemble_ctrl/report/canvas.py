@@ -39,9 +39,18 @@ def new_figure(size: tuple[float, float], dpi: float = 150) -> Figure:
 
 
 def placed_axes(figure: Figure, left: float, right: float, bottom: float, top: float) -> Axes:
-    """Axes with so many inches around them."""
+    """New axes with so many inches around them."""
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    place_axes(ax, left, right, bottom, top)
+    return ax
+
+
+def place_axes(ax: Axes, left: float, right: float, bottom: float, top: float) -> None:
+    """Leave so many inches around axes."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
     width, height = figure.get_size_inches().tolist()
-    return figure.add_axes((left / width, bottom / height, 1 - (left + right) / width, 1 - (bottom + top) / height))
+    ax.set_position((left / width, bottom / height, 1 - (left + right) / width, 1 - (bottom + top) / height))
 
 
 def shown_axes(size: tuple[float, float]) -> Axes:

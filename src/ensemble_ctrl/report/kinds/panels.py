@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -24,10 +25,22 @@ def panels(ax: Axes, count: int) -> list[Axes]:
     return made
 
 
-def title_and_legend(ax: Axes, title: str, columns: int = 3) -> None:
+def legend_shape(names: Sequence[str]) -> tuple[int, int]:
+    """Columns and rows of a legend that fits a column of a paper."""
+    longest = max((len(name) for name in names), default=0)
+    columns = 3 if longest <= 9 else 2 if longest <= 17 else 1
+    return columns, -(-len(names) // columns)
+
+
+def short(text: str, most: int = 34) -> str:
+    """A text of so many letters at most."""
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def title_and_legend(ax: Axes, title: str) -> None:
     """The legend above the axes, where it hides nothing, and the title above the legend."""
     handles, names = ax.get_legend_handles_labels()
-    rows = -(-len(names) // columns)
+    columns, rows = legend_shape(names)
     ax.legend(
         handles,
         names,
