@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.drawing import highest, outlines, target_lines
 from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, REGION, TWIN, shades
 from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet, sheet_size
 from ensemble_ctrl.report.text import ranges_text, unit_of
-from ensemble_ctrl.report.view import ways
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -132,11 +132,11 @@ def draw_trajectories(
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
     substeps = max(1, POINTS // problem.steps)
-    paths = ways(problem, controls, members, substeps)
+    paths = trajectories(problem, controls, members, substeps)
     ax = shown_axes(map_size(problem, controls, twin_controls)) if ax is None else ax
     draw_map(problem, ax, list(paths))
     if twin_controls is not None:
-        _draw_twin(ways(problem, twin_controls, members[::2], substeps), ax)
+        _draw_twin(trajectories(problem, twin_controls, members[::2], substeps), ax)
     shade = shades(fleet, members)
     lines = LineCollection(list(paths), array=shade, cmap="viridis", linewidths=0.9, alpha=0.9, zorder=2)
     lines.set_clim(0.0, 1.0)
@@ -249,7 +249,7 @@ def map_size(
 ) -> tuple[float, float]:
     """Inches for a map of its own proportions, with `margins` for labels and the colour bar."""
     drawn = [controls] if twin_controls is None else [controls, twin_controls]
-    ends = np.concatenate([ways(problem, c, problem.fleet.corners) for c in drawn])
+    ends = np.concatenate([trajectories(problem, c, problem.fleet.corners) for c in drawn])
     shapes = [*outlines(problem, list(ends)).values(), *(piece.vertices for _, piece in problem.pieces)]
     across, up = np.ptp(np.concatenate([*ends, *shapes]), axis=0)
     ratio = float(np.clip(up / max(across, 1e-9), 0.4, 1.1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.ensemble import Ensemble
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def hexadecimal(colour: NDArray[np.uint8]) -> str:
     return "#" + "".join(f"{int(c):02x}" for c in colour)
 
 
-def shades(fleet: Fleet, members: Floats) -> Floats:
+def shades(fleet: Ensemble, members: Floats) -> Floats:
     """Where members are in the range of the fleet's first parameter, 0 to 1, shape (members,); 0.3 if there is none."""
     if not fleet.names or fleet.upper[0] <= fleet.lower[0]:
         return np.full(len(members), 0.3)

@@ -7,12 +7,17 @@ from dataclasses import dataclass
 from math import floor, isfinite, log10
 
 from ensemble_ctrl.certificate import Certificate
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.report.text import member_text, unit_of
 
 LIMITS = (
     "It is about robots that follow the model exactly. Not covered: sensor noise, model error, rounding in the robot, "
     "and robots that meet each other. It does not say that the plan is the best one."
+)
+
+REPLAYED = (
+    "What this page says is about the robots that were replayed, at the times that were looked at, and not about the "
+    "others."
 )
 
 
@@ -27,6 +32,9 @@ class Words:
 
 def certificate_words(problem: Problem, certificate: Certificate | None) -> Words:
     """What a certificate says."""
+    if isinstance(problem, OdeProblem):
+        lead = f"None: no proof covers this model ({problem.fleet.system.name}). Its plans are replayed only."
+        return Words(lead, (), REPLAYED)
     if certificate is None:
         lead = "No certificate was asked for: nothing is claimed beyond the robots that were replayed."
         hint = "Set verify.certificate: true in the problem file, or run ensemble-plan verify on the results."

@@ -8,7 +8,7 @@ import numpy as np
 
 from ensemble_ctrl.report.figures import line_style
 from ensemble_ctrl.report.kinds.panels import short, title_and_legend
-from ensemble_ctrl.report.series import by_parameter
+from ensemble_ctrl.report.series import by_parameter, distance_label
 from ensemble_ctrl.report.text import PlanLike, unit_of
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def draw_clearance(plan: PlanLike, ax: Axes) -> Axes:
     ax.set(xlabel=f"{profile.parameter} [{unit}]" if profile.parameter else "(all robots are equal)")
     if not profile.parameter:
         ax.set_xticks([])
-    ax.set_ylabel("distance from failing [m]")
+    ax.set_ylabel(distance_label(plan.problem))
     ax.grid(alpha=0.3)
     title_and_legend(ax, f"{plan.problem.name}: least over time")
     return ax
