@@ -15,7 +15,7 @@ from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, REGION, TWIN, shades
 from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet, sheet_size
-from ensemble_ctrl.report.text import ranges_text, unit_of
+from ensemble_ctrl.report.text import parameter_label, ranges_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -161,8 +161,7 @@ def _draw_scale(problem: Problem, ax: Axes) -> None:
     place = ax.inset_axes((1.03, 0.0, 0.035, 1.0))
     place.set_title("", y=1.0)
     bar = figure.colorbar(colours, cax=place)
-    unit = unit_of(fleet.names[0]).strip() or "-"
-    bar.set_label(f"{fleet.names[0]} [{unit}]")
+    bar.set_label(parameter_label(problem, fleet.names[0]))
 
 
 def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:

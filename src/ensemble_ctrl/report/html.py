@@ -25,7 +25,7 @@ from ensemble_ctrl.report.pagecharts import Axes, Curve, chart
 from ensemble_ctrl.report.pagemap import map_and_motion
 from ensemble_ctrl.report.palette import hexadecimal, viridis
 from ensemble_ctrl.report.series import by_parameter, distance_label, over_time
-from ensemble_ctrl.report.text import PlanLike, summary_rows, unit_of, verdict
+from ensemble_ctrl.report.text import PlanLike, parameter_label, summary_rows, unit_of, verdict
 from ensemble_ctrl.report.tube import Ribbon, tube
 from ensemble_ctrl.report.view import conflict_places
 from ensemble_ctrl.report.words import certificate_words
@@ -183,17 +183,12 @@ def _clearance(plan: PlanLike) -> str:
     certificate = plan.certificate
     bounds = [] if certificate is None else [certificate.clearance, certificate.robustness]
     levels = tuple((float(b), "proven") for b in bounds if np.isfinite(b))
-    label = f"{profile.parameter}{_in(unit_of(profile.parameter))}" if profile.parameter else "(all robots are equal)"
+    label = parameter_label(plan.problem, profile.parameter) if profile.parameter else "(all robots are equal)"
     axes = Axes(label, distance_label(plan.problem), ((0.0, "zero"), *levels))
     others = " The worst of the other parameters." if len(plan.problem.fleet.names) > 1 else ""
     others += f" Farther away: {escape(', '.join(profile.far))}." if profile.far else ""
     proven = " Dashed level: what is proven for all." if levels else ""
     return chart(axes, curves, "Clearance over the parameter") + f'<p class="note">Least over time.{others}{proven}</p>'
-
-
-def _in(unit: str) -> str:
-    """A unit in brackets; numbers that have none say so."""
-    return f" [{unit.strip()}]" if unit else " [-]"
 
 
 def _convergence(solves: Sequence[Descent]) -> str:

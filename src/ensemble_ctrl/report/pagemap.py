@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.conflicts import Conflict
-from ensemble_ctrl.drawing import highest
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.pagecharts import ticks
@@ -147,8 +146,8 @@ def _places(scene: Scene, canvas: Canvas) -> list[str]:
 def _names(scene: Scene, canvas: Canvas) -> list[str]:
     """Names of regions above them, drawn over everything that lies still."""
     parts = []
-    for name, corners in scene.regions.items():
-        x, y = canvas.at(highest(corners)).tolist()
+    for name, place in scene.tags.items():
+        x, y = canvas.at(place).tolist()
         parts.append(f'<text class="mid name" x="{x:.1f}" y="{max(y - 4, 12):.1f}">{escape(name)}</text>')
     return parts
 

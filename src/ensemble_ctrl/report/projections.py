@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import highest
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION
 from ensemble_ctrl.report.scene import VIEWS, Scene, scenes
+from ensemble_ctrl.report.text import parameter_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ def draw_paths(problem: OdeProblem, controls: Floats, axes: Sequence[Axes]) -> N
         ax.margins(0.08)
     if fleet.names:
         bar = axes[0].get_figure().colorbar(colours, ax=list(axes), fraction=0.05, pad=0.02)  # type: ignore[union-attr]
-        bar.set_label(fleet.names[0])
+        bar.set_label(parameter_label(problem, fleet.names[0]))
 
 
 def _draw_shapes(scene: Scene, ax: Axes) -> None:
@@ -62,12 +62,14 @@ def _draw_shapes(scene: Scene, ax: Axes) -> None:
 
     for shape in scene.obstacles:
         for corners, beside in zip(shape.pieces, shape.beside, strict=True):
-            look: dict[str, Any] = {"fill": False, "linestyle": ":", "zorder": 0.5} if beside else {"facecolor": OBSTACLE}
+            look: dict[str, Any] = (
+                {"fill": False, "linestyle": ":", "zorder": 0.5} if beside else {"facecolor": OBSTACLE}
+            )
             ax.add_patch(Polygon(corners, closed=True, edgecolor=OBSTACLE_EDGE, linewidth=0.9, **look))
-    for name, corners in scene.regions.items():
+    for corners in scene.regions.values():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
-        top = tuple(highest(corners))
-        ax.annotate(name, top, (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
+    for name, (x, y) in scene.tags.items():
+        ax.annotate(name, (x, y), (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
     ax.plot(*scene.start, "ko", markersize=5, zorder=5)
     if scene.view is not None:
         ax.set_aspect("equal")

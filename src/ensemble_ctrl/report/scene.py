@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import frame, outlines, shadow, target_lines
+from ensemble_ctrl.drawing import frame, highest, outlines, shadow, target_lines
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
@@ -93,6 +93,14 @@ class Scene:
     def heading(self) -> float | None:
         """Of the fleet at the start, radians; None for robots that have none."""
         return self.problem.fleet.heading if isinstance(self.problem.fleet, Fleet) else None
+
+    @property
+    def tags(self) -> dict[str, Floats]:
+        """Above which point the name of each region belongs, shape (2,); beside each other over time."""
+        if self.view is not None:
+            return {name: highest(corners) for name, corners in self.regions.items()}
+        each = self.problem.duration / max(len(self.regions), 1)
+        return {n: np.array([(k + 0.5) * each, c[:, 1].max()]) for k, (n, c) in enumerate(self.regions.items())}
 
     @property
     def start(self) -> Floats:

@@ -40,7 +40,7 @@ class Series:
     name : str
         A place or predicate of the task, or ``closest obstacle``.
     low, high : ndarray, shape (times,)
-        Worst and best member's distance from failing it, in metres or the unit of the state; NaN where nothing is asked.
+        Worst and best member's distance from failing it, metres or the unit of the state; NaN where it is not asked.
     begin, end : float
         The window that asks for it, seconds.
     """

@@ -161,6 +161,17 @@ def unit_of(name: str) -> str:
     return " rad" if name == "start_heading" else " m" if name in START else ""
 
 
+def short(text: str, most: int = 34) -> str:
+    """A text of so many letters at most."""
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def parameter_label(problem: Problem, name: str) -> str:
+    """A parameter and its unit for an axis; of a differential equation's own parameters the unit is not known."""
+    unit = unit_of(name).strip() or ("SI units" if isinstance(problem, OdeProblem) else "-")
+    return f"{name} [{unit}]"
+
+
 def measured(run: Replay | None) -> list[tuple[str, str]]:
     """What the replay found."""
     if run is None:

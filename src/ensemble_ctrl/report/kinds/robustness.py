@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.figures import line_style
-from ensemble_ctrl.report.kinds.panels import short, title_and_legend
+from ensemble_ctrl.report.kinds.panels import title_and_legend
 from ensemble_ctrl.report.series import distance_label, over_time
+from ensemble_ctrl.report.text import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
