@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log10
 from typing import TYPE_CHECKING
@@ -72,10 +73,13 @@ class Stage:
     scaled: bool = True
 
     @classmethod
-    def of(cls, problem: Problem, paths: Floats, width: int, scaled: bool = True) -> Stage:
+    def of(
+        cls, problem: Problem, paths: Floats, width: int, scaled: bool = True, more: Sequence[Floats] = ()
+    ) -> Stage:
         """The layout for ways of shape (members, times, d), `width` pixels wide.
 
-        Film and GIF need even sizes. Where colours stand for no parameter, it is not `scaled`.
+        Film and GIF need even sizes. Where colours stand for no parameter, it is not `scaled`. It has room for `more`
+        lines of shape (points, 2).
         """
         from PIL import ImageFont
 
@@ -83,7 +87,7 @@ class Stage:
         font = ImageFont.load_default(13 * unit)
         panels, top = [], HEAD * unit
         for scene in scenes(problem, paths):
-            canvas = scene.canvas(FINE * width, top=top)
+            canvas = scene.canvas(FINE * width, top=top, more=more)
             panels.append(Panel(scene, canvas, unit, font))
             top += canvas.height
         return cls(problem, tuple(panels), (FINE * width, FINE * 2 * ceil((top + FOOT * unit) / FINE / 2)), scaled)
