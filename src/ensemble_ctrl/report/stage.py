@@ -73,9 +73,7 @@ class Stage:
     scaled: bool = True
 
     @classmethod
-    def of(
-        cls, problem: Problem, paths: Floats, width: int, scaled: bool = True, more: Sequence[Floats] = ()
-    ) -> Stage:
+    def of(cls, problem: Problem, paths: Floats, width: int, scaled: bool = True, more: Sequence[Floats] = ()) -> Stage:
         """The layout for ways of shape (members, times, d), `width` pixels wide.
 
         Film and GIF need even sizes. Where colours stand for no parameter, it is not `scaled`. It has room for `more`
