@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.replay import trajectories
-from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION
-from ensemble_ctrl.report.scene import VIEWS, Scene, scenes
-from ensemble_ctrl.report.text import parameter_label
+from ensemble_ctrl.report.canvas import draw_scale, placed_axes
+from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION, shades, viridis
+from ensemble_ctrl.report.scene import OVER_TIME, Scene, scenes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +24,8 @@ MEMBERS = 21
 """Members drawn."""
 LOOKS = 4
 """Times in a step at which they are drawn."""
+GAP = 0.1
+"""Inches between views, besides the margin."""
 
 
 def draw_paths(problem: OdeProblem, controls: Floats, axes: Sequence[Axes]) -> None:
@@ -34,26 +36,18 @@ def draw_paths(problem: OdeProblem, controls: Floats, axes: Sequence[Axes]) -> N
     problem : OdeProblem
     controls : ndarray, shape (steps, n_u)
     axes : sequence of matplotlib Axes
-        One for each of `VIEWS`, or one for a position of one coordinate, which is drawn over time; where fewer are
-        given, so many views are drawn.
+        One for each of `ensemble_ctrl.report.scene.scenes`; where fewer are given, so many views are drawn.
     """
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
-    shade = members[:, 0] if fleet.names else np.zeros(len(members))
-    colours = ScalarMappable(Normalize(shade.min(), shade.max()), "viridis")
+    colours = viridis(shades(fleet, members)) / 255
     for ax, scene in zip(axes, scenes(problem, trajectories(problem, controls, members, LOOKS)), strict=False):
         _draw_shapes(scene, ax)
-        for value, path in zip(shade, scene.paths, strict=True):
-            colour = colours.to_rgba(np.array(value))
+        for colour, path in zip(colours, scene.paths, strict=True):
             ax.plot(*path.T, color=colour, linewidth=0.9, alpha=0.9)
             ax.plot(*path[-1:].T, "o", color=colour, markersize=3, zorder=4)
-        ax.margins(0.08)
-    if fleet.names:
-        bar = axes[0].get_figure().colorbar(colours, ax=list(axes), fraction=0.05, pad=0.02)  # type: ignore[union-attr]
-        bar.set_label(parameter_label(problem, fleet.names[0]))
+        ax.margins(0.06, 0.16)
+        draw_scale(problem, ax)
 
 
 def _draw_shapes(scene: Scene, ax: Axes) -> None:
@@ -74,11 +68,9 @@ def _draw_shapes(scene: Scene, ax: Axes) -> None:
     if scene.view is not None:
         ax.set_aspect("equal")
         ax.annotate("start", tuple(scene.start), (0, -12), textcoords="offset points", fontsize=8, ha="center")
-    if scene.hidden:
-        seen = f"along {scene.hidden}; dotted: beside the way"
-        ax.annotate(seen, (0, 1), (4, -4), xycoords="axes fraction", textcoords="offset points", va="top", fontsize=7)
     across, up = scene.labels
-    ax.set(xlabel=across, ylabel=up)
+    seen = f" (seen along {scene.hidden}; dotted: beside the way)" if scene.hidden else ""
+    ax.set(xlabel=f"{across}{seen}", ylabel=up)
 
 
 def _times(problem: OdeProblem, path: Floats) -> Floats:
@@ -98,21 +90,42 @@ def draw_spread(problem: OdeProblem, controls: Floats, ax: Axes) -> None:
     ax.legend(loc="upper left", fontsize=8)
 
 
-def sheet(problem: OdeProblem, figure: Figure) -> list[Axes]:
-    """Axes for every view on a figure, below each other."""
-    count = max(1, len(VIEWS.get(len(problem.fleet.places), ())))
-    axes: Any = figure.subplots(count, 1, squeeze=False)[:, 0]
-    return list(axes)
+def sheet(
+    problem: OdeProblem, controls: Floats, figure: Figure, width: float, margins: tuple[float, float, float, float]
+) -> list[Axes]:
+    """Axes for every view below each other, in its own proportions, on a figure that is made as high as they need.
+
+    Parameters
+    ----------
+    problem : OdeProblem
+    controls : ndarray, shape (steps, n_u)
+    figure : matplotlib Figure
+    width : float
+        Of the figure, inches.
+    margins : tuple of float
+        Inches at the left, right, below and above; every view has as much below it.
+    """
+    left, right, below, above = margins
+    inner = width - left - right
+    heights = [inner * ratio for ratio in _ratios(problem, controls)]
+    height = above + sum(heights) + len(heights) * below + (len(heights) - 1) * GAP
+    figure.set_size_inches(width, height)
+    made, top = [], above
+    for each in heights:
+        made.append(placed_axes(figure, left, right, height - top - each, top))
+        top += each + below + GAP
+    return made
 
 
-def sheet_size(problem: OdeProblem, controls: Floats) -> tuple[float, float]:
-    """Inches for all views of the map in its own proportions."""
-    views = VIEWS.get(len(problem.fleet.places), ())
-    if not views:
-        return 7.2, 4.2
-    paths = trajectories(problem, controls, problem.fleet.corners)
-    corners = [piece.vertices for _, piece in problem.pieces]
-    corners += [region.vertices for region in problem.regions.values() if region.is_bounded]
-    size = np.ptp(np.concatenate([paths.reshape(-1, paths.shape[2]), *corners]), axis=0)
-    ratios = [float(np.clip(size[j] / max(size[i], 1e-9), 0.3, 1.3)) for i, j in views]
-    return 7.2, 0.9 + sum(5.6 * ratio + 0.4 for ratio in ratios)
+def _ratios(problem: OdeProblem, controls: Floats) -> list[float]:
+    """Heights of all views, in widths."""
+    found = []
+    for scene in scenes(problem, trajectories(problem, controls, problem.fleet.corners)):
+        across, up = np.ptp(np.concatenate([*scene.paths, *_shapes(scene)]), axis=0)
+        found.append(float(np.clip(up / max(across, 1e-9), 0.3, 1.3)) if scene.view else OVER_TIME)
+    return found
+
+
+def _shapes(scene: Scene) -> list[Floats]:
+    """Corners of everything that is drawn."""
+    return [*scene.regions.values(), *(corners for shape in scene.obstacles for corners in shape.pieces)]
