@@ -219,6 +219,7 @@ def report(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="The file [default: report.html beside it].", metavar="FILE")
     ] = None,
+    trust: Trust = False,
 ) -> None:
     """Write a saved plan's report.html again."""
     from ensemble_ctrl.cli.report import report_plan
@@ -253,6 +254,7 @@ def plot(
     format: Annotated[
         str | None, typer.Option("--format", help="png, pdf or svg [default: as FILE ends, or png].", metavar="FORMAT")
     ] = None,
+    trust: Trust = False,
 ) -> None:
     """Draw a saved plan for a paper, a column wide."""
     from ensemble_ctrl.cli.plot import plot_plan
@@ -273,6 +275,7 @@ def animate(
         typer.Option("-o", "--output", help="A .gif or .mp4 [default: animation.gif beside it].", metavar="FILE"),
     ] = None,
     seconds: Annotated[float, typer.Option(help="How long it runs.", metavar="N")] = 6.0,
+    trust: Trust = False,
 ) -> None:
     """Show a saved plan's fleet on its way."""
     from ensemble_ctrl.cli.animate import animate_plan
@@ -401,6 +404,7 @@ def export(
         typer.Option(help="Members whose paths are written [default: csv 0, json 5, rosbag 5].", metavar="N", min=0),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+    trust: Trust = False,
 ) -> None:
     """Write a saved plan for other programs."""
     from ensemble_ctrl.cli.exporting import export_plan

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 WIDTH = 560
 """Width of the map in its own units; the page scales it."""
-MARGIN = (46, 34)
+MARGIN = (46, 40)
 """Room for numbers at the left and below."""
 MEMBERS = 15
 """Members drawn."""
@@ -117,13 +117,13 @@ def _grid(scene: Scene, canvas: Canvas) -> list[str]:
     for value in ticks(float(canvas.low[0]), float(high[0]), 6):
         x = canvas.at(np.array([value, 0.0]))[0]
         parts.append(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{canvas.height:.1f}"/>')
-        parts.append(f'<text class="mid" x="{x:.1f}" y="{canvas.height + 15:.1f}">{value:g}</text>')
+        parts.append(f'<text class="mid" x="{x:.1f}" y="{canvas.height + 16:.1f}">{value:g}</text>')
     for value in ticks(float(canvas.low[1]), float(high[1]), 6):
         y = canvas.at(np.array([0.0, value]))[1]
         parts.append(f'<line class="grid" x1="{MARGIN[0]}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>')
         parts.append(f'<text class="end" x="{MARGIN[0] - 6}" y="{y + 4:.1f}">{value:g}</text>')
     across, up = map(escape, scene.labels)
-    parts.append(f'<text class="mid" x="{(WIDTH + MARGIN[0]) / 2}" y="{canvas.height + 31:.1f}">{across}</text>')
+    parts.append(f'<text class="mid" x="{(WIDTH + MARGIN[0]) / 2}" y="{canvas.height + 34:.1f}">{across}</text>')
     parts.append(f'<text class="mid" transform="translate(12 {canvas.height / 2:.1f}) rotate(-90)">{up}</text>')
     return parts
 

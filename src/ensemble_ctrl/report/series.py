@@ -85,7 +85,7 @@ class Profile:
 
 def distance_label(problem: Problem) -> str:
     """What charts of robustness measure: metres, where a task can speak of nothing but the position."""
-    unit = "m" if problem.fleet.states == problem.fleet.places else "SI units"
+    unit = "m" if problem.fleet.states == problem.fleet.places else "SI"
     return f"distance from failing [{unit}]"
 
 
