@@ -34,6 +34,7 @@ SECTIONS = {
     "stl": "Benchmarks of stlpy, for a fleet",
     "fleets": "Several parameters, uncertain starts, bicycles",
     "moving": "Moving obstacles",
+    "maps": "Maps from other tools",
     "systems": "Other dynamics: replayed, not proven",
     "targets": "Targets of the whole fleet",
     "time": "As soon as possible",
@@ -140,7 +141,8 @@ def page(facts: dict[str, Any]) -> Iterator[str]:
 def entry(path: Path) -> Iterator[str]:
     """One problem: its own words, its task and its picture."""
     task = " ".join(str(ec.load(path).task).split())
-    words = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    words = next(line for line in lines if not line.startswith("# yaml-language-server")).removeprefix("# ")
     yield from ("", f"### {path.stem}", "", words, "", f"`{task}`", "")
     if (PICTURES / f"{path.stem}.png").exists():
         yield f"![{path.stem}](_static/gallery/{path.stem}.png)"

@@ -25,6 +25,8 @@ from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.constraints.polygon import is_convex
 from ensemble_ctrl.errors import ConfigError, ProblemError
+from ensemble_ctrl.planner import solve
+from ensemble_ctrl.replay import replay
 
 NANOMETRE = 1e-9
 FINE = {"resolution": 0.5, "origin": [0.0, 0.0, 0.0]}
@@ -377,3 +379,18 @@ def test_hostile_images_are_refused(tmp_path: Path, case: tuple[str, bytes, str]
     (tmp_path / "map.yaml").write_text(json.dumps({"image": name, **FINE}))
     with pytest.raises(ConfigError, match=message):
         import_map(tmp_path / "map.yaml")
+
+
+# --- planned
+
+
+def test_the_office_is_planned_and_proven() -> None:
+    problem = load(Path(__file__).parents[1] / "configs" / "maps" / "office.yaml")
+    assert 20 <= len(problem.pieces) <= 40
+    found = solve(problem)
+    assert found.status == "planned"
+    assert found.certificate is not None
+    assert found.certificate.proven == "yes"
+    assert found.attempt.value.cost <= 1.1
+    run = replay(problem, found.controls, members=1000, substeps=5)
+    assert not run.violating.any()

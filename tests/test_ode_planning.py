@@ -16,6 +16,7 @@ import ensemble_ctrl as ec
 from ensemble_ctrl.cli.app import invoke
 from ensemble_ctrl.config import dump
 from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.export import export
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.replay import states
 from ensemble_ctrl.report import summary_lines
@@ -122,6 +123,26 @@ def test_the_example_is_at_most_20_lines_and_runs(monkeypatch: pytest.MonkeyPatc
     assert plan.replayed is not None
     assert plan.replayed.satisfied == 1.0
     sys.modules.pop("own_system")
+
+
+def test_what_needs_a_proof_or_arcs_says_so_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["widest", str(MASSES), "-q"]) == 2
+    assert "no proof covers the double_integrator" in capsys.readouterr().err
+    assert invoke(["compare", str(MASSES), "-q"]) == 2
+    assert "compare: expected robots on arcs" in capsys.readouterr().err
+    problem = ec.load(MASSES)
+    with pytest.raises(ec.UnsupportedError, match="expected csv or json"):
+        export(problem, np.zeros((40, 2)), None, "geojson")
+
+
+def test_states_of_members_are_exported() -> None:
+    problem, controls = ec.load(MASSES), np.ones((40, 2))
+    header, *rows = (export(problem, controls, None, "csv", members=2) or "").splitlines()
+    assert header.endswith("x (mass=1.2),y (mass=1.2),vx (mass=1.2),vy (mass=1.2)")
+    found = states(problem, controls, problem.fleet.corners)
+    np.testing.assert_allclose([float(x) for x in rows[-1].split(",")[3:]], found[:, -1].ravel(), rtol=1e-12)
+    data = json.loads(export(problem, controls, None, "json", members=1) or "")
+    assert set(data["members"][0]) == {"parameters", "x", "y", "vx", "vy"}
 
 
 def test_files_and_problems_are_the_same() -> None:

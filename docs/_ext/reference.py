@@ -16,6 +16,7 @@ from ensemble_ctrl.config.clouds import Cloud
 from ensemble_ctrl.config.fields import Model
 from ensemble_ctrl.config.laws import LawSection, Measured, MixturePart, PartSection
 from ensemble_ctrl.config.motions import MotionSection, Velocity
+from ensemble_ctrl.config.online import OnlineSection
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal
@@ -56,7 +57,12 @@ Row = tuple[str, Any, str, str]
 def write_reference(folder: Path) -> None:
     """Write every generated page into `folder`."""
     folder.mkdir(exist_ok=True)
-    pages = {"fields.md": field_table(), "areas.md": area_table(), "commands.md": command_help()}
+    pages = {
+        "fields.md": field_table(),
+        "areas.md": area_table(),
+        "loops.md": loop_table(),
+        "commands.md": command_help(),
+    }
     for name, lines in pages.items():
         (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -66,6 +72,11 @@ def field_table() -> Iterator[str]:
     yield from _table("field", fields(ProblemFile))
     yield from ("", "### A law", "", "The fields of each of `fleet.parameters`:", "")
     yield from _table("field", fields(LawSection))
+
+
+def loop_table() -> Iterator[str]:
+    """Every field of the section about loops."""
+    yield from _table("field", fields(OnlineSection, "online."))
 
 
 def area_table() -> Iterator[str]:
@@ -87,7 +98,9 @@ def fields(model: type[Model], prefix: str = "") -> Iterator[Row]:
     said = meanings(model)
     for name, info in model.model_fields.items():
         path, kind = f"{prefix}{name}", _plain(info.annotation)
-        if isinstance(kind, type) and issubclass(kind, PartSection):
+        if name == "online":
+            yield path, "a section", "none", said[name]
+        elif isinstance(kind, type) and issubclass(kind, PartSection):
             yield path, "a law", "the same for all", said[name]
         elif isinstance(kind, type) and issubclass(kind, Model):
             yield from fields(kind, f"{path}.")
@@ -105,6 +118,8 @@ def unit(annotation: Any) -> str:
         return "[area](#areas)"
     if annotation == "a law":
         return "[law](laws.md)"
+    if annotation == "a section":
+        return "[section](online.md)"
     required = _required(annotation)
     for known, text in UNITS:
         if known in (annotation, required):

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ensemble_ctrl.api import Plan, plan
+from ensemble_ctrl.errors import UnsupportedError
 from ensemble_ctrl.planner import Progress
-from ensemble_ctrl.problem import Guarantee, Method, Problem
+from ensemble_ctrl.problem import Guarantee, Method, OdeProblem, Problem
 
 VARIANTS: dict[str, tuple[Guarantee, Method]] = {
     "moment": ("moment", "nlp"),
@@ -60,10 +61,17 @@ def compare(
 ) -> tuple[Compared, ...]:
     """Plan `problem` once in each of the `VARIANTS` named, without certified tightening, and replay the plans.
 
+    Raises
+    ------
+    UnsupportedError
+        For a fleet that follows a differential equation: half of the variants are not for it.
+
     Notes
     -----
     Nothing is tightened after the first solution, so that each row shows what its constraints alone give.
     """
+    if isinstance(problem, OdeProblem):
+        raise UnsupportedError(f"compare: expected robots on arcs, got the {problem.fleet.system.name}")
     return tuple(_compared(problem, name, progress) for name in variants)
 
 

@@ -67,9 +67,9 @@ class Duty:
         """How far it leaves a straight line between successive times, shape (times - 1,), metres."""
         return np.zeros(len(times) - 1) if self.motion is None else self.motion.bend(times[:-1], times[1:])
 
-    def steps(self, steps: int, duration: float) -> NDArray[np.bool_]:
-        """Which of `steps` equal steps overlap the window, shape (steps,)."""
-        edges = np.linspace(0.0, duration, steps + 1)
+    def steps(self, steps: int, duration: float, begin: float = 0.0) -> NDArray[np.bool_]:
+        """Which of `steps` equal steps from time `begin` on overlap the window, shape (steps,)."""
+        edges = np.linspace(begin, begin + duration, steps + 1)
         slack = 1e-9 * duration
         overlap = (edges[:-1] < self.end - slack) & (edges[1:] > self.begin + slack)
         if self.begin == self.end:

@@ -239,7 +239,7 @@ def solve(
 def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> Solution:
     """The search for fleets that follow a differential equation (`ensemble_ctrl.ocp.shooting`).
 
-    Each guess is solved for the middle member; the best is solved for the whole fleet.
+    Each guess is solved for the middle member; the best is solved for the whole fleet, the next best where that fails.
     """
     search.tell("guess")
     steps = problem.steps
@@ -258,12 +258,17 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
     else:
         controls = given(problem, guess, steps)
         found = [shooting.given(problem, controls if len(controls) == steps else _refined(controls, steps))]
-    which = min(range(len(found)), key=lambda k: shooting.rank(found[k][0]))
-    attempt, states = found[which]
+    ranked = sorted(range(len(found)), key=lambda k: shooting.rank(found[k][0]))
+    which, attempt = ranked[0], found[ranked[0]][0]
     work_done = [one for one, _ in found]
-    if not search.over():
-        attempt = shooting.second(problem, attempt.controls, states, search, search.watch("solve"))
-        work_done.append(attempt)
+    for k in ranked[:FINALISTS]:
+        if search.over() or (k != ranked[0] and attempt.value.keeps(0.0)):
+            break
+        middle, states = found[k]
+        tried_one = shooting.second(problem, middle.controls, states, search, search.watch("solve"))
+        work_done.append(tried_one)
+        if k == ranked[0] or shooting.rank(tried_one) < shooting.rank(attempt):
+            which, attempt = k, tried_one
     seconds["solve"] = time.perf_counter() - search.began - seconds["guess"]
     certificate = certify(problem, attempt.controls) if problem.verify.certificate else None
     return Solution(

@@ -19,7 +19,7 @@ from .conftest import Command
 from .tools import SMALL, environment
 
 NAMES = ["run", "check", "show", "report", "plot", "animate", "verify", "compare", "widest"]
-NAMES += ["import", "export", "models", "examples", "init", "schema", "doctor"]
+NAMES += ["import", "export", "online", "models", "examples", "init", "schema", "doctor"]
 
 
 def loaded(err: str) -> set[str]:

@@ -7,7 +7,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from ensemble_ctrl import DoubleIntegrator, Interval, Obstacle, OdeFleet, OdeProblem, Polyhedron, ProblemError, Solid
+from ensemble_ctrl import (
+    DoubleIntegrator,
+    Interval,
+    Obstacle,
+    OdeFleet,
+    OdeProblem,
+    Polyhedron,
+    ProblemError,
+    Solid,
+    SolveOptions,
+)
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.duties import Duty
 from ensemble_ctrl.ocp.shooting.evaluate import evaluate
@@ -15,7 +25,7 @@ from ensemble_ctrl.ocp.shooting.guess import guesses
 from ensemble_ctrl.ocp.shooting.planes import separate
 from ensemble_ctrl.ocp.shooting.search import Stage, nominal, whole
 from ensemble_ctrl.ocp.shooting.transcription import transcribe
-from ensemble_ctrl.ocp.shooting.ways import resampled, way
+from ensemble_ctrl.ocp.shooting.ways import resampled, way, ways
 from ensemble_ctrl.replay import replay
 
 Floats = NDArray[np.float64]
@@ -85,8 +95,18 @@ def test_a_way_without_obstacles_is_straight_and_one_that_is_walled_in_too() -> 
     assert len(way(np.zeros(2), np.array([3.0, 0.0]), walls, 0.1)) == 2
 
 
+def test_other_ways_pass_the_obstacle_on_another_side() -> None:
+    above, below = sorted(ways(np.zeros(2), np.array([4.0, 0.0]), [BLOCK], 0.1, 2), key=lambda c: -c[:, 1].max())
+    middle = [float(np.interp(2.0, corners[:, 0], corners[:, 1])) for corners in (above, below)]
+    assert middle[0] > 0.4
+    assert middle[1] < -1.0
+    assert len(ways(np.zeros(2), np.ones(2), [], 0.1, 3)) == 1
+    names = [guess.name for guess in guesses(problem().with_(solve=SolveOptions(routes=2)), 20)]
+    assert names == ["goal", "goal 2"]
+
+
 def test_the_guess_goes_round_the_block_and_has_its_velocity() -> None:
-    (guess,) = guesses(problem(), 20)
+    guess = guesses(problem(), 20)[0]
     states = guess.iterate.states[..., 0]
     assert (BLOCK.distance(states[:, :2]) > 0.1).all()
     np.testing.assert_allclose(np.gradient(states[:, 0], 0.3)[2:-2], states[2:-2, 2], atol=1e-9)
@@ -96,7 +116,7 @@ def test_the_guess_goes_round_the_block_and_has_its_velocity() -> None:
 @pytest.mark.parametrize("guarantee", ["nodes", "hull"])
 def test_simulated_states_keep_the_programs_dynamics(guarantee: str) -> None:
     """The defects of a simulation vanish, and those of another state do not."""
-    given = problem().with_(solve=problem().solve.__class__(guarantee=guarantee))  # type: ignore[arg-type]
+    given = problem().with_(solve=SolveOptions(guarantee=guarantee))  # type: ignore[arg-type]
     controls = np.random.default_rng(0).uniform(-1, 1, (20, 2))
     stage = Stage(given, whole(given), 1)
     iterate = stage.simulated(controls)

@@ -137,7 +137,9 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
     some = {id(chance.part): chance for chance in chances(problem)}
     parts = tuple(
-        _share(problem, controls, laws, some[id(part)]) if id(part) in some else _part(problem, controls, laws, part)
+        _share(problem, controls, laws, some[id(part)])
+        if id(part) in some
+        else part_bound(problem, controls, laws, part)
         for part in other_parts(problem)
     )
     found = _counter_example(clearances, parts)
@@ -212,19 +214,27 @@ def _dynamics(problem: Problem) -> Sequence[object]:
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     """The worst piece of one duty."""
     steps = np.flatnonzero(duty.steps(prover.flow.steps, problem.duration))
-    found = [prover.bound(duty.name, piece, steps, duty.radius, duty.motion) for piece in duty.pieces]
+    found: list[Bound] = []
+    for piece in sorted(duty.pieces, key=lambda piece: prover.nearness(piece, steps, duty.motion)):
+        enough = min((b.sampled for b in found), default=np.inf)
+        found.append(prover.bound(duty.name, piece, steps, duty.radius, duty.motion, enough=enough))
     worst = min(found, key=lambda b: b.sampled)
     return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 
 
-def _part(problem: Problem, controls: Floats, laws: dict[str, Law], part: Formula) -> TaskBound:
-    """The bound of one part of the task; on finer time where the bulges between grid times stand in the way."""
+def part_bound(
+    problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula, wanted: float = 0.0, cells: int = 0
+) -> TaskBound:
+    """The bound of one part of the task; on finer time where the bulges between grid times stand in the way.
+
+    `wanted` is the robustness in metres that would do, `cells` as for `bound_task`.
+    """
     formula = grounded(problem, part)
     first = alignment(resolve(formula, problem.duration), problem.duration / len(controls))
     for split in (first * more for more in SPLITS):
         flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)
-        bound = bound_task(flow, formula, weighed(problem, laws))
-        if bound.proven >= 0 or bound.sampled < 0:
+        bound = bound_task(flow, formula, weighed(problem, laws), cells)
+        if bound.proven >= wanted or bound.sampled < wanted:
             break
     return replace(bound, part=str(part))
 
@@ -235,7 +245,7 @@ def _share(problem: Problem, controls: Floats, laws: dict[str, Law], chance: Cha
     for box, mass in boxes(problem, controls, weighed(problem, laws), chance):
         prover = Prover(Flow.of(problem, controls, box), problem.fleet.names)
         bounds = [_clearance(prover, problem, duty).proven for duty in chance.duties]
-        bounds += [_part(problem, controls, box, part).proven for part in chance.others]
+        bounds += [part_bound(problem, controls, box, part).proven for part in chance.others]
         found = TaskBound(str(chance.part), min(bounds), np.inf, {}, share=mass)
         if best is None or found.proven > best.proven:
             best = found
@@ -243,7 +253,7 @@ def _share(problem: Problem, controls: Floats, laws: dict[str, Law], chance: Cha
             break
     if best is not None and best.proven >= 0:
         return best
-    found = _part(problem, controls, laws, chance.part)  # members that need not be side by side
+    found = part_bound(problem, controls, laws, chance.part)  # members that need not be side by side
     if best is not None and best.proven >= found.proven:
         return best
     return replace(found, share=chance.part.p) if found.proven >= 0 else found

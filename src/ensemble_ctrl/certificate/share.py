@@ -7,7 +7,7 @@ the share.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -140,8 +140,8 @@ def _peeled(fleet: Fleet, axes: list[Floats], good: Bools) -> tuple[tuple[int, i
         box[k] = (first + 1, last) if low else (first, last - 1)
 
 
-def weighed(problem: Problem, laws: dict[str, Law]) -> Fleet:
+def weighed(problem: Problem, laws: Mapping[str, Law]) -> Fleet:
     """The fleet with the laws that a certificate is about; a cloud stands for its own laws only."""
     fleet = problem.fleet
     same = all(laws[name] is law for name, law in fleet.parameters.items())
-    return fleet if same else replace(fleet, parameters=laws, cloud=None)
+    return fleet if same else replace(fleet, parameters=dict(laws), cloud=None)

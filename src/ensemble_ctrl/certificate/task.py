@@ -177,8 +177,10 @@ class CellOps(ExactOps):
         return np.asarray(np.take_along_axis(np.take_along_axis(value, order, axis=0), last[None], axis=0))
 
 
-def bound_task(flow: Flow, formula: Formula, fleet: Fleet) -> TaskBound:
+def bound_task(flow: Flow, formula: Formula, fleet: Fleet, cells: int = 0) -> TaskBound:
     """Bound the robustness of a ground formula for every member of a fleet whose flow this is.
+
+    `cells` of each parameter are looked at to begin with; 0 for `CELLS`.
 
     Notes
     -----
@@ -189,15 +191,19 @@ def bound_task(flow: Flow, formula: Formula, fleet: Fleet) -> TaskBound:
     if below is None or reach(below, flow.step) > flow.steps:
         return TaskBound(str(formula), -np.inf, np.inf, {}, covered=False)
     shifts: NDArray[np.bool_] = np.asarray(~flow.directions[:, :3].any(axis=1))
-    found = _refined(flow, (below, above), fleet, shifts)
+    found = _refined(flow, (below, above), fleet, shifts, cells)
     if shifts.any() and found.proven < 0 <= found.sampled:
-        again = _refined(flow, (below, above), fleet, np.zeros_like(shifts))
+        again = _refined(flow, (below, above), fleet, np.zeros_like(shifts), cells)
         found = again if again.proven > found.proven else found
     return replace(found, part=str(formula))
 
 
 def _refined(
-    flow: Flow, pair: tuple[Formula, Formula | None], fleet: Fleet, whole_sides: NDArray[np.bool_]
+    flow: Flow,
+    pair: tuple[Formula, Formula | None],
+    fleet: Fleet,
+    whole_sides: NDArray[np.bool_],
+    cells: int,
 ) -> TaskBound:
     """The bound by cells that are halved until each meets its centre's value; never along `whole_sides`.
 
@@ -205,7 +211,8 @@ def _refined(
     """
     formula, above = pair
     count = int((~whole_sides).sum())
-    centres, half = first_cells(flow.lower, flow.upper, np.where(whole_sides, 1, CELLS.get(count, 2)))
+    each = cells or CELLS.get(count, 2)
+    centres, half = first_cells(flow.lower, flow.upper, np.where(whole_sides, 1, each))
     fleet_wide, names = reads_fleet(formula), fleet.names
     even = fleet.cloud is None and all(isinstance(law, Interval) for law in fleet.parameters.values())
     proven, sampled, target, total = np.inf, np.inf, np.inf, 0

@@ -160,8 +160,8 @@ def run(
         quiet=quiet,
         verbose=verbose,
         plots=not no_plots,
-        suggest=not no_suggest,
         animation=animation,
+        suggest=not no_suggest,
         overwrite=overwrite,
         command=(NAME, *context.obj),
     )
@@ -229,8 +229,8 @@ def report(
 @app.command(
     epilog=_examples(
         "ensemble-plan plot plans/problem",
-        "ensemble-plan plot plans/problem trajectories -o map.pdf",
-        "ensemble-plan plot plans/problem clearance moments --format svg",
+        "ensemble-plan plot plans/problem trajectories -o fleet.pdf",
+        "ensemble-plan plot plans/problem controls moments --format svg",
     )
 )
 def plot(
@@ -263,7 +263,7 @@ def plot(
 @app.command(
     epilog=_examples(
         "ensemble-plan animate plans/problem",
-        "ensemble-plan animate plans/problem -o problem.mp4 --seconds 10",
+        "ensemble-plan animate plans/problem -o fleet.mp4 --seconds 10",
     )
 )
 def animate(
@@ -406,6 +406,35 @@ def export(
     from ensemble_ctrl.cli.exporting import export_plan
 
     export_plan(plan, form, output, members, overwrite)
+
+
+@app.command(
+    epilog=_examples(
+        "ensemble-plan online problem.yaml",
+        "ensemble-plan online problem.yaml --traction 0.93 --seed 7",
+        "ensemble-plan online problem.yaml --set online.deadline=0.1s --json",
+    )
+)
+def online(
+    config: Config,
+    output: Output = None,
+    overrides: Overrides = None,
+    traction: Annotated[
+        float | None, typer.Option(help="The robot's true traction (online.robot.traction).", metavar="X", min=1e-3)
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the robot's noise (online.robot.seed).", metavar="N", min=0)
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Measure, learn, plan again, apply, on a simulated robot."""
+    from ensemble_ctrl.cli.online import OnlineRun, run_online
+
+    given = OnlineRun(config, output, tuple(overrides or ()), traction, seed, json, quiet, not no_plots, overwrite)
+    raise typer.Exit(run_online(given))
 
 
 @app.command()

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from ensemble_ctrl.ocp.solvers import Iteration
 
 
+KEPT = "stopping after this iteration; the best plan so far is kept"
+"""What the first signal does, of a plan."""
+
+
 class Progress:
     """Says what is going on; as a callable it is the planner's `progress` and returns whether to stop.
 
@@ -91,7 +95,7 @@ class Progress:
 
 
 @contextmanager
-def stoppable(progress: Progress, abandon: Callable[[], None]) -> Iterator[None]:
+def stoppable(progress: Progress, abandon: Callable[[], None], promise: str = KEPT) -> Iterator[None]:
     """Within: the first Ctrl-C or SIGTERM asks to stop and keep the best plan; the second ends at once.
 
     Parameters
@@ -100,6 +104,8 @@ def stoppable(progress: Progress, abandon: Callable[[], None]) -> Iterator[None]
         Where the wish to stop is kept.
     abandon : callable
         Called before the process ends at once.
+    promise : str
+        What is said of the first signal.
     """
 
     def handle(number: int, frame: FrameType | None) -> None:
@@ -107,7 +113,7 @@ def stoppable(progress: Progress, abandon: Callable[[], None]) -> Iterator[None]
             abandon()
             os._exit(128 + number)
         progress.stop_signal = number
-        progress.note("stopping after this iteration; the best plan so far is kept (again to stop at once)")
+        progress.note(f"{promise} (again to stop at once)")
 
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread is sent signals

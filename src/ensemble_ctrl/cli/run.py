@@ -37,8 +37,8 @@ class RunOptions:
     quiet: bool = False
     verbose: bool = False
     plots: bool = True
-    suggest: bool = True
     animation: str | None = None
+    suggest: bool = True
     overwrite: bool = False
     command: tuple[str, ...] = ()
 

@@ -24,6 +24,7 @@ from ensemble_ctrl.config.tree import TextError, Tree
 from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.errors import ConfigError, ProblemError
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.receding.settings import OnlineSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +38,14 @@ class Loaded:
         In file order; each prints as a warning with line and caret.
     text : str
         The file's text, as it was read.
+    online : OnlineSettings or None
+        Its section ``online``, which is about a loop and no part of the problem.
     """
 
     problem: Problem
     warnings: tuple[Diagnostic, ...]
     text: str
+    online: OnlineSettings | None = None
 
     @property
     def data(self) -> dict[str, Any]:
@@ -114,12 +118,12 @@ def _read(text: Text, overrides: Iterable[str], trust: bool = False) -> Loaded:
             [locate(Finding((), f"expected a problem with fleet, horizon and task, got {show(data)}"))],
             text.name,
         )
-    problem = _problem(text, data, locate, trust)
+    problem, online = _problem(text, data, locate, trust)
     warnings = [locate(finding) for finding in findings(problem)]
-    return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content)
+    return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content, online)
 
 
-def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> Problem:
+def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> tuple[Problem, OnlineSettings | None]:
     """Validate and build, collecting every error."""
     found = locate.repeated()
     kind: type[ProblemFile] = ProblemFile
@@ -140,7 +144,7 @@ def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> 
         found += [locate(finding) for finding in error.findings or [Finding((), str(error))]]
     if found:
         _refuse(sorted(found, key=locate.order), text.name)
-    return problem
+    return problem, None if file.online is None else file.online.settings()
 
 
 def _tree(text: Text) -> Tree:

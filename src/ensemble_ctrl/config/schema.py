@@ -13,6 +13,7 @@ from ensemble_ctrl.config.clouds import Cloud, read_cloud
 from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.laws import LawSection, OffsetSection, TurnSection
 from ensemble_ctrl.config.motions import MotionSection
+from ensemble_ctrl.config.online import OnlineSection
 from ensemble_ctrl.config.samples import Columns
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal as TerminalTarget
@@ -269,3 +270,5 @@ class ProblemFile(Model):
     """How to check a plan."""
     report: ReportSection = ReportSection()
     """What figures and summary show."""
+    online: OnlineSection | None = None
+    """How a loop runs, and the robot that it is tried on, for `ensemble-plan online`."""

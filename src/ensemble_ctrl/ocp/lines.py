@@ -86,6 +86,8 @@ def separate(
     duration: float,
     shift: Floats | None = None,
     parts: tuple[Floats, ...] | None = None,
+    begin: float = 0.0,
+    within: float = np.inf,
 ) -> Lines:
     """Best separating lines for every step, points at both its ends together.
 
@@ -101,6 +103,10 @@ def separate(
         Half the sides of a box of start positions, metres: it lies around every point.
     parts : tuple of ndarray, optional
         For each cell of the fleet the matrix from the points to its own; one cell if not given.
+    begin : float
+        Time of the first point, seconds.
+    within : float
+        Pairs whose bounding boxes are further apart, in metres, are left out, as if they were not active.
     """
     shift = np.zeros(2) if shift is None else shift
     parts = (np.eye(points.shape[1]),) if parts is None else parts
@@ -109,18 +115,18 @@ def separate(
     if not pieces:
         none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
         return Lines(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), pairs, none, pairs, none)
-    times = np.linspace(0.0, duration, steps + 1)
+    times = np.linspace(begin, begin + duration, steps + 1)
     moved = np.tile([duty.offsets(times) for _, duty in pieces], (len(parts), 1, 1))
     bends = np.tile([duty.bends(times) for _, duty in pieces], (len(parts), 1))
     found = [
-        _best(_both_ends(part @ points - duty.offsets(times)[:, None]), piece.vertices, shift)
+        _near_best(_both_ends(part @ points - duty.offsets(times)[:, None]), piece.vertices, shift, within)
         for part in parts
         for piece, duty in pieces
     ]
     normal, support, gap = (np.stack(column) for column in zip(*found, strict=True))
     drift = np.stack([np.einsum("otd,otd->ot", normal, end) for end in (moved[:, :-1], moved[:, 1:])], axis=-1)
     radius = np.tile([duty.radius for _, duty in pieces], len(parts))
-    active = np.tile([duty.steps(steps, duration) for _, duty in pieces], (len(parts), 1))
+    active = np.tile([duty.steps(steps, duration, begin) for _, duty in pieces], (len(parts), 1)) & (gap < np.inf)
     gap = np.where(active, gap - bends - radius[:, None], np.inf)
     cell = np.repeat(np.arange(len(parts)), len(pieces))
     return Lines(parts, cell, radius, active, normal, support + bends, drift, gap)
@@ -129,6 +135,18 @@ def separate(
 def _both_ends(points: Floats) -> Floats:
     """The points at both ends of each step together, shape (steps, 2 * points, 2)."""
     return np.concatenate([points[:-1], points[1:]], axis=1)
+
+
+def _near_best(points: Floats, vertices: Floats, shift: Floats, within: float) -> tuple[Floats, Floats, Floats]:
+    """The same as `_best` where bounding boxes are close; elsewhere an infinite gap."""
+    low, high = points.min(axis=1) - vertices.max(axis=0), vertices.min(axis=0) - points.max(axis=1)
+    near = np.maximum(low, high).max(axis=1) <= within
+    if near.all():
+        return _best(points, vertices, shift)
+    normal, support, gap = np.zeros((len(points), 2)), np.zeros(len(points)), np.full(len(points), np.inf)
+    if near.any():
+        normal[near], support[near], gap[near] = _best(points[near], vertices, shift)
+    return normal, support, gap
 
 
 def _best(points: Floats, vertices: Floats, shift: Floats) -> tuple[Floats, Floats, Floats]:

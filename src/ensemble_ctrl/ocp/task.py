@@ -154,13 +154,14 @@ class PointSignals:
 class LevelOps(Ops):
     """Minimum by union of terms, maximum by a new level; `maxima` lists the rows to add.
 
-    Of the parts of a maximum only those are kept that come within `BAND` of the largest at the guess: the others would
-    add nothing to a log-sum-exp of this sharpness, and leaving parts out only lowers it.
+    Of the parts of a maximum only those are kept that come within `band` metres of the largest at the guess: the others
+    would add nothing to a log-sum-exp of this sharpness, and leaving parts out only lowers it.
     """
 
-    def __init__(self, layout: Places, guess: GuessValues) -> None:
+    def __init__(self, layout: Places, guess: GuessValues, band: float = BAND) -> None:
         self.layout = layout
         self.guess = guess
+        self.band = band
         self.maxima: list[tuple[list[int], int]] = []
         self.below: list[tuple[int, Minimum]] = []
         self._levels: dict[Minimum, int] = {}
@@ -173,6 +174,10 @@ class LevelOps(Ops):
         """Entrywise a level under the parts' levels."""
         stacked = list(values)
         return _matrix([self._maximum([v[0, t] for v in stacked]) for t in range(stacked[0].shape[1])])
+
+    def known(self, value: float, members: int, times: int) -> Values:
+        """A row without a slope."""
+        return _matrix([(Row(0, (0, 1), (0.0, 0.0), value, "all"),)] * times)
 
     def times(self, columns: Sequence[Values]) -> Values:
         """Join in time."""
@@ -189,7 +194,7 @@ class LevelOps(Ops):
     def _maximum(self, parts: list[Minimum]) -> Minimum:
         """A new level at or below the smooth maximum of the parts."""
         values = [self.guess.of(part) for part in parts]
-        parts = [part for part, value in zip(parts, values, strict=True) if value >= max(values) - BAND]
+        parts = [part for part, value in zip(parts, values, strict=True) if value >= max(values) - self.band]
         if len(parts) == 1:
             return parts[0]
         level = self.layout.level()
@@ -259,8 +264,7 @@ def task_rows(
     guess = GuessValues(curve, readings)
     signals = PointSignals(layout.steps, step, tuple(shift.tolist()), states=states)
     ops = LevelOps(layout, guess)
-    read = [(part, signals) for part in parts] + [(part, replace(signals, of="some")) for part in fewer]
-    whole: Minimum = sum((robustness(part, own, ops) for part, own in read), ())
+    whole = minimum_of(parts, ops, signals) + minimum_of(fewer, ops, replace(signals, of="some"))
     if whole:
         ops.below.append((level, whole))
         guess.note(level, [guess.of(whole)])
@@ -277,6 +281,11 @@ def task_rows(
         *_order_blocks(order),
     ]
     return TaskRows(blocks, guess.levels)
+
+
+def minimum_of(parts: Sequence[Formula], ops: LevelOps, signals: PointSignals) -> Minimum:
+    """The value of a conjunction of ground formulas."""
+    return sum((robustness(part, signals, ops) for part in parts), ())
 
 
 def _matrix(entries: Sequence[Minimum]) -> Values:

@@ -13,8 +13,9 @@ from ensemble_ctrl.constraints.stl.formula import (
     Share,
     Until,
 )
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Predicate
 from ensemble_ctrl.constraints.stl.operations import Backend, ExactOps, NumpyBackend, Ops, SmoothOps
+from ensemble_ctrl.constraints.stl.progression import progressed, settled
 from ensemble_ctrl.constraints.stl.rewrite import (
     conjuncts,
     ground,
@@ -38,6 +39,7 @@ __all__ = [
     "Formula",
     "FormulaError",
     "Inside",
+    "Known",
     "Mean",
     "Not",
     "NumpyBackend",
@@ -61,7 +63,9 @@ __all__ = [
     "name_errors",
     "negation_normal_form",
     "parse",
+    "progressed",
     "reads_fleet",
     "resolve",
     "robustness",
+    "settled",
 ]

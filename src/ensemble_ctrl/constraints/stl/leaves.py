@@ -72,6 +72,27 @@ class Predicate(Formula):
 
 
 @dataclass(frozen=True, slots=True)
+class Known(Formula):
+    """A robustness that is known already; only progression along a measured past makes it.
+
+    Parameters
+    ----------
+    value : float
+        In the unit of the predicates, metres for places; not NaN.
+    """
+
+    value: float
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.value):
+            raise ProblemError("Known: expected a number, got nan")
+        object.__setattr__(self, "depth", 1)
+
+    def __str__(self) -> str:
+        return f"known({number(self.value)})"
+
+
+@dataclass(frozen=True, slots=True)
 class _Place(Formula):
     """A leaf about a named part of the map."""
 

@@ -46,6 +46,10 @@ class Ops(ABC):
     def ranked(self, value: Value, share: Share) -> Value:
         """For each time the value that a share of the members reaches: shape (1, times)."""
 
+    def known(self, value: float, members: int, times: int) -> Value:
+        """One number for all members and times."""
+        return np.full((members, times), value)
+
     def worst_member(self, value: Value) -> Value:
         """Smallest value over the members: shape (1, times)."""
         return self.all_of(value[i : i + 1, :] for i in range(value.shape[0]))

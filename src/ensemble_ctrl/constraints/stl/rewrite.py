@@ -21,7 +21,7 @@ from ensemble_ctrl.constraints.stl.formula import (
     Share,
     Until,
 )
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Predicate
 from ensemble_ctrl.errors import ProblemError
 
 ALL_OBSTACLES = "obstacles"
@@ -101,6 +101,8 @@ def negation_normal_form(formula: Formula, negate: bool = False) -> Formula:
             return formula.negated() if negate else formula
         case Inside() | Avoid():
             return Not(formula) if negate else formula
+        case Known(value=value):
+            return Known(-value) if negate else formula
     parts = tuple(negation_normal_form(part, negate) for part in formula.parts)
     return _dual(formula, parts) if negate else rebuilt(formula, parts)
 

@@ -21,7 +21,7 @@ from ensemble_ctrl.constraints.stl.formula import (
     Share,
     Until,
 )
-from ensemble_ctrl.constraints.stl.leaves import Predicate
+from ensemble_ctrl.constraints.stl.leaves import Known, Predicate
 from ensemble_ctrl.constraints.stl.operations import Ops, Value
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, resolve
 from ensemble_ctrl.constraints.stl.signals import Signals, StateSignals
@@ -110,6 +110,8 @@ def _walk(formula: Formula, signals: Signals, ops: Ops, first: int, last: int) -
     match formula:
         case Predicate():
             return signals.leaf(formula, first, last)
+        case Known(value=value):
+            return ops.known(value, signals.members, last - first + 1)
         case And(children=children):
             return ops.all_of(_walk(child, signals, ops, first, last) for child in children)
         case Or(children=children):

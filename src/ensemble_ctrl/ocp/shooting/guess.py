@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.duties import duties
 from ensemble_ctrl.ocp.shooting.transcription import Iterate
-from ensemble_ctrl.ocp.shooting.ways import resampled, way
+from ensemble_ctrl.ocp.shooting.ways import resampled, ways
 from ensemble_ctrl.ocp.skeleton import Skeleton, skeletons
 from ensemble_ctrl.ode_fleet import OdeFleet
 from ensemble_ctrl.problem import OdeProblem
 
 Floats = NDArray[np.float64]
+
+MOST = 6
+"""Guesses where all routes are asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +47,25 @@ class Guess:
 
 
 def guesses(problem: OdeProblem, steps: int) -> list[Guess]:
-    """One guess for each of the first few ways of doing the task; at least one."""
-    most = 4 if problem.solve.routes == "all" else int(problem.solve.routes)
+    """As many guesses as `solve.routes` says: the ways of doing the task, then other ways round obstacles."""
+    most = MOST if problem.solve.routes == "all" else int(problem.solve.routes)
+    tasks = list(islice(_itineraries(problem), most))
     found: list[Guess] = []
-    for names, stops in islice(_itineraries(problem), most):
-        found.append(_driven(problem, steps, names, stops))
+    routed = [(name, stops, _legs(problem, stops, -(-most // len(tasks)))) for name, stops in tasks]
+    for choice in range(most):
+        for name, stops, legs in routed:
+            if len(found) < most and (choice == 0 or any(choice < len(ways) for ways in legs)):
+                taken = [ways[min(choice, len(ways) - 1)] for ways in legs]
+                found.append(_driven(problem, steps, f"{name} {choice + 1}" if choice else name, stops, taken))
     return found
+
+
+def _legs(problem: OdeProblem, stops: list[Stop], count: int) -> list[list[Floats]]:
+    """Up to `count` ways from each stop to the next."""
+    pieces = [piece for duty in duties(problem) for piece in duty.pieces]
+    keep = max((duty.radius for duty in duties(problem)), default=0.0) + problem.solve.margin
+    places = [problem.fleet.position, *(stop.place for stop in stops)]
+    return [ways(a, b, pieces, keep, count) for a, b in pairwise(places)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,15 +102,9 @@ def _stops(problem: OdeProblem, skeleton: Skeleton, order: Sequence[int]) -> lis
     return stops
 
 
-def _driven(problem: OdeProblem, steps: int, name: str, stops: list[Stop]) -> Guess:
+def _driven(problem: OdeProblem, steps: int, name: str, stops: list[Stop], legs: list[Floats]) -> Guess:
     """The middle member's states along a way through the stops, from rest to rest between them."""
     fleet, times = problem.fleet, np.linspace(0.0, problem.duration, steps + 1)
-    pieces = [piece for duty in duties(problem) for piece in duty.pieces]
-    keep = max((duty.radius for duty in duties(problem)), default=0.0) + problem.solve.margin
-    legs, here = [], fleet.position
-    for stop in stops:
-        legs.append(way(here, stop.place, pieces, keep))
-        here = stop.place
     path = np.tile(fleet.position, (steps + 1, 1))
     whole = sum(float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum()) for leg in legs)
     left, gone = 0.0, 0.0

@@ -15,11 +15,37 @@ Floats = NDArray[np.float64]
 
 CELLS = {2: 60, 3: 36}
 """Cells along the longest side of the map."""
+TRODDEN = 0.15
+"""Share of the map's size around a known way in which another one is slow."""
+TRIES = 3
+"""How often another way is looked for before there is said to be none."""
 SHY = 0.4
 """Metres of clearance up to which a way through a narrow place counts as longer: it keeps to the middle of gaps."""
 
 
-def way(start: Floats, end: Floats, pieces: Sequence[Obstacle], keep: float) -> Floats:
+def ways(start: Floats, end: Floats, pieces: Sequence[Obstacle], keep: float, count: int) -> list[Floats]:
+    """Up to `count` short ways between two places, with an obstacle between each two of them; arguments as of `way`."""
+    found = [way(start, end, pieces, keep)]
+    known = list(found)
+    for _ in range(TRIES * (count - 1) if pieces and len(start) > 1 else 0):
+        other = way(start, end, pieces, keep, tuple(known))
+        known.append(other)
+        if _is_clear(other, pieces, 0.0) and all(_apart(other, one, pieces) for one in found):
+            found.append(other)
+        if len(found) == count:
+            break
+    return found
+
+
+def _apart(first: Floats, second: Floats, pieces: Sequence[Obstacle]) -> bool:
+    """Whether an obstacle lies between two ways with the same ends."""
+    shares = np.linspace(0.0, 1.0, 50)
+    a, b = resampled(first, shares), resampled(second, shares)
+    between = a[:, None] + shares[None, ::5, None] * (b - a)[:, None]
+    return any(bool((piece.distance(between) < 0).any()) for piece in pieces)
+
+
+def way(start: Floats, end: Floats, pieces: Sequence[Obstacle], keep: float, known: tuple[Floats, ...] = ()) -> Floats:
     """A short way between two places.
 
     Parameters
@@ -30,6 +56,8 @@ def way(start: Floats, end: Floats, pieces: Sequence[Obstacle], keep: float) -> 
         What to go around.
     keep : float
         Metres from every piece.
+    known : tuple of ndarray, shapes (corners, d)
+        Ways that it should not follow.
 
     Returns
     -------
@@ -37,11 +65,14 @@ def way(start: Floats, end: Floats, pieces: Sequence[Obstacle], keep: float) -> 
         From `start` to `end`; the straight line where nothing is in its way, or where no way is found.
     """
     straight = np.stack([start, end])
-    if not pieces or len(start) == 1 or _is_clear(straight, pieces, keep):
+    if not pieces or len(start) == 1 or (not known and _is_clear(straight, pieces, keep)):
         return straight
     grid = _grid(start, end, pieces)
     free = np.min([piece.distance(grid) for piece in pieces], axis=0) - keep
-    found = _shortest(grid, free, start, end)
+    slow = 1.0 + 4.0 * np.clip(1.0 - free / SHY, 0.0, 1.0)
+    for other in known:
+        slow = slow + _trodden(grid, other)
+    found = _shortest(grid, free > 0, slow, start, end)
     return straight if found is None else _smoothed(np.concatenate([start[None], found, end[None]]), pieces, keep)
 
 
@@ -69,16 +100,24 @@ def _grid(start: Floats, end: Floats, pieces: Sequence[Obstacle]) -> Floats:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
-def _shortest(grid: Floats, free: Floats, start: Floats, end: Floats) -> Floats | None:
+def _trodden(grid: Floats, way: Floats) -> Floats:
+    """How much slower each cell gets for lying on a way that is known, but near its ends."""
+    middle = resampled(way, np.linspace(0.1, 0.9, 60))
+    near = np.min([np.linalg.norm(grid - point, axis=-1) for point in middle], axis=0)
+    width = TRODDEN * float(np.ptp(grid.reshape(-1, grid.shape[-1]), axis=0).max())
+    return np.asarray(6.0 * np.clip(1.0 - near / width, 0.0, 1.0))
+
+
+def _shortest(grid: Floats, free: NDArray[np.bool_], slow: Floats, start: Floats, end: Floats) -> Floats | None:
     """Centres of the cells on a shortest way between the free cells nearest to both ends; None without one."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import dijkstra
 
     shape, d = free.shape, grid.shape[-1]
-    index, centres, usable = np.arange(free.size).reshape(shape), grid.reshape(-1, d), (free > 0).ravel()
+    index, centres, usable = np.arange(free.size).reshape(shape), grid.reshape(-1, d), free.ravel()
     if not usable.any():
         return None
-    slow = 1.0 + 4.0 * np.clip(1.0 - free.ravel() / SHY, 0.0, 1.0)
+    slow = slow.ravel()
     rows, columns, costs = [], [], []
     for move in product((-1, 0, 1), repeat=d):
         if move <= (0,) * d:

@@ -18,6 +18,7 @@ def panels(ax: Axes, count: int) -> list[Axes]:
     made = [ax.inset_axes((0.0, 1.0 - (k + 1) * height - k * GAP, 1.0, height)) for k in range(count)]
     for panel in made:
         panel.grid(alpha=0.3)
+        panel.set_title("", y=1.0)  # a title with a place of its own is not searched for one, which takes long
     for panel in made[:-1]:
         panel.tick_params(labelbottom=False)
     return made

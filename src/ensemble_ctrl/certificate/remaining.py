@@ -1,0 +1,119 @@
+r"""Proof that the rest of a plan is good for a robot of which a set of states is known.
+
+The set holds all poses within `away` metres and `turn` radians of one pose, with parameters in their ranges.  A robot
+that starts with another heading drives the same way, turned about its start: it is never further than
+
+.. math:: r(t) = \mathrm{away} + 2 \sin(\mathrm{turn} / 2)\, \lvert p(t) - p(0) \rvert
+
+from the robot with the same parameters that starts at the middle pose.  So the proof is that of `certify` for a fleet
+without start parameters whose members grow by ``r`` with time; a predicate, being a distance, falls by no more.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.certify import part_bound
+from ensemble_ctrl.certificate.clearance import Prover
+from ensemble_ctrl.certificate.enclosure import UNIT, Flow
+from ensemble_ctrl.constraints.stl import Known
+from ensemble_ctrl.duties import duties, other_parts
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+SPARE = 2e-3
+"""Metres beyond which a proven clearance isn't sharpened."""
+
+CELLS = 4
+"""Cells of each parameter to begin with."""
+
+
+@dataclass(frozen=True)
+class SetCertificate:
+    """What is proven of the rest of a plan.
+
+    Attributes
+    ----------
+    proven : bool
+        Whether every robot of the set does the rest of the task.
+    clearance, robustness : float
+        Proven lower bounds in metres, infinite without duties or without other parts.
+    worst : str
+        The obstacle or the part that decides.
+    seconds : float
+        What it took.
+    """
+
+    proven: bool
+    clearance: float
+    robustness: float
+    worst: str
+    seconds: float
+
+    @property
+    def least(self) -> float:
+        """The smaller of both bounds, metres."""
+        return min(self.clearance, self.robustness)
+
+
+def certify_set(
+    problem: Problem, controls: Floats, away: float, turn: float, more: Floats | None = None
+) -> SetCertificate:
+    """Prove `controls` for a set of states.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is left: its fleet starts at the middle pose, and its parameters bend trajectories; its time is 0 now.
+    controls : ndarray, shape (steps, n_u)
+        Commands of what is left.
+    away, turn : float
+        Metres and radians.
+    more : ndarray, shape (steps,), optional
+        Metres that robots may be further away in each step, for errors that the model doesn't know.
+
+    Returns
+    -------
+    SetCertificate
+
+    Notes
+    -----
+    *Guarantee*: with `proven`, every robot of the exact model in the set does the task in dense time. A clearance
+    above `SPARE` is not sharpened further, so the bounds are not tight.
+    """
+    began = time.perf_counter()
+    flow = Flow.of(problem, controls)
+    prover = Prover(flow, problem.fleet.names, cells=CELLS)
+    growth = (away + 2 * np.sin(min(turn, np.pi) / 2) * _distance(flow, prover)) * (1 + 64 * UNIT)
+    growth = growth if more is None else growth + more
+    found = [(np.inf, "no obstacle")]
+    for duty in duties(problem):
+        steps = np.flatnonzero(duty.steps(flow.steps, problem.duration))
+        for piece in duty.pieces:
+            bound = prover.bound(duty.name, piece, steps, duty.radius, duty.motion, growth, SPARE)
+            found.append((bound.proven, f"avoid({duty.name})"))
+    clearance, nearest = min(found)
+    largest = float(growth.max())
+    robustness, hardest = np.inf, ""
+    for part in other_parts(problem):
+        value = part.value if isinstance(part, Known) else -np.inf
+        if not isinstance(part, Known):
+            value = part_bound(problem, controls, problem.fleet.parameters, part, largest, CELLS).proven - largest
+        robustness, hardest = min((robustness, hardest), (value, str(part)))
+    worst = nearest if clearance < robustness else hardest
+    proven = clearance >= 0 and robustness >= 0
+    return SetCertificate(proven, clearance, robustness, worst, time.perf_counter() - began)
+
+
+def _distance(flow: Flow, prover: Prover) -> Floats:
+    """Upper bounds of the distance from the start of any member, for each step, metres."""
+    away = np.linalg.norm(prover.track.position - prover.track.position[:, :1], axis=-1)
+    sides = (np.linalg.norm(prover.track.slope, axis=-1) * prover.half[:, None]).sum(axis=-1)
+    at = (away + sides + flow.remainder(prover.half)).max(axis=0)
+    drive = flow.fastest * flow.step * np.abs(flow.v)
+    return np.asarray(np.maximum(at[:-1], at[1:]) + drive / 2 + prover.error)

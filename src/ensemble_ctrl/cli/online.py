@@ -1,0 +1,218 @@
+"""``ensemble-plan online``: plan, then run the loop on a simulated robot, and write what happened."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.api import Plan
+from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.progress import Progress, stoppable
+from ensemble_ctrl.cli.streams import complain, fail, say
+from ensemble_ctrl.config import read
+from ensemble_ctrl.folder import ResultsFolder
+from ensemble_ctrl.planner import solve
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.receding.driver import Outcome, drive
+from ensemble_ctrl.receding.log import RunLog
+from ensemble_ctrl.receding.loop import Receding, Step
+from ensemble_ctrl.receding.remaining import of_one_robot
+from ensemble_ctrl.receding.settings import OnlineSettings
+from ensemble_ctrl.receding.simulated import FINE, Fixed, SimulatedRobot
+from ensemble_ctrl.report.online import Run, Told, write_run
+from ensemble_ctrl.results import SCHEMA, to_json
+from ensemble_ctrl.twin import unconstrained
+
+Floats = NDArray[np.float64]
+
+STOPPING = "the robot is stopped; the log is kept"
+
+
+@dataclass(frozen=True)
+class OnlineRun:
+    """The options of one call, as given."""
+
+    config: str
+    output: Path | None = None
+    overrides: tuple[str, ...] = ()
+    traction: float | None = None
+    seed: int | None = None
+    json: bool = False
+    quiet: bool = False
+    plots: bool = True
+    overwrite: bool = False
+
+
+def run_online(options: OnlineRun) -> int:
+    """Plan, run the loop, write the folder, print the summary; returns the exit code."""
+    progress = Progress(options.quiet)
+    progress("check", None)
+    loaded = read(options.config, options.overrides)
+    for warning in loaded.warnings:
+        progress.note(str(warning))
+    settings = (loaded.online or OnlineSettings()).with_robot(options.traction, options.seed)
+    problem = loaded.problem
+    folder = ResultsFolder(options.output, f"{problem.name}-online", options.overwrite)
+    robot = settings.simulated(problem)
+
+    def abandon() -> None:
+        robot.stop()
+        folder.commit()
+
+    drawn = ""
+    try:
+        with stoppable(progress, abandon, STOPPING):
+            first = _first_plan(problem, progress)
+            if first is None or progress.stop_signal is not None:
+                return _without_plan(problem, progress, options)
+            first.save(folder.working / "plan.npz")
+            loop = Receding(problem, settings.options, first.controls)
+            progress("drive", None)
+            try:
+                outcome, told = _driven(loop, robot, folder.working / "log.jsonl", progress)
+            except BaseException:
+                complain(f"the log up to the fault: {folder.commit() / 'log.jsonl'}")
+                raise
+            if options.plots and progress.stop_signal is None:
+                progress("draw", None)
+                drawn = _draw(problem, loop, robot, outcome, told, folder.working)
+        (folder.working / "outcome.json").write_text(to_json(_facts(loop, outcome), indent=2) + "\n", encoding="utf-8")
+        placed = folder.commit()
+    finally:
+        folder.discard()
+    progress.finish()
+    if drawn:
+        complain(f"error: {placed}: the run is logged, but its figures could not be drawn ({drawn})")
+    code = _interrupted(progress) if outcome.ending == "interrupted" else exit_code(outcome)
+    _print(problem, loop, outcome, str(placed), options, code)
+    return code
+
+
+def _without_plan(problem: Problem, progress: Progress, options: OnlineRun) -> int:
+    """There is nothing to begin with."""
+    if progress.stop_signal is not None:
+        return fail(_interrupted(progress), "interrupted; the robot has not moved", options.json)
+    hint = "`ensemble-plan run` says what conflicts"
+    return fail(codes.NO_PLAN, f"{problem.name}: no plan was found to begin with; {hint}", options.json)
+
+
+def exit_code(outcome: Outcome) -> int:
+    """Success is the only ending that is one."""
+    return codes.OK if outcome.ending == "success" else codes.NOT_VERIFIED
+
+
+def _interrupted(progress: Progress) -> int:
+    """The exit code of a signal."""
+    return codes.TERMINATED if progress.stop_signal == signal.SIGTERM else codes.INTERRUPTED
+
+
+def _first_plan(problem: Problem, progress: Progress) -> Plan | None:
+    """The plan that the loop begins with; None if there is none."""
+    alone = of_one_robot(problem)
+    found = solve(alone, progress=progress)
+    return Plan(alone, found.controls, found.status) if found.status == "planned" else None
+
+
+def _driven(loop: Receding, robot: SimulatedRobot, path: Path, progress: Progress) -> tuple[Outcome, list[Told]]:
+    """Run the loop with its log."""
+    told: list[Told] = []
+    with RunLog(path) as log:
+        log.start(loop)
+
+        def listen(step: Step, controls: Floats) -> None:
+            log.step(loop, step, controls)
+            time = step.begin * loop.problem.step
+            told.append(Told(time, loop.predicted(), step.ranges, step.seconds, step.source))
+            for event in step.events:
+                progress.note(f"t = {time:.1f} s: {event}")
+
+        try:
+            outcome = drive(loop, robot, robot, wanted=lambda: progress.stop_signal is not None, listener=listen)
+        except BaseException as error:
+            log.fault(error)
+            raise
+        log.end(outcome)
+    return outcome, told
+
+
+def _draw(
+    problem: Problem, loop: Receding, robot: SimulatedRobot, outcome: Outcome, told: list[Told], folder: Path
+) -> str:
+    """Draw the pictures; returns why that failed, if it did: the log is worth keeping without them."""
+    try:
+        twin = None
+        if problem.report.twin:
+            found = solve(unconstrained(of_one_robot(problem)))
+            twin = found.controls if found.status == "planned" else None
+        truth = {}
+        if isinstance(robot.factors, Fixed):
+            factors = {"traction": robot.factors.speed, "linear_traction": robot.factors.speed}
+            factors["angular_traction"] = robot.factors.turn_rate
+            truth = {name: factors[name] for name in loop.tracker.sets.names}
+        driven = np.array(robot.track)[round(outcome.start / problem.step) * FINE :, :2]
+        seconds = (len(driven) - 1) * problem.step / FINE
+        title = f"{problem.name}: {outcome.ending}, {outcome.reason}"
+        run = Run(
+            loop.problem if loop.base == 0 else problem,
+            Plan.load(folder / "plan.npz").controls,
+            told,
+            outcome.path,
+            driven,
+            seconds,
+            loop.options.deadline,
+            truth,
+            title,
+            twin,
+        )
+        write_run(run, folder)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def _facts(loop: Receding, outcome: Outcome) -> dict[str, object]:
+    """How the run ended, as plain data."""
+    seconds = outcome.seconds
+    last = outcome.steps[-1] if outcome.steps else None
+    return {
+        "schema": SCHEMA,
+        "name": loop.problem.name,
+        "ending": outcome.ending,
+        "reason": outcome.reason,
+        "robustness": outcome.robustness,
+        "assumptions_hold": loop.tracker.holds,
+        "ranges": None if last is None else last.ranges,
+        "plans": {
+            name: sum(s.source == name for s in outcome.steps) for name in ("new", "kept", "stopped", "recovered")
+        },
+        "planning_seconds": {
+            "median": float(np.median(seconds)) if len(seconds) else None,
+            "largest": float(seconds.max()) if len(seconds) else None,
+        },
+        "events": [f"t = {s.begin * loop.problem.step:.1f} s: {event}" for s in outcome.steps for event in s.events],
+    }
+
+
+def _print(problem: Problem, loop: Receding, outcome: Outcome, folder: str, options: OnlineRun, code: int) -> None:
+    """The result on stdout."""
+    facts = _facts(loop, outcome)
+    if options.json:
+        say(to_json({**facts, "exit_code": code, "folder": folder}))
+        return
+    seconds = outcome.seconds
+    sources = ", ".join(f"{count} {name}" for name, count in facts["plans"].items() if count)  # type: ignore[attr-defined]
+    rows = [("task", str(problem.task)), ("plans", sources)]
+    if len(seconds):
+        rows.append(("planning", f"{1e3 * np.median(seconds):.0f} ms median, {1e3 * seconds.max():.0f} ms at most"))
+    if outcome.steps:
+        ranges = outcome.steps[-1].ranges
+        rows += [("learnt", f"{name} {low:.4g} to {high:.4g}") for name, (low, high) in ranges.items()]
+    if np.isfinite(outcome.robustness):
+        rows.append(("robustness", f"{outcome.robustness:.3f} m at least, by the measurements"))
+    rows.append(("files", folder))
+    head = f"{problem.name}: {outcome.ending}: {outcome.reason}"
+    say("\n".join([head, *(f"  {label:<11}{text}" for label, text in rows)]))

@@ -1,0 +1,1 @@
+"""Plans while time goes on: measure, learn, plan again from there, apply the first steps, repeat."""

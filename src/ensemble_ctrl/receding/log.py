@@ -1,0 +1,86 @@
+"""The record of a run: one JSON object a line, each written out at once, so that it is whole up to any fault."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl._version import __version__
+from ensemble_ctrl.receding.driver import Outcome
+from ensemble_ctrl.receding.loop import Receding, Step
+
+Floats = NDArray[np.float64]
+
+
+class RunLog:
+    """A file of lines with ``kind``: ``start``, then a ``step`` for each plan, then ``end``.
+
+    Parameters
+    ----------
+    path : Path
+        The file; what is there is replaced.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("w", encoding="utf-8")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def start(self, loop: Receding) -> None:
+        """What runs, and how."""
+        fleet = loop.problem.fleet
+        self._write(
+            "start",
+            ensemble_ctrl=__version__,
+            name=loop.problem.name,
+            task=str(loop.problem.task),
+            steps=loop.steps,
+            step_seconds=loop.problem.step,
+            controls=list(fleet.system.controls),
+            ranges={n: [law.lower, law.upper] for n, law in fleet.parameters.items()},
+            options=asdict(loop.options),
+        )
+
+    def step(self, loop: Receding, step: Step, controls: Floats) -> None:
+        """One step, the measurement that it saw last, and its commands."""
+        seen = None if loop.tracker.last is None else asdict(loop.tracker.last)
+        self._write("step", time=step.begin * loop.problem.step, **asdict(step), measurement=seen, commands=controls)
+
+    def end(self, outcome: Outcome) -> None:
+        """How it ended."""
+        self._write("end", ending=outcome.ending, reason=outcome.reason, robustness=outcome.robustness)
+
+    def fault(self, error: BaseException) -> None:
+        """What broke it off."""
+        self._write("end", ending="fault", reason=f"{type(error).__name__}: {error}")
+
+    def _write(self, kind: str, **facts: Any) -> None:
+        """One line."""
+        self._file.write(json.dumps({"kind": kind, **_plain(facts)}, allow_nan=False) + "\n")
+        self._file.flush()
+
+
+def _plain(data: Any) -> Any:
+    """Data that JSON has: arrays as lists, numbers that are not finite as null."""
+    if isinstance(data, dict):
+        return {key: _plain(value) for key, value in data.items()}
+    if isinstance(data, np.ndarray):
+        return _plain(data.tolist())
+    if isinstance(data, list | tuple):
+        return [_plain(value) for value in data]
+    if isinstance(data, float) and not math.isfinite(data):
+        return None
+    return data

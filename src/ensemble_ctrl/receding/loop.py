@@ -1,0 +1,553 @@
+"""The loop's one step: from a measurement to the next commands, with a proof or with a reason to stand."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set
+from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.duties import duties
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ocp.online import OnlineProgram, Present, Timer
+from ensemble_ctrl.planner import solve
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.receding.measurement import Measurement
+from ensemble_ctrl.receding.membership import PoseSet
+from ensemble_ctrl.receding.options import OnlineOptions
+from ensemble_ctrl.receding.remaining import (
+    Progress,
+    for_a_while,
+    of_one_robot,
+    read_anew,
+    remaining,
+    with_map,
+    with_ranges,
+)
+from ensemble_ctrl.receding.tracker import Tracker
+
+Floats = NDArray[np.float64]
+Proof = Literal["whole", "period", "none"]
+Source = Literal["new", "kept", "stopped", "recovered"]
+
+WIDEST = 4
+"""How often ranges may grow before the robot is stopped for good."""
+TIGHTER, TIGHTEST = 1.5, 0.2
+"""Times of what a proof lacks that the next plan keeps more, and the most that it keeps, metres."""
+PREPARED = 4
+"""Times that the first plan is improved before anything moves."""
+SHARE = 0.6
+"""Share of the deadline for solving; the rest is for proofs."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one step of the loop did.
+
+    Attributes
+    ----------
+    begin, end : int
+        The commands are for the control steps ``begin .. end - 1``, counted from the start of the loop.
+    source : {"new", "kept", "stopped", "recovered"}
+        Whose commands they are: of a new plan, of the last one, of none, or of a plan made while standing.
+    proof : {"whole", "period", "none"}
+        What is proven of them for the whole set of states: the rest of the task; or that nothing is hit until the next
+        plan takes over, nor by standing after that; or nothing, for a robot that stands.
+    clearance, robustness : float
+        Proven, metres; infinite where there is nothing to prove.
+    ranges : dict of str to (float, float)
+        What is known of the parameters.
+    away, turn : float
+        Size of the set of poses at the last measurement, metres and radians; infinite without one.
+    seconds, solve_seconds, certify_seconds : float
+        What it took.
+    iterations : int
+        Quadratic programs.
+    status : str
+        How solving ended.
+    events : tuple of str
+        What was out of the ordinary.
+    """
+
+    begin: int
+    end: int
+    source: Source
+    proof: Proof
+    clearance: float
+    robustness: float
+    ranges: dict[str, tuple[float, float]]
+    away: float
+    turn: float
+    seconds: float
+    solve_seconds: float
+    certify_seconds: float
+    iterations: int
+    status: str
+    events: tuple[str, ...]
+
+
+@dataclass(eq=False)
+class _Work:
+    """What a step has tried so far."""
+
+    timer: Timer
+    began: float = field(init=False)
+    solve_seconds: float = 0.0
+    certify_seconds: float = 0.0
+    iterations: int = 0
+    status: str = ""
+    source: Source = "stopped"
+    proof: Proof = "none"
+    certificate: SetCertificate | None = None
+
+    def __post_init__(self) -> None:
+        self.began = self.timer()
+
+    @property
+    def seconds(self) -> float:
+        """Since the step began."""
+        return self.timer() - self.began
+
+    def ended(self, source: Source, proof: Proof, certificate: SetCertificate | None) -> None:
+        """Note whose commands are sent."""
+        self.source, self.proof, self.certificate = source, proof, certificate
+
+
+class Receding:
+    """Plans for one robot again and again; `step` takes a measurement and returns the next commands.
+
+    Parameters
+    ----------
+    problem : Problem
+        The ranges of its fleet are what is assumed of the robot's parameters. A task must not speak of a fleet.
+    options : OnlineOptions, optional
+    controls : ndarray, shape (steps, n_u), optional
+        A plan to begin with; made here, which takes seconds, if not given.
+    timer : callable
+        Seconds, for the deadline; that of the processor (`time.process_time`) leaves out what other processes take.
+
+    Attributes
+    ----------
+    problem : Problem
+        Of one robot.
+    tracker : Tracker
+        Where the robot is and has been.
+    stopped : str
+        Why the robot stands; empty while it moves.
+    alarmed : bool
+        Whether something has happened since the last step that the commands given out did not reckon with; `recall`
+        takes back those that can still be stopped.
+    history : list of Step
+        One for each call of `step`.
+
+    Raises
+    ------
+    ProblemError
+        For a deadline longer than the steps applied of a plan, or `controls` of another shape.
+
+    Notes
+    -----
+    *Guarantee*: as long as the robot is as assumed (`OnlineOptions.errors`, the ranges, the map), commands are only
+    given out when it is proven for every state that the measurements allow that nothing is hit until the next ones take
+    over, and that standing after that hits nothing that stands.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        options: OnlineOptions | None = None,
+        controls: Floats | None = None,
+        timer: Timer = time.perf_counter,
+    ) -> None:
+        self.timer = timer
+        self.options = OnlineOptions() if options is None else options
+        self.problem = of_one_robot(problem)
+        if self.options.lead(problem.step) > self.options.applied_steps:
+            most = self.options.applied_steps * problem.step
+            raise ProblemError(
+                f"online.deadline: expected at most the {most:g} s of {self.options.applied_steps} applied steps, "
+                f"got {self.options.deadline:g} s"
+            )
+        plan = solve(self.problem).controls if controls is None else np.array(controls, dtype=float)
+        if plan.shape != (problem.steps, 2) or not np.isfinite(plan).all():
+            raise ProblemError(f"controls: expected finite numbers of shape ({problem.steps}, 2), got {plan.shape}")
+        self.plan: Floats = plan
+        self.base = 0
+        self.tracker = Tracker(self.problem, self.options.errors, self.options.learn)
+        self.progress = Progress(self.problem)
+        self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
+        self.history: list[Step] = []
+        self.stopped, self.alarmed = "", False
+        self._events: list[str] = []
+        self._whole = self._final = False
+        self._tighter, self._attempts = 0.0, 0
+        self._prepare()
+
+    # --- what a user's own loop reads and calls
+
+    @property
+    def sent(self) -> int:
+        """Control steps whose commands have been returned; the next ones begin there."""
+        return len(self.tracker.sent)
+
+    @property
+    def steps(self) -> int:
+        """Control steps of the whole loop."""
+        run_for = self.options.run_for
+        return self.problem.steps if run_for is None else max(1, round(run_for / self.problem.step))
+
+    @property
+    def over(self) -> bool:
+        """Whether all commands have been returned."""
+        return self.sent >= self.steps
+
+    @property
+    def proven(self) -> bool:
+        """Whether the rest of the task is proven for the commands that are planned now."""
+        return self._whole and self.tracker.holds
+
+    def observe(self, measurement: Measurement | None) -> None:
+        """Learn from a measurement without planning; what is wrong with it is told by the next step's events."""
+        if measurement is None:
+            return
+        if self.over and measurement.finite:
+            late = math.ceil(measurement.time / self.problem.step - 1e-6) - self.sent
+            self.tracker.send(np.zeros((min(max(late, 0), len(self.plan)), self.plan.shape[1])))
+        events = self.tracker.observe(measurement)
+        self._events += events
+        if any("ignored" not in event for event in events):
+            self._whole, self.alarmed = False, True
+        if self.tracker.widened > WIDEST:
+            self.stop("whatever its parameters, the robot is not like the model", for_good=True)
+        if self.options.horizon == "shrinking":
+            self._progress(min(self.tracker.now()[0], self.problem.steps))
+
+    def step(self, measurement: Measurement | None = None) -> Floats:
+        """Take a measurement, plan from there, and return the commands that follow those already returned.
+
+        Parameters
+        ----------
+        measurement : Measurement or None
+            The newest pose; None if there is none since the last call of `step` or `observe`.
+
+        Returns
+        -------
+        ndarray, shape (applied_steps or fewer, n_u)
+            Zeros for a robot that has to stand; fewer rows at the end of the loop, and none after it.
+        """
+        work = _Work(self.timer)
+        self.observe(measurement)
+        self.alarmed = False
+        if self.over:
+            return self.plan[:0]
+        self._decide(work)
+        begin, end = self.sent, min(self.sent + self.options.applied_steps, self.steps)
+        controls = self.planned(begin, end)
+        self._note(begin, end, work)
+        self.tracker.send(controls)
+        return controls
+
+    def predicted(self) -> Floats:
+        """Where the robot with the middle parameters goes under what is planned now, shape (times, 2), metres."""
+        at, pose = self._now()
+        if pose is None:
+            return np.zeros((0, 2))
+        present = self._present(self.plan)
+        middle = present.drives[len(present.drives) // 2]
+        return np.asarray(self.problem.fleet.system.positions(self.plan[at:], middle[None], self.problem.step)[0])
+
+    def recall(self, begin: int) -> None:
+        """Take commands back that were returned for the control steps from `begin` on, none of which is past."""
+        if begin < self.sent:
+            self.tracker.recall(begin)
+
+    def late(self, now: int, ahead: int = 0) -> None:
+        """Commands come too late for the control steps before `now`.
+
+        Parameters
+        ----------
+        now : int
+            The present control step, after the last whose commands were returned.
+        ahead : int
+            How many steps of what was planned the robot had been given beyond those; after them it stood.
+        """
+        held = self.planned(self.sent, min(self.sent + ahead, now))
+        stood = np.zeros((now - self.sent - len(held), held.shape[1]))
+        self._events.append(f"commands came {(now - self.sent) * self.problem.step:.1f} s late")
+        self.plan = self.plan.copy()
+        self.plan[max(self.sent + len(held) - self.base, 0) : max(now - self.base, 0)] = 0.0
+        self.tracker.send(np.concatenate([held, stood]))
+        self._whole, self.alarmed = self._whole and not len(stood), True
+
+    def planned(self, begin: int, end: int) -> Floats:
+        """The commands of control steps as they are planned now; zeros where nothing is planned."""
+        rows = self.plan[max(begin - self.base, 0) : max(end - self.base, 0)]
+        return np.concatenate([rows, np.zeros((end - begin - len(rows), self.plan.shape[1]))])
+
+    def stop(self, reason: str, for_good: bool = False) -> None:
+        """Let the robot stand from the next commands on: for good, or until a step finds a proven way."""
+        if not self.stopped:
+            self._events.append(f"stopped: {reason}")
+        self.stopped = self.stopped or reason
+        self._whole, self._final = False, self._final or for_good
+        self._stand()
+
+    def add_obstacle(self, name: str, pieces: Sequence[Obstacle]) -> None:
+        """Put an obstacle on the map; the task has to avoid all ``obstacles`` for it to count.
+
+        Raises
+        ------
+        ProblemError
+            For a name that is taken.
+        """
+        if name in self.problem.obstacles or name in self.problem.regions:
+            raise ProblemError(f"obstacle: expected a new name, got {name!r}")
+        obstacles = {**self.problem.obstacles, name: tuple(pieces)}
+        pose = self._now()[1]
+        place = self.problem.fleet.position if pose is None else pose.position
+        self.problem = with_map(self.problem, obstacles, place)
+        self.progress.problem = self.tracker.problem = self.problem
+        self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
+        self._whole, self.alarmed = False, True
+        self._events.append(f"an obstacle was added to the map: {name}")
+
+    def judged(self) -> float:
+        """Robustness of the parts of the task that are not duties, along the measured past of the whole horizon.
+
+        Returns
+        -------
+        float
+            Metres, a lower bound; minus infinity if some part is not decided yet, and for a receding horizon's task,
+            which never ends, infinity.
+        """
+        if self.options.horizon == "receding":
+            return math.inf
+        self._progress(min(len(self.tracker.path), self.problem.steps + 1))
+        return self.progress.value
+
+    def entered(self) -> str:
+        """The first obstacle that the robot must have been in, by the measurements; empty for none."""
+        for k, (place, away) in enumerate(zip(self.tracker.path, self.tracker.away, strict=True)):
+            for duty in duties(self.problem):
+                at = np.array([k * self.problem.step])
+                if duty.begin <= at[0] <= duty.end or self.options.horizon == "receding":
+                    here = place - duty.offsets(at)[0]
+                    if min(float(piece.distance(here)) for piece in duty.pieces) - duty.radius + away < 0:
+                        return duty.name
+        return ""
+
+    @property
+    def given_up(self) -> bool:
+        """Whether the robot stands and no step will let it drive again."""
+        return bool(self.stopped) and (self._final or self._attempts >= self.options.attempts)
+
+    def _progress(self, end: int) -> None:
+        """Grid times up to `end` are past."""
+        rows = slice(self.progress.at, end)
+        self.progress.advance(self.tracker.path[rows], self.tracker.away[rows])
+
+    def _prepare(self) -> None:
+        """Make the plan good for all starts that measurements may tell, as far as that is possible."""
+        errors, fleet = self.options.errors, self.problem.fleet
+        start = PoseSet(fleet.position, np.full(2, errors.position), fleet.heading, errors.heading)
+        certificate = self._certified(self.plan, 0, start)
+        for _ in range(PREPARED):
+            if certificate.proven:
+                break
+            self._tighten(certificate)
+            self.plan = self.program.solve(self._present_at(0, start, self.plan, 0), rounds=8).controls
+            certificate = self._certified(self.plan, 0, start)
+        self._tighter = 0.0
+        self.program.solve(self._present_at(0, start, self.plan, 0), rounds=1)  # what is loaded once is loaded now
+
+    # --- deciding
+
+    def _decide(self, work: _Work) -> None:
+        """Whose commands are sent next."""
+        if self.tracker.last is None:
+            self.stop("there is no measurement")
+        silent = self.sent * self.problem.step - self.tracker.time
+        if silent > self.options.silence + self.options.deadline:
+            self.stop(f"the robot has said nothing for {silent:.1f} s")
+        if self._final or self.tracker.last is None:
+            self._stand()
+        elif self.stopped:
+            self._recover(work)
+        else:
+            self._rebase()
+            self._replan(work)
+
+    def _replan(self, work: _Work) -> None:
+        """A new plan if something is proven of it, else the last one, else stand."""
+        found = self.program.solve(
+            self._present(self.plan), SHARE * self.options.deadline, self.options.rounds, self.timer
+        )
+        work.solve_seconds, work.iterations, work.status = found.seconds, found.iterations, found.status
+        proof, certificate = self._proof(found.controls, work)
+        self._tighten(certificate)
+        if work.seconds > self.options.deadline:
+            self._events.append(f"planning took {work.seconds:.3f} s, longer than {self.options.deadline:g} s")
+            proof = "none"
+        if proof == "whole" or (proof == "period" and not self._whole):
+            self.plan, self._whole = found.controls, proof == "whole"
+            work.ended("new", proof, certificate)
+        elif self._whole:
+            work.ended("kept", "whole", certificate)
+        else:
+            proof, certificate = self._proof(self.plan, work)
+            self._whole = proof == "whole"
+            work.ended("kept", proof, certificate)
+            if proof == "none":
+                worst = "" if certificate is None else f": {certificate.worst} by {-certificate.least:.3f} m"
+                self.stop(f"nothing is proven safe from here{worst}")
+                work.source = "stopped"
+
+    def _recover(self, work: _Work) -> None:
+        """Look for a way from where the robot stands; it takes over when `recovery` seconds have passed."""
+        self._stand()
+        begin = self.sent + math.ceil(self.options.recovery / self.problem.step)
+        fresh = self.sent * self.problem.step - self.tracker.time <= self.options.silence + self.options.deadline
+        if self._attempts >= self.options.attempts or not fresh or begin >= self.steps:
+            return
+        self._attempts += 1
+        self._rebase()
+        found = self._from_here(begin - self.base, work)
+        for _ in range(3 if found is not None else 0):
+            assert found is not None
+            found = self.program.solve(self._present(found, begin - self.base), rounds=6).controls
+            proof, certificate = self._proof(found, work, begin - self.base)
+            self._tighten(certificate)
+            if proof != "none":
+                self.plan, self._whole, self.stopped = found, proof == "whole", ""
+                self._events.append(f"a way was found; the robot moves on at {begin * self.problem.step:.1f} s")
+                work.ended("recovered", proof, certificate)
+                return
+        self._events.append("no proven way was found from where the robot stands")
+
+    def _from_here(self, begin: int, work: _Work) -> Floats | None:
+        """A plan on the whole grid whose commands start at step `begin`, from the planner; None if it finds none."""
+        pose = self._now()[1]
+        if pose is None:
+            return None
+        try:
+            rest = self._rest(begin, pose)
+            limits = replace(rest.solve, time_limit=0.8 * self.options.recovery)
+            found = solve(rest.with_(solve=limits, verify=replace(rest.verify, certificate=False)))
+        except ProblemError as error:
+            self._events.append(f"no way from here: {str(error).splitlines()[0]}")
+            return None
+        work.solve_seconds, work.status = sum(found.seconds.values()), found.status
+        return np.concatenate([self.plan[:begin], found.controls])[: len(self.plan)]
+
+    def _proof(self, controls: Floats, work: _Work, begin: int | None = None) -> tuple[Proof, SetCertificate | None]:
+        """What can be proven of commands, some of which have been sent, from the last measurement on."""
+        at, pose = self._now()
+        if pose is None:
+            return "none", None
+        begin = self.sent - self.base if begin is None else begin
+        span = begin - at + self.options.applied_steps + self.options.lead(self.problem.step)
+        try:
+            whole = self._certified(controls, at, pose)
+            work.certify_seconds += whole.seconds
+            if whole.proven:
+                return "whole", whole
+            short = self._certified(controls, at, pose, min(span, len(controls) - at))
+        except ProblemError as error:
+            self._events.append(str(error).splitlines()[0])
+            return "none", None
+        work.certify_seconds += short.seconds
+        return ("period", whole) if short.proven else ("none", short)
+
+    def _certified(self, controls: Floats, at: int, pose: PoseSet, span: int | None = None) -> SetCertificate:
+        """What is proven from a grid time on; for `span` steps only, of what must be kept out of."""
+        ahead = controls[at:][:span]
+        rest = self._rest(at, pose)
+        rest = rest if span is None else for_a_while(rest, span)
+        return certify_set(rest, ahead, pose.away, pose.turn, self.tracker.slip(ahead))
+
+    def _tighten(self, certificate: SetCertificate | None) -> None:
+        """Keep more after a proof that fell short, less after one that did not."""
+        if certificate is None or certificate.clearance >= 0:
+            self._tighter *= 0.7
+        else:
+            self._tighter = min(self._tighter - TIGHTER * certificate.clearance, TIGHTEST)
+
+    # --- where things stand; grid times count from the base
+
+    def _now(self) -> tuple[int, PoseSet | None]:
+        """The first grid time from the newest measurement on, and the set of poses then."""
+        k, pose = self.tracker.now()
+        return k - self.base, pose
+
+    def _rest(self, at: int, pose: PoseSet) -> Problem:
+        """What is left from a grid time on, for the set of states."""
+        if self.options.horizon == "receding":
+            return read_anew(self.problem, self.base + at, pose, self.tracker.ranges)
+        standing = self.progress.standing(pose, at)
+        return remaining(self.problem, at, standing.left, pose, self.tracker.ranges)
+
+    def _present(self, plan: Floats, free: int | None = None) -> Present:
+        """What a solve starts from: `plan` may change from step `free` on, the first unsent one if not given."""
+        at, pose = self._now()
+        assert pose is not None
+        return self._present_at(at, pose, plan, self.sent - self.base if free is None else free)
+
+    def _present_at(self, at: int, pose: PoseSet, plan: Floats, free: int) -> Present:
+        """The same for a set of poses at a grid time."""
+        fleet = with_ranges(self.problem.fleet, self.tracker.ranges)
+        drives = fleet.drives(fleet.bent_members(self.program.truncation.nodes))
+        drives[:, 2] = pose.heading if fleet.system.heading_from == "x" else np.pi / 2 - pose.heading
+        drives[:, 3:] = pose.position
+        middle = fleet.system.positions(plan[at:], drives[len(drives) // 2][None], self.problem.step)[0]
+        slip = self.tracker.slip(plan[at:])
+        soon = min(free - at + 2 * self.options.applied_steps, len(slip) - 1)
+        growth = np.zeros(len(plan) + 1)
+        growth[at:] = (
+            pose.away + self._tighter + 2 * np.sin(pose.turn / 2) * np.linalg.norm(middle - pose.position, axis=1)
+        )
+        growth[at + 1 :] += np.minimum(slip, slip[soon])
+        path = np.array(self.tracker.path[self.base : self.base + at]).reshape(-1, 2)
+        return Present(at, free, drives, path, growth, plan, self.base * self.problem.step)
+
+    def _rebase(self) -> None:
+        """With a receding horizon, let the grid begin at the last measurement; what is new at its end is to stand."""
+        shift = self._now()[0]
+        if self.options.horizon == "receding" and shift > 0:
+            self.plan = np.concatenate([self.plan[shift:], np.zeros((shift, 2))])
+            self.base += shift
+
+    def _stand(self) -> None:
+        """No speed from the next commands on."""
+        self.plan = self.plan.copy()
+        self.plan[max(self.sent - self.base, 0) :] = 0.0
+
+    def _note(self, begin: int, end: int, work: _Work) -> None:
+        """Remember what this step did."""
+        pose = self._now()[1]
+        names, certificate = self.tracker.sets.names, work.certificate
+        self.history.append(
+            Step(
+                begin=begin,
+                end=end,
+                source=work.source,
+                proof=work.proof,
+                clearance=math.inf if certificate is None else certificate.clearance,
+                robustness=math.inf if certificate is None else certificate.robustness,
+                ranges={n: (float(a), float(b)) for n, (a, b) in zip(names, self.tracker.ranges, strict=True)},
+                away=math.inf if pose is None else pose.away,
+                turn=math.inf if pose is None else pose.turn,
+                seconds=work.seconds,
+                solve_seconds=work.solve_seconds,
+                certify_seconds=work.certify_seconds,
+                iterations=work.iterations,
+                status=work.status,
+                events=tuple(dict.fromkeys(self._events)),
+            )
+        )
+        self._events = []

@@ -1,0 +1,176 @@
+"""What is left of a problem, for one robot that has been measured on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.stl import (
+    Always,
+    And,
+    ExactOps,
+    Formula,
+    Known,
+    StateSignals,
+    conjuncts,
+    ground,
+    kept_out,
+    negation_normal_form,
+    progressed,
+    reads_fleet,
+    robustness,
+    settled,
+)
+from ensemble_ctrl.duties import other_parts, window_of
+from ensemble_ctrl.errors import UnsupportedError
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.motion import Motion
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.receding.membership import PoseSet
+
+Floats = NDArray[np.float64]
+
+EVERYWHERE = Known(float("inf"))
+"""The task of a robot that has nothing left to do."""
+
+
+def of_one_robot(problem: Problem) -> Problem:
+    """The problem without parameters of the start, which is measured, and without a cloud.
+
+    Raises
+    ------
+    UnsupportedError
+        For a task that speaks of the fleet as a whole, and systems that do not move on arcs.
+    """
+    if not isinstance(problem.fleet, Fleet):
+        raise UnsupportedError(f"{problem.fleet.system.name}: loops drive unicycles and bicycles")
+    if reads_fleet(problem.task):
+        raise UnsupportedError(f"task: a loop drives one robot, and this speaks of the whole fleet: {problem.task}")
+    fleet = problem.fleet
+    laws = {name: law for name, law in fleet.parameters.items() if name in fleet.system.parameters}
+    laws = {name: Interval(law.lower, law.upper) for name, law in laws.items()}
+    return problem.with_(fleet=replace(fleet, parameters=laws, cloud=None, position=fleet.start))
+
+
+def with_ranges(fleet: Fleet, ranges: Floats) -> Fleet:
+    """The fleet with other ranges of its parameters, shape (parameters, 2)."""
+    laws = {name: Interval(*map(float, ends)) for name, ends in zip(fleet.names, ranges, strict=True)}
+    return replace(fleet, parameters=laws)
+
+
+class Progress:
+    """What is left of the parts of a task that are not duties, along the grid times.
+
+    Parameters
+    ----------
+    problem : Problem
+        On its whole horizon.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.at = problem, 0
+        self.left: tuple[Formula, ...] = other_parts(problem)
+
+    def advance(self, places: Iterable[Floats], away: Iterable[float]) -> None:
+        """Some more grid times are past: the robot was within `away` metres of `places`."""
+        for place, error in zip(places, away, strict=True):
+            signals = StateSignals(np.asarray(place).reshape(1, 1, 2), ("x", "y"), self.problem.step)
+
+            def reading(leaf: Formula, k: int, signals: StateSignals = signals, error: float = error) -> float:
+                formula = ground(
+                    negation_normal_form(leaf),
+                    self.problem.regions,
+                    self.problem.obstacles,
+                    radius=self.problem.fleet.radius,
+                )
+                return float(robustness(formula, signals, ExactOps())) - error
+
+            steps = self.problem.steps - self.at
+            self.left = tuple(progressed(part, reading, 1, steps, self.problem.step) for part in self.left)
+            self.at += 1
+
+    def standing(self, pose: PoseSet, until: int) -> Progress:
+        """The progress of a robot that stands in a set of poses until a grid time."""
+        later = Progress(self.problem)
+        later.left, later.at = self.left, self.at
+        wait = until - self.at
+        later.advance([pose.position] * wait, [pose.away] * wait)
+        return later
+
+    @property
+    def value(self) -> float:
+        """Robustness once everything is decided, metres; minus infinity before."""
+        return min((part.value if isinstance(part, Known) else -np.inf for part in self.left), default=np.inf)
+
+
+def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: PoseSet, ranges: Floats) -> Problem:
+    """What is left of a problem from a grid time on.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of one robot, on its whole horizon.
+    begin : int
+        The grid time.
+    parts : iterable of Formula
+        What is left of the parts that are not duties (`Progress.left`), read at `begin`.
+    pose : PoseSet
+        Where the robot is; its middle becomes the start.
+    ranges : ndarray, shape (parameters, 2)
+
+    Raises
+    ------
+    ProblemError
+        If it can't be done any more: a region is too far, or the robot is inside an obstacle.
+    """
+    gone = begin * problem.step
+    duties = [_later(problem, part, gone) for part in conjuncts(problem.task) if kept_out(part)]
+    task = _all_of([*duties, *(settled(part) for part in parts)])
+    return _placed(problem, pose, ranges, gone, task, problem.duration - gone, problem.steps - begin)
+
+
+def read_anew(problem: Problem, begin: int, pose: PoseSet, ranges: Floats) -> Problem:
+    """With a receding horizon, the whole task read at a grid time."""
+    return _placed(problem, pose, ranges, begin * problem.step, problem.task, problem.duration, problem.steps)
+
+
+def with_map(problem: Problem, obstacles: Mapping[str, tuple[Obstacle, ...]], place: Floats) -> Problem:
+    """The problem with other obstacles, for a robot that is at `place` now."""
+    return replace(problem, obstacles=obstacles, fleet=replace(problem.fleet, position=place))
+
+
+def for_a_while(problem: Problem, steps: int) -> Problem:
+    """Only what must be kept out of during the first steps."""
+    end = steps * problem.step
+    task = _all_of(_later(problem, part, 0.0, end) for part in conjuncts(problem.task) if kept_out(part))
+    return replace(problem, task=task, duration=end, steps=steps)
+
+
+def _placed(
+    problem: Problem, pose: PoseSet, ranges: Floats, gone: float, task: Formula, duration: float, steps: int
+) -> Problem:
+    """Another task from another start and time on, with other ranges."""
+    fleet = replace(with_ranges(problem.fleet, ranges), position=pose.position, heading=pose.heading)
+    motions = {name: Motion(motion.times - gone, motion.offsets) for name, motion in problem.motions.items()}
+    return replace(problem, fleet=fleet, motions=motions, task=task, duration=duration, steps=steps)
+
+
+def _all_of(parts: Iterable[Formula | None]) -> Formula:
+    """The conjunction of what is still open."""
+    open_ = [part for part in parts if part is not None and not (isinstance(part, Known) and part.value >= 0)]
+    return EVERYWHERE if not open_ else open_[0] if len(open_) == 1 else And(tuple(open_))
+
+
+def _later(problem: Problem, part: Formula, gone: float, end: float = np.inf) -> Formula | None:
+    """A duty read `gone` seconds later, and no longer than to `end`; None if nothing of it is left."""
+    begin, last = (round(time - gone, 9) for time in window_of(problem, part))
+    last = min(last, end)
+    if last < 0 or begin > last:
+        return None
+    assert isinstance(part, Always)
+    return replace(part, a=max(begin, 0.0), b=last)

@@ -1,0 +1,157 @@
+"""Where one robot is and has been, and what is known of its parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.receding.measurement import Measurement
+from ensemble_ctrl.receding.membership import Commands, Errors, Membership, PoseSet
+
+Floats = NDArray[np.float64]
+
+WIDER = 1.5
+"""Factor by which ranges grow when no parameters in them fit the measurements."""
+SLOWEST = 0.05
+"""Smallest factor that ranges may grow to."""
+NEAR = 1e-6
+"""Share of a step by which a time may miss a grid time."""
+
+
+class Tracker:
+    """The robot's past: commands, measurements, and the sets that follow from them.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of one robot.
+    errors : Errors
+    learn : bool
+        Whether parameters are learnt; without it their assumed ranges stand.
+
+    Attributes
+    ----------
+    sets : Membership
+    sent : ndarray, shape (steps so far, n_u)
+        Commands since time 0.
+    path : list of ndarray of shape (2,)
+        Middles of the sets of places at the grid times up to the last measurement, metres.
+    away : list of float
+        Radii of those sets, metres.
+    last : Measurement or None
+        The newest that was used.
+    holds : bool
+        False once measurements contradicted what was assumed; it stays so.
+    widened : int
+        How often ranges had to grow.
+    """
+
+    def __init__(self, problem: Problem, errors: Errors, learn: bool) -> None:
+        self.problem, self.errors, self.learn = problem, errors, learn
+        self.sets = Membership(problem.fleet, errors)
+        self.sent = np.zeros((0, len(problem.fleet.system.controls)))
+        self.path: list[Floats] = []
+        self.away: list[float] = []
+        self.last: Measurement | None = None
+        self.holds, self.widened = True, 0
+        self._commands = Commands(problem.fleet.system, self.sent, problem.step)
+
+    @property
+    def ranges(self) -> Floats:
+        """What is known of the parameters, shape (parameters, 2)."""
+        return self.sets.ranges
+
+    @property
+    def time(self) -> float:
+        """Of the newest measurement, seconds."""
+        return 0.0 if self.last is None else self.last.time
+
+    def send(self, controls: Floats) -> None:
+        """Some more commands were given out."""
+        self.sent = np.concatenate([self.sent, controls])
+        self._commands = Commands(self.problem.fleet.system, self.sent, self.problem.step)
+
+    def recall(self, begin: int) -> None:
+        """Commands from step `begin` on, which is not past, will not be carried out."""
+        self.sent = self.sent[:begin]
+        self._commands = Commands(self.problem.fleet.system, self.sent, self.problem.step)
+
+    def observe(self, measurement: Measurement) -> list[str]:
+        """Learn from a measurement; returns what was out of the ordinary."""
+        refused = self._refused(measurement)
+        if refused is not None:
+            return [refused] if refused else []
+        events = []
+        place = np.array([measurement.x, measurement.y])
+        before = self.pose(measurement.time)
+        if not self.sets.observe(self._commands, measurement.time, place, measurement.heading):
+            self.holds = False
+            events.append(self._contradicted(before, measurement))
+            self.sets.observe(self._commands, measurement.time, place, measurement.heading)
+        if not self.learn:
+            self.sets.ranges = self.sets.assumed.copy()
+        self.last = measurement
+        self._remember()
+        return events
+
+    def pose(self, time: float) -> PoseSet | None:
+        """The set of poses at a time from the newest measurement on; None without one."""
+        return self.sets.pose(self._commands, time) if len(self.sets.times) else None
+
+    def now(self) -> tuple[int, PoseSet | None]:
+        """The first grid time from the newest measurement on, and the set of poses then."""
+        step = self.problem.step
+        k = min(int(np.ceil(self.time / step - NEAR)), len(self.sent))
+        return k, self.pose(max(k * step, self.time))
+
+    def slip(self, controls: Floats) -> Floats:
+        """Metres by which drift and actuators may lead the robot away in each step of `controls`, which come next."""
+        errors, step = self.errors, self.problem.step
+        v, omega = (np.abs(rate) for rate in self.problem.fleet.system.rates(*controls.T))
+        span, way, turn = step * np.arange(1, len(v) + 1), step * np.cumsum(v), step * np.cumsum(omega)
+        a, b = (float(np.abs(factor).max()) for factor in self.sets.factors)
+        drift = errors.drift * span
+        turned = drift * turn + b * errors.turn_rate * span
+        return np.asarray(drift * way + (a + drift) * (way * turned + errors.speed * span * (1 + turned)))
+
+    def _refused(self, measurement: Measurement) -> str | None:
+        """Why a measurement can't be used; empty for one that was seen before."""
+        if not measurement.finite:
+            return "measurement ignored: it is not finite"
+        if self.last is not None and measurement.time <= self.last.time + 1e-9:
+            stale = f"measurement ignored: {measurement.time:.2f} s is not after the last one's {self.last.time:.2f} s"
+            return "" if measurement == self.last else stale
+        latest = len(self.sent) * self.problem.step
+        if not -1e-9 <= measurement.time <= latest + NEAR:
+            return f"measurement ignored: {measurement.time:.2f} s is not within the {latest:.2f} s commanded so far"
+        return None
+
+    def _contradicted(self, before: PoseSet | None, measurement: Measurement) -> str:
+        """No parameters fit: start again, with the same ranges after a jump and with wider ones otherwise."""
+        if before is not None and self._jumped(before, measurement):
+            self.sets.restart(self.sets.assumed)
+            return "the robot is where it can't have driven to: it was moved, or measured wrongly"
+        self.widened += 1
+        middle, half = self.sets.assumed.mean(axis=1), np.maximum(np.ptp(self.sets.assumed, axis=1) / 2, 0.01)
+        wider = np.stack([np.maximum(middle - WIDER * half, SLOWEST), middle + WIDER * half], axis=1)
+        self.sets.restart(wider)
+        told = ", ".join(f"{name} {a:.3g} to {b:.3g}" for name, (a, b) in zip(self.sets.names, wider, strict=True))
+        return f"no parameters in the assumed ranges fit what was measured: now {told or 'nothing can be varied'}"
+
+    def _jumped(self, before: PoseSet, measurement: Measurement) -> bool:
+        """Whether a place is further from where the robot must be than twice its top speed explains."""
+        fleet, since = self.problem.fleet, measurement.time - self.time
+        fastest = 2 * float(self.sets.factors[0][1]) * max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
+        distance = float(np.hypot(measurement.x - before.position[0], measurement.y - before.position[1]))
+        return bool(distance > before.away + 2 * self.errors.position + fastest * since)
+
+    def _remember(self) -> None:
+        """The grid times up to the newest measurement are past."""
+        step = self.problem.step
+        while (k := len(self.path)) * step <= self.time + NEAR:
+            pose = self.pose(max(k * step, self.time))
+            if pose is None:
+                return
+            self.path.append(pose.position)
+            self.away.append(pose.away)

@@ -1,0 +1,196 @@
+"""Pictures of a loop: planned and driven paths on the map, what was learnt, and how long planning took."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.report.canvas import new_figure
+from ensemble_ctrl.report.figures import draw_map, map_size
+from ensemble_ctrl.report.palette import TWIN
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
+
+DRIVEN, PLANNED, FIRST = "#08306b", "#ef8a62", "#9aa5b1"
+MEMBERS = 15
+"""Members drawn under the first plan."""
+FRAMES, PAUSE = 80, 80
+"""Frames of the animation at most, and milliseconds for each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What is known of one step of a loop.
+
+    Attributes
+    ----------
+    time : float
+        When its commands begin, seconds.
+    path : ndarray, shape (times, 2)
+        Where the robot is expected to go from its last measurement on, metres.
+    ranges : mapping of str to (float, float)
+        What was known of the parameters.
+    seconds : float
+        What planning took.
+    source : str
+        Whose commands were sent.
+    """
+
+    time: float
+    path: Floats
+    ranges: Mapping[str, tuple[float, float]]
+    seconds: float
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A loop that has been run.
+
+    Attributes
+    ----------
+    problem : Problem
+    first : ndarray, shape (steps, n_u)
+        The plan that it began with.
+    told : sequence of Told
+    measured : ndarray, shape (times, 2)
+        Estimated places, metres.
+    driven : ndarray, shape (times, 2)
+        True places of a simulated robot; empty if nobody knows them.
+    seconds : float
+        From the first to the last of `driven`.
+    deadline : float
+        Seconds that planning was allowed.
+    truth : mapping of str to float
+        True parameters of a simulated robot, where they stay the same.
+    title : str
+        How it ended.
+    twin : ndarray, shape (steps, n_u), or None
+        Commands of the unconstrained twin.
+    """
+
+    problem: Problem
+    first: Floats
+    told: Sequence[Told]
+    measured: Floats
+    driven: Floats
+    seconds: float
+    deadline: float
+    truth: Mapping[str, float] = field(default_factory=dict)
+    title: str = ""
+    twin: Floats | None = None
+
+
+def draw_run(run: Run) -> Figure:
+    """The map with planned and driven paths, the learnt ranges, and the time that each plan took."""
+    width, height = map_size(run.problem, run.first)
+    figure = new_figure((width + 4.2, max(height, 4.4)))
+    grid = figure.add_gridspec(2, 2, width_ratios=(width, 4.2))
+    _draw_paths(run, figure.add_subplot(grid[:, 0]))
+    _draw_ranges(run, figure.add_subplot(grid[0, 1]))
+    _draw_seconds(run, figure.add_subplot(grid[1, 1]))
+    return figure
+
+
+def write_run(run: Run, folder: Path, animated: bool = True) -> list[str]:
+    """Write ``online.png`` and, if `animated`, ``online.gif`` into `folder`; returns their names."""
+    draw_run(run).savefig(folder / "online.png", dpi=150)
+    if not animated or len(_shown(run)) < 2:
+        return ["online.png"]
+    _animate(run, folder / "online.gif")
+    return ["online.png", "online.gif"]
+
+
+def _shown(run: Run) -> Floats:
+    """The path that the robot took, as well as it is known."""
+    return run.driven if len(run.driven) else run.measured
+
+
+def _draw_paths(run: Run, ax: Axes) -> None:
+    """The map with the fleet under the first plan, every plan, and what was driven."""
+    problem = run.problem
+    fleet = trajectories(problem, run.first, problem.fleet.spread(MEMBERS), 2)
+    draw_map(problem, ax, [*fleet, _shown(run)])
+    for i, path in enumerate(fleet):
+        ax.plot(path[:, 0], path[:, 1], color=FIRST, linewidth=0.5, label=None if i else "fleet, first plan")
+    if run.twin is not None:
+        middle = trajectories(problem, run.twin, problem.fleet.center[None], 2)[0]
+        ax.plot(middle[:, 0], middle[:, 1], "--", color=TWIN, linewidth=0.9, label="unconstrained")
+    for i, step in enumerate(run.told):
+        ax.plot(*step.path.T, color=PLANNED, linewidth=0.7, alpha=0.6, label=None if i else "plans")
+        ax.plot(*step.path[:1].T, ".", color=PLANNED, markersize=4)
+    ax.plot(*_shown(run).T, color=DRIVEN, linewidth=1.8, label="driven" if len(run.driven) else "measured")
+    ax.plot(*_shown(run)[-1:].T, "o", color=DRIVEN, markersize=5)
+    ax.legend(loc="best", fontsize=8)
+    ax.set_title(run.title, fontsize=10, wrap=True)
+
+
+def _draw_ranges(run: Run, ax: Axes) -> None:
+    """What is known of each parameter over time."""
+    times = [step.time for step in run.told]
+    for k, name in enumerate(run.told[0].ranges if run.told else ()):
+        ends = np.array([step.ranges[name] for step in run.told])
+        colour = f"C{k}"
+        ax.fill_between(
+            times, ends[:, 0], ends[:, 1], step="post", alpha=0.3, color=colour, label=f"{name}: known range"
+        )
+        if name in run.truth:
+            ax.axhline(run.truth[name], linestyle="--", linewidth=1.0, color=colour, label=f"{name}: true")
+    ax.set(xlabel="t [s]", ylabel="parameter")
+    ax.grid(alpha=0.3)
+    if run.told and run.told[0].ranges:
+        ax.legend(loc="best", fontsize=8)
+
+
+def _draw_seconds(run: Run, ax: Axes) -> None:
+    """How long each plan took; plans that were not used are marked."""
+    times = np.array([step.time for step in run.told])
+    took = 1e3 * np.array([step.seconds for step in run.told])
+    new = np.array([step.source in ("new", "recovered") for step in run.told], dtype=bool)
+    width = 0.6 * float(np.diff(times).min(initial=1.0))
+    ax.bar(times[new], took[new], width, color=DRIVEN, label="new plan")
+    if not new.all():
+        ax.bar(times[~new], took[~new], width, color=TWIN, label="last plan kept, or stopped")
+    ax.axhline(1e3 * run.deadline, linestyle="--", linewidth=1.0, color="black", label="deadline")
+    ax.set(xlabel="t [s]", ylabel="planning [ms]")
+    ax.legend(loc="best", fontsize=8)
+    ax.grid(alpha=0.3)
+
+
+def _animate(run: Run, path: Path) -> None:
+    """The robot and its newest plan, moving over the map."""
+    from matplotlib.animation import FuncAnimation, PillowWriter
+
+    driven = _shown(run)
+    width, height = map_size(run.problem, run.first)
+    figure = new_figure((0.75 * width, 0.75 * height))
+    ax: Any = figure.subplots()
+    draw_map(run.problem, ax, [driven])
+    (trail,) = ax.plot([], [], color=DRIVEN, linewidth=1.8)
+    (plan,) = ax.plot([], [], color=PLANNED, linewidth=1.2)
+    (robot,) = ax.plot([], [], "o", color=DRIVEN, markersize=6)
+    starts = np.array([step.time for step in run.told])
+    frames = np.unique(np.linspace(0, len(driven) - 1, FRAMES).astype(int))
+
+    def show(k: int) -> tuple[Any, ...]:
+        now = run.seconds * k / (len(driven) - 1)
+        newest = int(np.searchsorted(starts, now + 1e-9)) - 1
+        trail.set_data(*driven[: k + 1].T)
+        robot.set_data(*driven[k : k + 1].T)
+        plan.set_data(*(run.told[newest].path.T if newest >= 0 else ([], [])))
+        ax.set_title(f"{run.problem.name}, t = {now:.1f} s", fontsize=10)
+        return trail, plan, robot
+
+    film = FuncAnimation(figure, show, frames=frames.tolist(), interval=PAUSE, blit=False)
+    film.save(path, writer=PillowWriter(fps=round(1000 / PAUSE)), dpi=80)

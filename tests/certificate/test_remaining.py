@@ -1,0 +1,73 @@
+"""The proof for a set of states, against members of the set that are driven."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ensemble_ctrl.certificate import certify
+from ensemble_ctrl.certificate.remaining import certify_set
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.stl import Known, parse
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.motion import Motion
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import replay
+from ensemble_ctrl.systems import Unicycle
+
+FLEET = Fleet(Unicycle(), {"traction": Interval(0.9, 1.1)}, np.zeros(2), 0.1, np.full(2, -2.0), np.full(2, 2.0), 0.05)
+PROBLEM = Problem(
+    name="set",
+    fleet=FLEET,
+    duration=4.0,
+    steps=40,
+    task=parse("F[3,4] in(goal) and G avoid(obstacles)"),
+    regions={"goal": Polyhedron.box([[1.4, 3.0], [-0.6, 1.4]])},
+    obstacles={"low": (Obstacle.box([[0.8, 1.2], [-0.8, -0.3]]),), "far": (Obstacle.box([[0.0, 0.3], [0.9, 1.2]]),)},
+)
+CONTROLS = np.column_stack([np.full(40, 0.55), 0.15 * np.cos(np.arange(40) / 10)])
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0, 0.05), st.floats(0, 0.08), st.integers(0, 100), st.booleans())
+def test_no_member_of_the_set_is_below_what_is_proven(away: float, turn: float, seed: int, moving: bool) -> None:
+    motions = {"low": Motion.steady([0.0, 0.03], 4.0)} if moving else {}
+    problem = PROBLEM.with_(motions=motions)
+    certificate = certify_set(problem, CONTROLS, away, turn)
+    rng = np.random.default_rng(seed)
+    for _ in range(4):
+        angle, far = rng.uniform(0, 2 * np.pi), away * np.sqrt(rng.choice([1.0, rng.random()]))
+        place = far * np.array([np.cos(angle), np.sin(angle)])
+        fleet = replace(FLEET, position=place, heading=FLEET.heading + turn * rng.choice([-1.0, 1.0, 0.3]))
+        run = replay(problem.with_(fleet=fleet), CONTROLS, members=5, substeps=8)
+        assert min(c.distance for c in run.clearances) >= min(certificate.clearance, 1e3) - 1e-9
+        assert run.worst[0] >= certificate.least - 1e-9
+    if certificate.proven:
+        assert certificate.least >= 0
+
+
+def test_a_set_of_one_pose_is_the_fleet() -> None:
+    whole, alone = certify(PROBLEM, CONTROLS), certify_set(PROBLEM, CONTROLS, 0.0, 0.0)
+    assert whole.proven == "yes"
+    assert alone.proven
+    assert alone.robustness == pytest.approx(whole.robustness, abs=2e-3)
+    assert 2e-3 <= alone.clearance <= whole.clearance + 1e-9
+
+
+def test_what_robots_may_differ_by_more_is_taken_off() -> None:
+    plain = certify_set(PROBLEM, CONTROLS, 0.01, 0.01)
+    more = certify_set(PROBLEM, CONTROLS, 0.01, 0.01, np.full(40, 0.5))
+    assert plain.proven
+    assert not more.proven
+    assert more.clearance < -0.1
+    assert more.worst == "avoid(low)"
+
+
+def test_nothing_left_to_do_is_proven() -> None:
+    assert certify_set(PROBLEM.with_(task=Known(0.2)), CONTROLS, 0.01, 0.01).proven
+    assert not certify_set(PROBLEM.with_(task=Known(-0.2)), CONTROLS, 0.01, 0.01).proven

@@ -1,0 +1,144 @@
+"""``ensemble-plan online``: what it prints, writes and leaves, also when something goes wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from ensemble_ctrl.receding.measurement import Measurement
+from ensemble_ctrl.receding.simulated import SimulatedRobot
+
+from .conftest import Command
+from .tools import SMALL
+
+FOLDER = "plans/small-online"
+ROBOT = "online: {deadline: 2 s, robot: {traction: 1.05, seed: 2}}\n"
+"""A deadline that a busy machine meets too: a whole period of ten steps of 0.2 s."""
+
+
+@pytest.fixture
+def small(place: Path) -> Path:
+    (place / "small.yaml").write_text(SMALL + ROBOT)
+    return place
+
+
+def log(place: Path, folder: str = FOLDER) -> list[dict[str, Any]]:
+    """The lines of a log."""
+    return [json.loads(line) for line in (place / folder / "log.jsonl").read_text().splitlines()]
+
+
+def test_a_run_is_printed_logged_and_drawn(command: Command, small: Path) -> None:
+    done = command("online", "small.yaml")
+    assert done.code == 0, done.err
+    lines = done.out.splitlines()
+    assert lines[0] == "small: success: done, and proven"
+    assert lines[-1] == f"  files      {FOLDER}"
+    assert any(line.startswith("  learnt     traction ") for line in lines)
+    found = sorted(path.name for path in (small / FOLDER).iterdir())
+    assert found == ["log.jsonl", "online.gif", "online.png", "outcome.json", "plan.npz"]
+    start, *steps, end = log(small)
+    assert (start["kind"], start["steps"], start["ranges"]) == ("start", 20, {"traction": [0.9, 1.1]})
+    assert [step["begin"] for step in steps] == [0, 10]
+    assert steps[0]["measurement"]["time"] == 0
+    assert len(steps[0]["commands"]) == 10
+    assert {"solve_seconds", "iterations", "status", "ranges", "proof", "source", "events"} <= set(steps[1])
+    assert (end["kind"], end["ending"]) == ("end", "success")
+    with Image.open(small / FOLDER / "online.gif") as film:
+        assert getattr(film, "n_frames", 1) > 20
+    facts = json.loads((small / FOLDER / "outcome.json").read_text())
+    assert (facts["ending"], facts["assumptions_hold"], facts["plans"]["stopped"]) == ("success", True, 0)
+
+
+def test_as_json_one_object(command: Command, small: Path) -> None:
+    done = command("online", "small.yaml", "--json", "--no-plots", "-q", "--seed", "5")
+    assert (done.code, done.err) == (0, "")
+    assert (done.data["ending"], done.data["exit_code"], done.data["folder"]) == ("success", 0, FOLDER)
+    assert not (small / FOLDER / "online.png").exists()
+
+
+def test_a_robot_unlike_the_fleet_is_no_success(command: Command, small: Path) -> None:
+    done = command("online", "small.yaml", "--no-plots", "--traction", "0.6")
+    assert done.code == 4
+    assert not done.out.startswith("small: success")
+    assert "no parameters in the assumed ranges fit what was measured" in done.err
+    assert log(small)[-1]["kind"] == "end"
+
+
+def test_the_defaults_do_without_a_section(command: Command, place: Path) -> None:
+    done = command("online", "small.yaml", "--no-plots", "--set", "online.deadline=2 s")
+    assert done.code == 0, done.err
+
+
+def test_without_a_plan_nothing_is_driven(command: Command, place: Path) -> None:
+    done = command("online", "walled.yaml")
+    assert done.code == 3
+    assert "walled: no plan was found to begin with" in done.err
+    assert not (place / "plans").exists()
+
+
+def test_a_signal_stops_the_robot_and_keeps_the_log(
+    command: Command, small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wait = SimulatedRobot.wait
+
+    def interrupted(self: SimulatedRobot, until: float) -> None:
+        wait(self, until)
+        if until >= 4.0 and not self._measure_count:  # type: ignore[attr-defined]
+            self._measure_count = 1  # type: ignore[attr-defined]
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(SimulatedRobot, "wait", interrupted)
+    monkeypatch.setattr(SimulatedRobot, "_measure_count", 0, raising=False)
+    done = command("online", "small.yaml")
+    assert done.code == 130
+    assert "the robot is stopped; the log is kept" in done.err
+    assert done.out.startswith("small: interrupted: someone wanted to stop")
+    assert log(small)[-1]["ending"] == "interrupted"
+    assert log(small)[-2]["kind"] == "step"
+
+
+def test_a_fault_leaves_the_log_up_to_it(command: Command, small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = SimulatedRobot.read
+
+    def broken(self: SimulatedRobot) -> Measurement | None:
+        if self.now() > 4.0:
+            raise OSError(5, "the cable came off", "robot")
+        return read(self)
+
+    monkeypatch.setattr(SimulatedRobot, "read", broken)
+    done = command("online", "small.yaml")
+    assert done.code == 1
+    assert "Traceback" not in done.err
+    assert f"the log up to the fault: {FOLDER}/log.jsonl" in done.err
+    assert "error: robot: the cable came off" in done.err
+    end = log(small)[-1]
+    assert end["ending"] == "fault"
+    assert "the cable came off" in end["reason"]
+
+
+@pytest.mark.parametrize(
+    ("section", "said"),
+    [
+        ("{applied_steps: 0}", "online.applied_steps: expected a whole number from 1 to 10000, got 0"),
+        ("{noise: {position: 3 s}}", "online.noise.position: expected a length"),
+        ("{horizon: receding}", "expected run_for with `horizon: receding`"),
+        ("{robot: {drifting: {middle: 1, amplitude: 0.1, period: 9 s}, traction: 1}}", "expected drifting alone"),
+        ("{robot: {lost: {commands: 1}}}", "expected a share from 0 to below 1, got 1"),
+        ("{robbot: {}}", "robbot"),
+        ("{deadline: 9 s}", "online.deadline: expected at most the 2 s of 10 applied steps, got 9 s"),
+        ("{robot: {traction: 1, angular_traction: 1}}", "expected traction, or linear_traction and angular_traction"),
+    ],
+)
+def test_mistakes_are_told(command: Command, place: Path, section: str, said: str) -> None:
+    (place / "small.yaml").write_text(SMALL + f"online: {section}\n")
+    done = command("online", "small.yaml")
+    assert done.code == 2
+    assert said in done.err
+    assert "Traceback" not in done.err
+    assert not (place / "plans").exists()

@@ -1,0 +1,158 @@
+"""The program for loops: its slopes, its levels, and what it makes of a plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, robustness
+from ensemble_ctrl.duties import grounded, other_parts
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.ocp.evaluate import evaluate
+from ensemble_ctrl.ocp.levels import TaskLevels, smooth_maximum
+from ensemble_ctrl.ocp.online import OnlineProgram, Present, _blocks, _Point
+from ensemble_ctrl.ocp.truncation import coarse, points
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
+
+from .problems import FLEET, five, planned
+
+Floats = NDArray[np.float64]
+TWO = {"linear_traction": Interval(0.95, 1.05), "angular_traction": Interval(0.9, 1.1)}
+
+
+def present_at(program: OnlineProgram, controls: Floats, at: int, free: int, growth: float = 0.0) -> Present:
+    """The fleet where the commands before `at` lead its middle member, from there on."""
+    problem, fleet = program.problem, program.problem.fleet
+    middle = fleet.drives(fleet.center[None])
+    path = fleet.system.positions(controls, middle, problem.step)[0]
+    _, omega = fleet.system.rates(*controls.T)
+    drives = fleet.drives(fleet.bent_members(program.truncation.nodes))
+    drives[:, 2] += problem.step * omega[:at].sum()
+    drives[:, 3:] = path[at]
+    return Present(at, free, drives, path[: at + 1], np.full(problem.steps + 1, growth), controls)
+
+
+@pytest.mark.parametrize(
+    ("system", "laws"),
+    [
+        (Unicycle(), {"traction": Interval(0.9, 1.1)}),
+        (Unicycle(heading_from="y"), {"traction": Interval(0.9, 1.1)}),
+        (Bicycle(wheelbase=0.4), TWO),
+    ],
+)
+def test_slopes_are_those_of_finite_differences(system: ArcSystem, laws: dict[str, Interval]) -> None:
+    bounds = np.full(2, -1.0), np.full(2, 1.0)
+    problem = replace(five(fleet=Fleet(system, laws, np.ones(2), 0.3, *bounds)), steps=16)
+    controls = np.random.default_rng(0).uniform([0.2, -0.4], [0.8, 0.4], (16, 2))
+    program = OnlineProgram.of(problem, controls, 2)
+    point = _Point(program, present_at(program, controls, 3, 5), controls)
+    count = point.curve.shape[1]
+    at, which = (i.ravel() for i in np.meshgrid(np.array([4, 6, 11, 16]), np.arange(count)))
+    normal = np.random.default_rng(1).normal(size=(len(at), 2))
+    slopes = point._slopes(at, which, normal).reshape(len(at), 11, 2)
+    for step, command in ((0, 0), (0, 1), (4, 0), (4, 1), (10, 1)):
+        change = np.zeros((11, 2))
+        change[step, command] = 1e-6
+        ahead, behind = point.moved(change).curve, point.moved(-change).curve
+        wanted = ((ahead - behind)[at, which] / 2e-6 * normal).sum(axis=1)
+        np.testing.assert_allclose(slopes[:, step, command], wanted, atol=1e-7)
+
+
+def test_groups_of_steps_cover_all_and_grow() -> None:
+    for steps in (1, 7, 40, 160, 1000):
+        starts = _blocks(steps)
+        sizes = np.diff([*starts, steps])
+        assert starts[0] == 0
+        assert (sizes >= 1).all()
+        assert len(starts) <= 42
+        assert sizes[0] <= 2
+        assert sizes.max() <= sizes[-3:].max() + 1
+
+
+def test_levels_are_a_lower_bound_of_the_robustness() -> None:
+    problem, controls = five(), planned().controls
+    truncation = coarse(problem)
+    curve = points(problem, controls, truncation)
+    levels = TaskLevels.of(problem, truncation, curve)
+    value = levels.values(levels.heights(curve, truncation.mean, np.zeros(161)))[-1]
+    part = grounded(problem, other_parts(problem)[0])
+    members = points(problem, controls, replace(truncation, hull=False)).transpose(1, 0, 2)
+    exact = float(robustness(part, StateSignals(members, ("x", "y"), problem.step), ExactOps()))
+    assert exact - np.log(21) / 20 - 0.05 <= value <= exact
+    grown = levels.values(levels.heights(curve, truncation.mean, np.full(161, 0.1)))[-1]
+    assert grown == pytest.approx(value - 0.1)
+
+
+def test_the_smooth_maximum_is_never_above_the_largest() -> None:
+    parts = np.array([0.1, 0.3, -2.0])
+    value, weights = smooth_maximum(parts)
+    assert 0.3 - np.log(3) / 20 <= value <= 0.3
+    assert weights.sum() == pytest.approx(1.0)
+
+
+def test_it_comes_close_to_the_optimum_of_the_interior_point_method() -> None:
+    """From a plan that is disturbed, back to within a few hundredths of the optimum's cost."""
+    problem, plan = five(), planned().controls
+    program = OnlineProgram.of(problem, plan, 3)
+    wobble = 0.15 * np.sin(np.arange(160)[:, None] / 9 + np.array([0.0, 1.0]))
+    bad = plan + wobble
+    truncation = planned().attempt.truncation
+    found = program.solve(present_at(program, bad, 0, 0), rounds=25)
+    best, start, end = (evaluate(problem, u, truncation) for u in (plan, bad, found.controls))
+    assert start.cost > best.cost + 1
+    assert end.cost < best.cost + 0.1
+    assert end.gap > -1e-3
+    assert end.robustness > 0
+    assert found.short < 1e-3
+
+
+def test_what_was_sent_stays_as_it_is() -> None:
+    problem, plan = five(), planned().controls
+    program = OnlineProgram.of(problem, plan, 3)
+    found = program.solve(present_at(program, plan, 40, 43, 0.02), rounds=2)
+    assert (found.controls[:43] == plan[:43]).all()
+    assert (found.controls[43:] != plan[43:]).any()
+    assert (np.abs(found.controls) <= 2).all()
+
+
+def test_growth_keeps_the_fleet_further_away() -> None:
+    problem, plan = five(), planned().controls
+    program = OnlineProgram.of(problem, plan, 3)
+    found = program.solve(present_at(program, plan, 0, 0, 0.1), rounds=8)
+    value = evaluate(problem, found.controls, planned().attempt.truncation)
+    assert value.gap > 0.08
+
+
+def test_rates_are_kept() -> None:
+    fleet = replace(FLEET, rate_bounds=np.array([0.5, 0.5]), input_upper=np.array([0.8, 1.0]))
+    problem = five(fleet=fleet)
+    plan = np.column_stack([np.full(160, 0.55), np.zeros(160)])
+    program = OnlineProgram.of(problem, plan, 2)
+    found = program.solve(present_at(program, plan, 0, 1), rounds=6)
+    assert np.abs(np.diff(found.controls, axis=0)).max() <= 0.5 * problem.step + 1e-3
+    assert found.controls[:, 0].max() <= 0.8
+
+
+def test_a_deadline_ends_it_after_a_quadratic_program() -> None:
+    program = OnlineProgram.of(five(), planned().controls, 3)
+    found = program.solve(present_at(program, planned().controls, 0, 0), deadline=1e-9, rounds=20)
+    assert (found.status, found.iterations) == ("limit", 1)
+
+
+def with_smoothness(problem: Problem) -> Problem:
+    return problem.with_(objective=replace(problem.objective, smoothness=0.05))
+
+
+def test_smoothness_makes_commands_smoother() -> None:
+    plan = planned().controls
+    rough = []
+    for problem in (five(), with_smoothness(five())):
+        program = OnlineProgram.of(problem, plan, 2)
+        found = program.solve(present_at(program, plan, 20, 23), rounds=10).controls
+        rough.append(float((np.diff(found[23:], axis=0) ** 2).sum()))
+    assert rough[1] < 0.9 * rough[0]
