@@ -34,9 +34,11 @@ SECTIONS = {
     "stl": "Benchmarks of stlpy, for a fleet",
     "fleets": "Several parameters, uncertain starts, bicycles",
     "moving": "Moving obstacles",
-    "maps": "Imported maps",
+    "maps": "Maps from other tools",
     "systems": "Other dynamics: replayed, not proven",
     "targets": "Targets of the whole fleet",
+    "time": "As soon as possible",
+    "risk": "Risk, and a share of the fleet",
     "laws": "Other laws of the parameter",
 }
 """Folders of `configs/` and their titles, in reading order."""
@@ -63,7 +65,7 @@ def main(names: list[str]) -> None:
 
 
 def configs() -> list[Path]:
-    """Every problem file, in reading order."""
+    """Every problem file, in reading order; those for loops are on a page of their own."""
     words = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine"]
 
     def place(path: Path) -> tuple[int, int, str]:
@@ -71,7 +73,7 @@ def configs() -> list[Path]:
         folder = "" if path.parent == CONFIGS else path.parent.name
         return list(SECTIONS).index(folder), words.index(first) + 1 if first in words else 0, path.stem
 
-    return sorted(CONFIGS.rglob("*.yaml"), key=place)
+    return sorted((path for path in CONFIGS.rglob("*.yaml") if path.parent.name != "online"), key=place)
 
 
 def run(path: Path) -> dict[str, Any]:

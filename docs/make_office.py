@@ -1,4 +1,4 @@
-"""Draw the office of ``configs/maps``: an occupancy grid as a robot would have made it."""
+"""Draw the office of ``configs/maps``, an occupancy grid as a robot makes it: ``python docs/make_office.py``."""
 
 from __future__ import annotations
 

@@ -163,6 +163,24 @@ def test_without_pandas_it_is_said_clearly(monkeypatch: pytest.MonkeyPatch) -> N
         made("one traction").to_dataframe()
 
 
+def test_other_systems_have_their_own_states(tmp_path: Path) -> None:
+    text = """
+    fleet: {model: double_integrator, parameters: {mass: {range: [0.9, 1.1]}}, start: {}}
+    horizon: {duration: 2 s, steps: 8}
+    task: G x >= -100
+    """
+    plan = Plan(load_text(text), np.tile([0.5, -0.25], (8, 1)), "planned")
+    data = json.loads(plan.export(tmp_path / "plan.json", members=2).read_text())
+    for member in data["members"]:
+        acceleration = 0.5 / member["parameters"]["mass"]
+        assert member["x"][-1] == pytest.approx(acceleration * 2**2 / 2)
+    header = plan.export(tmp_path / "plan.csv", members=1).read_text().splitlines()[0]
+    assert header.startswith("t [s],fx [N],fy [N],x [m] (mass=1),y [m] (mass=1)")
+    for form in ("geojson", "rosbag"):
+        with pytest.raises(UnsupportedError, match="robots on arcs, got one of the double_integrator"):
+            plan.export(tmp_path / "none", form)
+
+
 # --- ROS 2 bags
 
 

@@ -20,11 +20,13 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
 
-from ensemble_ctrl.config import import_map, load, load_text
+from ensemble_ctrl.config import import_map, load, load_text, read
 from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.constraints.polygon import is_convex
 from ensemble_ctrl.errors import ConfigError, ProblemError
+from ensemble_ctrl.planner import solve
+from ensemble_ctrl.replay import replay
 
 NANOMETRE = 1e-9
 FINE = {"resolution": 0.5, "origin": [0.0, 0.0, 0.0]}
@@ -377,3 +379,27 @@ def test_hostile_images_are_refused(tmp_path: Path, case: tuple[str, bytes, str]
     (tmp_path / "map.yaml").write_text(json.dumps({"image": name, **FINE}))
     with pytest.raises(ConfigError, match=message):
         import_map(tmp_path / "map.yaml")
+
+
+# --- the problems of configs/maps
+
+
+def test_the_yard_takes_its_features_from_one_file() -> None:
+    loaded = read(Path(__file__).parents[1] / "configs" / "maps" / "yard.yaml")
+    assert loaded.warnings == ()
+    pieces = {name: len(found) for name, found in loaded.problem.obstacles.items()}
+    assert pieces == {"house": 2, "greenhouse": 4, "hedge": pieces["hedge"], "trees": 2}
+    assert pieces["hedge"] < 6
+    assert loaded.problem.regions["gate"].contains([8.5, 8.8])
+
+
+def test_the_office_is_planned_and_proven() -> None:
+    problem = load(Path(__file__).parents[1] / "configs" / "maps" / "office.yaml")
+    assert 20 <= len(problem.pieces) <= 40
+    found = solve(problem)
+    assert found.status == "planned"
+    assert found.certificate is not None
+    assert found.certificate.proven == "yes"
+    assert found.attempt.value.cost <= 1.1
+    run = replay(problem, found.controls, members=1000, substeps=5)
+    assert not run.violating.any()

@@ -76,6 +76,8 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_pictures_are_small() -> None:
     static = ROOT / "docs" / "_static"
     assert (static / "five_obstacles.png").stat().st_size < 300_000
+    assert (static / "five_obstacles.gif").stat().st_size < 400 * 1024
+    assert [path.name for path in static.glob("*.png") if path.stat().st_size > 300_000] == []
     assert [path.name for path in (static / "gallery").glob("*.png") if path.stat().st_size > 80_000] == []
 
 

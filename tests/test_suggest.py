@@ -17,6 +17,7 @@ from ensemble_ctrl.conflicts import Conflict
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness, parse
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp.solvers import Iteration
+from ensemble_ctrl.planner import Status
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.report import summary_lines
@@ -171,14 +172,31 @@ def test_the_first_that_holds(count: int, data: st.DataObject) -> None:
         assert first_true(holds, count, lambda: True) == count - 1
 
 
-def test_nothing_is_looked_for_where_a_plan_was_found_or_the_time_is_over() -> None:
-    problem = slow()
-    details = {"seconds": {"solve": 600.0}}
-    for status in ("planned", "limit", "interrupted"):
-        plan = Plan(problem, RIGHT_THROUGH, status)
-        assert with_suggestions(plan) is plan
-    late = Plan(problem, RIGHT_THROUGH, "infeasible", details)
-    assert with_suggestions(late) is late
+@pytest.mark.parametrize(
+    ("status", "spent", "looks"),
+    [
+        ("infeasible", 0.0, True),
+        ("infeasible", 599.5, False),
+        ("limit", 10.0, True),
+        ("limit", 600.0, False),
+        ("planned", 0.0, False),
+        ("interrupted", 0.0, False),
+    ],
+)
+def test_when_something_is_looked_for(
+    monkeypatch: pytest.MonkeyPatch, status: Status, spent: float, looks: bool
+) -> None:
+    asked: list[float] = []
+
+    def suggest(self: Plan, seconds: float, **_: object) -> Suggestions:
+        asked.append(seconds)
+        return Suggestions(failed=("equal members",))
+
+    monkeypatch.setattr(Plan, "suggest", suggest)
+    plan = Plan(slow(), RIGHT_THROUGH, status, {"seconds": {"solve": spent}})
+    found = with_suggestions(plan)
+    assert asked == ([30.0] if looks else [])
+    assert found.details.get("suggestions", {}).get("failed") == (["equal members"] if looks else None)
 
 
 def test_who_watches_can_stop_it() -> None:

@@ -9,6 +9,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+import ensemble_ctrl
 from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config import meanings
@@ -16,6 +17,7 @@ from ensemble_ctrl.config.clouds import Cloud
 from ensemble_ctrl.config.fields import Model
 from ensemble_ctrl.config.laws import LawSection, Measured, MixturePart, PartSection
 from ensemble_ctrl.config.motions import MotionSection, Velocity
+from ensemble_ctrl.config.online import OnlineSection
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal
@@ -29,6 +31,8 @@ UNITS: list[tuple[Any, str]] = [
     (f.Length, "m"),
     (f.Margin, "m, ≥ 0"),
     (f.Duration, "s, > 0"),
+    (f.FreeDuration, "s, > 0, or `{at_least, at_most}`"),
+    (f.Effort, "number, ≥ 0, or one for each"),
     (f.Angle, "rad"),
     (f.Weight, "number, ≥ 0"),
     (f.Positive, "number, > 0"),
@@ -54,9 +58,22 @@ Row = tuple[str, Any, str, str]
 def write_reference(folder: Path) -> None:
     """Write every generated page into `folder`."""
     folder.mkdir(exist_ok=True)
-    pages = {"fields.md": field_table(), "areas.md": area_table(), "commands.md": command_help()}
+    pages = {
+        "names.md": public_names(),
+        "fields.md": field_table(),
+        "areas.md": area_table(),
+        "loops.md": loop_table(),
+        "commands.md": command_help(),
+    }
     for name, lines in pages.items():
         (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def public_names() -> Iterator[str]:
+    """Everything that `ensemble_ctrl` itself exports, with the first line of its docstring."""
+    yield from ("```{eval-rst}", ".. currentmodule:: ensemble_ctrl", "", ".. autosummary::", "   :nosignatures:", "")
+    yield from (f"   {name}" for name in ensemble_ctrl.__all__ if not name.startswith("_"))
+    yield "```"
 
 
 def field_table() -> Iterator[str]:
@@ -64,6 +81,11 @@ def field_table() -> Iterator[str]:
     yield from _table("field", fields(ProblemFile))
     yield from ("", "### A law", "", "The fields of each of `fleet.parameters`:", "")
     yield from _table("field", fields(LawSection))
+
+
+def loop_table() -> Iterator[str]:
+    """Every field of the section about loops."""
+    yield from _table("field", fields(OnlineSection, "online."))
 
 
 def area_table() -> Iterator[str]:
@@ -85,7 +107,9 @@ def fields(model: type[Model], prefix: str = "") -> Iterator[Row]:
     said = meanings(model)
     for name, info in model.model_fields.items():
         path, kind = f"{prefix}{name}", _plain(info.annotation)
-        if isinstance(kind, type) and issubclass(kind, PartSection):
+        if name == "online":
+            yield path, "a section", "none", said[name]
+        elif isinstance(kind, type) and issubclass(kind, PartSection):
             yield path, "a law", "the same for all", said[name]
         elif isinstance(kind, type) and issubclass(kind, Model):
             yield from fields(kind, f"{path}.")
@@ -103,6 +127,8 @@ def unit(annotation: Any) -> str:
         return "[area](#areas)"
     if annotation == "a law":
         return "[law](laws.md)"
+    if annotation == "a section":
+        return "[section](online.md)"
     required = _required(annotation)
     for known, text in UNITS:
         if known in (annotation, required):
@@ -147,6 +173,8 @@ def _default(info: Any, path: str) -> str:
     """A default as it would stand in a file."""
     if path == "objective.terminal.target":
         return "required with `terminal`"
+    if path == "objective.cvar.of":
+        return "required with `cvar`"
     if info.is_required():
         return "**required**"
     value = info.default

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl import planfile
-from ensemble_ctrl.arrival import arrival
+from ensemble_ctrl.arrival import arrival, risk
 from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
@@ -311,7 +311,8 @@ def plan(
     Returns
     -------
     Plan
-        Already replayed with ``problem.verify``.
+        Already replayed with ``problem.verify``. Where a time is to be as short as possible, its problem is that of
+        the time found, and ``details["soonest"]`` says what was tried (`ensemble_ctrl.soonest.Soonest`).
 
     Raises
     ------
@@ -330,14 +331,15 @@ def plan(
     >>> ec.plan(problem).replayed.satisfied
     1.0
     """
-    from ensemble_ctrl.planner import solve
+    from ensemble_ctrl.soonest import solve
 
     controls = guess.controls if isinstance(guess, Plan) else guess
-    solution = solve(problem, progress=progress, guess=controls, log=log)
+    solution, soonest = solve(problem, progress=progress, guess=controls, log=log)
     if progress is not None:
         progress("replay", None)
-    run = replay(problem, solution.controls)
-    found = Plan(problem, solution.controls, solution.status, _details(solution), run, solution.certificate)
+    run = replay(solution.problem, solution.controls)
+    details = _details(solution) | ({} if soonest is None else {"soonest": asdict(soonest)})
+    found = Plan(solution.problem, solution.controls, solution.status, details, run, solution.certificate)
     if check and not (found.status == "planned" and found.verified):
         raise SolveError(failure_message(found), found)
     return found
@@ -368,11 +370,12 @@ def with_twin(plan: Plan, progress: Progress | None = None) -> Plan:
 
 
 def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
-    """The plan with what would help in its details, where no plan was found and as far as the time limit allows."""
+    """The plan with what would help in its details, where none was found and there is a second left to look for it."""
     from ensemble_ctrl.suggest import SECONDS
 
     left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())
-    if plan.status != "infeasible" or left <= 0 or isinstance(plan.problem, OdeProblem):
+    over = plan.verified or plan.status not in ("infeasible", "limit") or left < 1
+    if over or isinstance(plan.problem, OdeProblem):
         return plan
     found = plan.suggest(min(SECONDS, left), progress=progress)
     helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]
@@ -394,6 +397,7 @@ def _details(solution: Solution) -> dict[str, Any]:
         "solve_seconds": solution.solve_seconds,
         "seconds": solution.seconds,
         "arrival": arrival(solution.problem, solution.controls),
+        "at_risk": risk(solution.problem, solution.controls),
         "routes": [{**vars(route), "corners": route.corners.tolist()} for route in solution.routes],
         **({} if solution.nlp is None else {"minlp": _mixed_details(solution.nlp.value.cost, solution)}),
     }

@@ -7,14 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.duties import duties
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.risk import FAR, value_at_risk
 from ensemble_ctrl.target import MomentTarget, SpreadTarget, wasserstein
 
 Floats = NDArray[np.float64]
 
 COUNT = 24
 """Points of the rule for each parameter that bends trajectories; a quarter as many with several."""
+LOOKS = 4
+"""Times looked at in each step for clearances."""
 MEMBERS = 2000
 """About as many members are looked at for the largest distance."""
 
@@ -55,6 +59,38 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
     members = np.concatenate([fleet.grid(MEMBERS), fleet.corners])
     each = np.linalg.norm(_final(problem, controls, members) - problem.objective.places(fleet, members), axis=1)
     return {"rms": float(np.sqrt(square)), "largest": float(each.max())}
+
+
+def risk(problem: Problem, controls: Floats) -> dict[str, Any]:
+    """Value at risk and conditional value at risk of what the problem puts a price on, metres; empty without a price.
+
+    For about 2,000 members of equal weight: distances at the end, or clearances at `LOOKS` times a step.
+    """
+    price = problem.objective.cvar
+    if price is None:
+        return {}
+    members = problem.fleet.representatives(MEMBERS)
+    if price.of == "terminal":
+        places = problem.objective.places(problem.fleet, members)
+        losses = np.linalg.norm(_final(problem, controls, members) - places, axis=1)
+    else:
+        losses = -_clearances(problem, controls, members)
+    at_risk, mean = value_at_risk(losses, price.level)
+    return {"of": price.of, "level": price.level, "value_at_risk": at_risk, "cvar": mean}
+
+
+def _clearances(problem: Problem, controls: Floats, members: Floats) -> Floats:
+    """Smallest distance of members from what everybody keeps out of, at most `FAR`, metres."""
+    least = np.full(len(members), FAR)
+    for rows in np.array_split(np.arange(len(members)), 10):
+        paths = trajectories(problem, controls, members[rows], LOOKS)
+        times = np.linspace(0.0, problem.duration, paths.shape[1])
+        for duty in duties(problem):
+            when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
+            seen = paths[:, when] - duty.offsets(times[when])
+            for piece in duty.pieces:
+                least[rows] = np.minimum(least[rows], piece.distance(seen).min(axis=1) - duty.radius)
+    return least
 
 
 def _final(problem: Problem, controls: Floats, members: Floats) -> Floats:

@@ -13,7 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Solid
-from ensemble_ctrl.constraints.stl import Avoid, Formula, Inside, Not, conjuncts, ground, kept_out, resolve
+from ensemble_ctrl.constraints.stl import (
+    Avoid,
+    Formula,
+    Inside,
+    Not,
+    Share,
+    conjuncts,
+    ground,
+    kept_out,
+    reads_fleet,
+    resolve,
+)
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
 
@@ -64,6 +75,38 @@ class Duty:
         if self.begin == self.end:
             overlap = (edges[:-1] <= self.end + slack) & (edges[1:] >= self.begin - slack)
         return np.asarray(overlap)
+
+
+@dataclass(frozen=True, eq=False)
+class Chance:
+    """A part of the task that a share of the fleet has to do, and the same members all of it.
+
+    Attributes
+    ----------
+    part : Share
+        As it was written.
+    duties : tuple of Duty
+        What these members keep out of.
+    others : tuple of Formula
+        What else they do.
+    """
+
+    part: Share
+    duties: tuple[Duty, ...]
+    others: tuple[Formula, ...]
+
+
+def chances(problem: Problem) -> tuple[Chance, ...]:
+    """Every conjunct ``share(p, f)`` of the task with p below 1, where `f` is read for each member."""
+    return tuple(
+        Chance(
+            part,
+            tuple(duty for inner in conjuncts(part.child) for duty in _duties(problem, inner)),
+            tuple(inner for inner in conjuncts(part.child) if not kept_out(inner)),
+        )
+        for part in conjuncts(problem.task)
+        if isinstance(part, Share) and not part.strict and part.p < 1 and not reads_fleet(part.child)
+    )
 
 
 def duties(problem: Problem) -> tuple[Duty, ...]:

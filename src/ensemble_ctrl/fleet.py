@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.ensemble import Ensemble, Member
+from ensemble_ctrl.ensemble import PRIMES, Ensemble, Member
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Law, Samples, tensor_rule
 from ensemble_ctrl.systems import ArcSystem
@@ -200,6 +200,22 @@ class Fleet(Ensemble):
         """The drives of members of shape (members, parameters), shape (members, 5)."""
         return np.asarray(self.origin + members @ self.directions)
 
+    def representatives(self, count: int) -> Floats:
+        """Exactly `count` members of equal weight that stand for the laws, shape (count, parameters).
+
+        Even in the law of the first parameter, scattered evenly in those of the others; robots of the cloud stay whole.
+        """
+        share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
+        share[:, :1] = (0.5 + np.arange(count)[:, None]) / count
+        laws = self.parameters.values()
+        members = np.column_stack([law.quantile(s) for law, s in zip(laws, share.T, strict=True)]) if laws else share
+        if self.cloud is not None:
+            first = self.names.index(next(iter(self.cloud)))
+            robots = (share[:, first] * len(next(iter(self.cloud.values())))).astype(int)
+            for name, column in self.cloud.items():
+                members[:, self.names.index(name)] = column[robots]
+        return members
+
     def sample(self, count: int, seed: int) -> Floats:
         """Members drawn from the parameters' laws, shape (count, parameters)."""
         drawn = super().sample(count, seed)
@@ -208,6 +224,28 @@ class Fleet(Ensemble):
             for name, column in self.cloud.items():
                 drawn[:, self.names.index(name)] = column[robots]
         return drawn
+
+    def mass(self, lower: Floats, upper: Floats) -> float:
+        """Share of the fleet in a closed box of parameters, under the laws and the cloud.
+
+        Parameters
+        ----------
+        lower, upper : ndarray, shape (parameters,)
+            The box.
+
+        Returns
+        -------
+        float
+            0 to 1.
+        """
+        cloud, total = self.cloud or {}, 1.0
+        for k, (name, law) in enumerate(self.parameters.items()):
+            if name not in cloud:
+                below = np.nextafter(lower[k], -np.inf)
+                total *= float(law.cdf(upper[k]) - law.cdf(below))
+        columns = [(self.names.index(name), column) for name, column in cloud.items()]
+        inside = [(column >= lower[k]) & (column <= upper[k]) for k, column in columns]
+        return max(0.0, total) * (float(np.all(inside, axis=0).mean()) if inside else 1.0)
 
     def rule(self, count: int) -> tuple[Floats, Floats]:
         """Points and weights that integrate over the bent parameters' laws, or over the cloud.

@@ -27,6 +27,7 @@ from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.candidates import Outcome, Tried, join_logs, part_log, tried
+from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import Seed, seeds
@@ -195,7 +196,7 @@ def solve(
     search.tell("guess")
     steps = coarse_steps(problem)
     starts = (
-        [Seed(_given(problem, guess, steps), np.zeros((0, 2)), 0.0)]
+        [Seed(given(problem, guess, steps), np.zeros((0, 2)), 0.0)]
         if guess is not None
         else seeds(problem, steps, problem.solve.routes)
     )
@@ -257,7 +258,7 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
             one or shooting.given(problem, start.iterate.controls) for one, start in zip(done, starts, strict=True)
         ]
     else:
-        controls = _given(problem, guess, steps)
+        controls = given(problem, guess, steps)
         found = [shooting.given(problem, controls if len(controls) == steps else _refined(controls, steps))]
     ranked = sorted(range(len(found)), key=lambda k: shooting.rank(found[k][0]))
     which, attempt = ranked[0], found[ranked[0]][0]
@@ -319,12 +320,12 @@ def screen(problem: Problem, *, progress: Progress | None = None) -> Floats | No
     return best.controls if best.value.keeps(0.0) else None
 
 
-def _given(problem: Problem, guess: Floats, steps: int) -> Floats:
-    """A caller's guess within the input bounds, on at least `steps` steps so that each window holds a grid time."""
-    given, n_u = np.asarray(guess, dtype=float), len(problem.fleet.system.controls)
-    if given.ndim != 2 or not len(given) or given.shape[1] != n_u or not np.isfinite(given).all():
-        raise ProblemError(f"guess: expected finite controls of shape (steps, {n_u}), got shape {given.shape}")
-    fine = given if len(given) >= steps else _refined(given, steps)
+def given(problem: Problem, guess: Floats, steps: int) -> Floats:
+    """A guess within the input bounds, on at least `steps` steps so that each window holds a grid time."""
+    controls, n_u = np.asarray(guess, dtype=float), len(problem.fleet.system.controls)
+    if controls.ndim != 2 or not len(controls) or controls.shape[1] != n_u or not np.isfinite(controls).all():
+        raise ProblemError(f"guess: expected finite controls of shape (steps, {n_u}), got shape {controls.shape}")
+    fine = controls if len(controls) >= steps else _refined(controls, steps)
     return np.clip(fine, problem.fleet.input_lower, problem.fleet.input_upper)
 
 
@@ -346,13 +347,22 @@ def _windows(formula: Formula) -> list[tuple[float, float]]:
 
 
 def _coarse_all(search: _Search, guesses: list[Floats]) -> list[Attempt]:
-    """Each seed improved on its own coarse grid at low order; one that could not be solved as it is."""
+    """Each seed improved on its own coarse grid at low order; one that could not be solved as it is.
+
+    Where a share of the fleet is enough, for the best choice of its members.
+    """
     problem = search.problem
-    truncation = coarse(problem)
+    truncation, boxes = coarse(problem), ranges(problem)
 
     def work(own: _Search, candidate: int) -> Attempt:
-        options = own.options(1e-2, 1e-3)
-        return improve(problem, guesses[candidate], truncation, COARSE_ROUNDS, options, own.watch("coarse solve"))
+        tries = []
+        for box in boxes:
+            options, members = own.options(1e-2, 1e-3), replace(truncation, within=box)
+            watch = own.watch("coarse solve")
+            tries.append(improve(problem, guesses[candidate], members, COARSE_ROUNDS, options, watch))
+            if own.over():
+                break
+        return min(tries, key=_rank)
 
     solved = search.side_by_side("coarse solve", work, len(guesses))
     return [a or start(problem, controls, truncation) for a, controls in zip(solved, guesses, strict=True)]
@@ -386,7 +396,7 @@ def _finish_all(search: _Search, solved: list[Attempt]) -> list[_Finished]:
 
 def _finish(search: _Search, found: Attempt) -> _Finished:
     """A coarse solution refined and certified, as far as time allows."""
-    final = found if search.over() else _fine(search, found.controls, search.problem)
+    final = found if search.over() else _fine(search, found, search.problem)
     work = [final] if final is not found else []
     if not search.problem.verify.certificate:
         return _Finished(final, None, tuple(work), 0.0)
@@ -412,7 +422,7 @@ def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate,
         if not np.isfinite(short):
             break
         problem = problem.with_(solve=replace(problem.solve, margin=problem.solve.margin + 1.5 * short + 1e-3))
-        tighter = _fine(search, attempt.controls, problem)
+        tighter = _fine(search, attempt, problem)
         work.append(tighter)
         again = certify(search.problem, _refined(tighter.controls, problem.steps))
         if again.proven == "yes" or min(again.clearance, again.robustness) > min(
@@ -455,10 +465,10 @@ def _no_less_proven(new: Certificate | None, old: Certificate | None) -> bool:
     return old.proven != "yes" and min(new.clearance, new.robustness) >= min(old.clearance, old.robustness)
 
 
-def _fine(search: _Search, controls: Floats, problem: Problem) -> Attempt:
-    """The problem's own grid and order, started from `controls` on that grid."""
-    controls = _refined(controls, problem.steps)
-    truncation = choose(problem, controls)
+def _fine(search: _Search, found: Attempt, problem: Problem) -> Attempt:
+    """The problem's own grid and order, started from what was found before on that grid."""
+    controls = _refined(found.controls, problem.steps)
+    truncation = replace(choose(problem, controls), within=found.truncation.within)
     attempt = start(problem, controls, truncation)
     for _ in range(3):
         options = search.options(1e-3, 1e-3)

@@ -16,6 +16,7 @@ from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet, frozen
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.ode_fleet import OdeFleet
+from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target
 
 Floats = NDArray[np.float64]
@@ -42,25 +43,39 @@ class Objective:
         covariance (`ensemble_ctrl.target`); without it there is no terminal term.
     terminal : float
         Weight of the terminal error, per square metre.
-    effort : float
-        Weight of the control effort.
+    effort : float or array_like of shape (n_u,)
+        Weight of the control effort, the same for all commands or one for each: the energy is the integral of their
+        squares.
     smoothness : float
         Weight of the squared rates of the commands, the integral of ``|du/dt|^2``; counted with the effort.
+    cvar : Risk, optional
+        A price on the worst part of the fleet (`ensemble_ctrl.risk`).
+    earliest : str, optional
+        A region that every member is to pass as soon as possible, before all else; the task goes on to hold
+        (`ensemble_ctrl.soonest`).
     """
 
     robustness: float = 1.0
     target: Floats | Target | None = None
     terminal: float = 10.0
-    effort: float = 0.1
+    effort: float | Floats = 0.1
     smoothness: float = 0.0
+    cvar: Risk | None = None
+    earliest: str | None = None
 
     def __post_init__(self) -> None:
         if self.target is not None and not isinstance(self.target, Formation | MomentTarget | SpreadTarget):
             dimensions = min(max(np.size(self.target), 1), 3) if np.ndim(self.target) == 1 else 2
             object.__setattr__(self, "target", frozen(self.target, (dimensions,), "objective.terminal.target"))
-        weights = [self.robustness, self.terminal, self.effort, self.smoothness]
+        if not isinstance(self.effort, int | float):
+            object.__setattr__(self, "effort", frozen(self.effort, (np.size(self.effort),), "objective.effort"))
+        weights = [self.robustness, self.terminal, *np.atleast_1d(self.effort).tolist(), self.smoothness]
         if not np.isfinite(weights).all() or min(weights) < 0:
             raise ProblemError(f"objective: expected finite weights >= 0, got {weights}")
+
+    def efforts(self, n_u: int = 2) -> Floats:
+        """The weight of each command, shape (n_u,)."""
+        return np.broadcast_to(np.asarray(self.effort, dtype=float), (n_u,))
 
     @property
     def place(self) -> Floats | None:
@@ -183,6 +198,9 @@ class Problem:
         How to check.
     report : ReportOptions
         What to show.
+    least_duration : float or None
+        If given, the plan is as short as possible, from this to `duration` seconds, before all else
+        (`ensemble_ctrl.soonest`); windows without an end, and ``T``, then follow the plan's own duration.
 
     Raises
     ------
@@ -203,6 +221,7 @@ class Problem:
     solve: SolveOptions = field(default_factory=SolveOptions)
     verify: VerifyOptions = field(default_factory=VerifyOptions)
     report: ReportOptions = field(default_factory=ReportOptions)
+    least_duration: float | None = None
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.checks import require_sound

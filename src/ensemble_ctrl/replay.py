@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness, reads_fleet
-from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
+from ensemble_ctrl.constraints.stl import ExactOps, Formula, Share, StateSignals, member_robustness, reads_fleet
+from ensemble_ctrl.duties import Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.problem import Problem
@@ -54,6 +54,29 @@ class Clearance:
     inside: int
 
 
+@dataclass(frozen=True)
+class ShareSeen:
+    """How many members do a part of the task that a share of the fleet has to do.
+
+    Attributes
+    ----------
+    part : str
+        As it was written.
+    asked : float
+        The share asked for.
+    satisfied : float
+        The share of the members drawn at random that do it, 0 to 1; of all members if none was drawn.
+    low, high : float
+        Wilson's interval at 95 % for the share of the whole fleet.
+    """
+
+    part: str
+    asked: float
+    satisfied: float
+    low: float
+    high: float
+
+
 @dataclass(frozen=True, eq=False)
 class Replay:
     """What happened to the sampled members.
@@ -77,6 +100,8 @@ class Replay:
         What it took.
     corners : int
         How many of the first members are corners of the ranges, or were given; the others were drawn at random.
+    shares : tuple of ShareSeen
+        One for each part ``share(p, f)`` of the task.
     """
 
     parameters: Floats
@@ -87,6 +112,7 @@ class Replay:
     substeps: int
     seconds: float
     corners: int = 0
+    shares: tuple[ShareSeen, ...] = ()
 
     @property
     def members(self) -> int:
@@ -116,13 +142,7 @@ class Replay:
         Members at the corners of the ranges were not drawn and don't count. E. B. Wilson, Probable inference, the law
         of succession, and statistical inference, 1927.
         """
-        drawn = self.violating[self.corners :]
-        if not len(drawn):
-            return 0.0, 1.0
-        n, p = len(drawn), float(1.0 - drawn.mean())
-        middle, spread = (p + z**2 / (2 * n)), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
-        scale = 1 + z**2 / n
-        return max(0.0, float((middle - spread) / scale)), min(1.0, float((middle + spread) / scale))
+        return wilson(~self.violating[self.corners :], z)
 
     @property
     def worst(self) -> tuple[float, Member]:
@@ -136,6 +156,16 @@ class Replay:
             f"Replay({self.members} members: {100 * self.satisfied:.4g} % satisfy, robustness >= "
             f"{self.worst[0]:.4f} m, clearance >= {closest:.4f} m, {self.seconds:.2f} s)"
         )
+
+
+def wilson(kept: NDArray[np.bool_], z: float = 1.96) -> tuple[float, float]:
+    """Wilson's interval for a share, from members drawn at random; (0, 1) if there are none."""
+    if not len(kept):
+        return 0.0, 1.0
+    n, p = len(kept), float(kept.mean())
+    middle, spread = (p + z**2 / (2 * n)), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    scale = 1 + z**2 / n
+    return max(0.0, float((middle - spread) / scale)), min(1.0, float((middle + spread) / scale))
 
 
 def replay(
@@ -189,15 +219,29 @@ def replay(
     blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
     with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
         results = list(pool.map(lambda block: _run(problem, controls, block, substeps), blocks))
-    robustness = np.concatenate([r for r, _, _ in results])
-    inside = np.concatenate([i for _, i, _ in results], axis=1)
+    robustness = np.concatenate([r for r, _, _, _ in results])
+    inside = np.concatenate([i for _, i, _, _ in results], axis=1)
     clearances = tuple(
-        _closest(duty.name, [found[o] for _, _, found in results], int(inside[o].sum()))
+        _closest(duty.name, [found[o] for _, _, found, _ in results], int(inside[o].sum()))
         for o, duty in enumerate(duties(problem))
     )
     corners = min(len(problem.fleet.corners), len(drawn)) if parameters is None else len(drawn)
-    seconds = time.perf_counter() - began
-    return Replay(drawn, problem.fleet.names, robustness, clearances, robustness < 0, substeps, seconds, corners)
+    shares = []
+    for c, chance in enumerate(chances(problem)):
+        each = np.concatenate([some[c] for *_, some in results])
+        random = each[corners:] if corners < len(each) else each
+        fleet = np.sort(random)[len(random) - chance.part.rank(len(random))]
+        np.minimum(robustness, fleet, out=robustness)
+        shares.append(_seen(chance.part, random, corners < len(each)))
+    seconds, names = time.perf_counter() - began, problem.fleet.names
+    return Replay(drawn, names, robustness, clearances, robustness < 0, substeps, seconds, corners, tuple(shares))
+
+
+def _seen(part: Share, robustness: Floats, drawn: bool) -> ShareSeen:
+    """The share of some members with a robustness of zero or more, and what it says of the fleet if they were drawn."""
+    kept: NDArray[np.bool_] = robustness >= 0
+    low, high = wilson(kept) if drawn else (0.0, 1.0)
+    return ShareSeen(str(part), part.p, float(kept.mean()), low, high)
 
 
 def trajectories(
@@ -239,42 +283,47 @@ def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
 
 def _run(
     problem: Problem, controls: Floats, parameters: Floats, substeps: int
-) -> tuple[Floats, NDArray[np.bool_], list[_Closest]]:
-    """One block: robustness, who is inside which obstacle, and the closest approach to each obstacle."""
-    whole = states(problem, controls, parameters, substeps)
-    robustness = _robustness(problem, whole[:, ::substeps])
+) -> tuple[Floats, NDArray[np.bool_], list[_Closest], list[Floats]]:
+    """One block: robustness, who is inside which obstacle, the closest approach to each obstacle, and chance parts."""
+    whole, some = states(problem, controls, parameters, substeps), chances(problem)
+    parts = [part for part in other_parts(problem) if not any(part is chance.part for chance in some)]
+    robustness = _robustness(problem, parts, whole[:, ::substeps])
     paths = whole[..., problem.fleet.place_columns]
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     kept, box = duties(problem), (paths.min(axis=0), paths.max(axis=0))
     inside = np.zeros((len(kept), len(parameters)), dtype=bool)
     found = []
     for o, duty in enumerate(kept):
-        when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
-        closest, at = _approach(paths, box, times, when, duty)
+        closest, at = _approach(paths, box, times, duty)
         member = int(closest.argmin())
         found.append((float(closest[member]), float(times[at[member]]), problem.fleet.named(parameters[member])))
         inside[o] = closest < 0
         np.minimum(robustness, closest, out=robustness)
-    return robustness, inside, found
+    each = []
+    for chance in some:
+        least = _robustness(problem, chance.others, whole[:, ::substeps])
+        for duty in chance.duties:
+            np.minimum(least, _approach(paths, box, times, duty)[0], out=least)
+        each.append(least)
+    return robustness, inside, found, each
 
 
-def _robustness(problem: Problem, whole: Floats) -> Floats:
-    """Robustness of the task but for its duties, for every member."""
+def _robustness(problem: Problem, parts: Sequence[Formula], whole: Floats) -> Floats:
+    """Robustness of some parts of the task that are not duties, for every member."""
     signals = StateSignals(whole, problem.fleet.states, problem.duration / (whole.shape[1] - 1))
     least = np.full(len(whole), np.inf)
-    for part in other_parts(problem):
+    for part in parts:
         np.minimum(least, member_robustness(grounded(problem, part), signals, ExactOps())[:, 0], out=least)
     return least
 
 
-def _approach(
-    paths: Floats, box: tuple[Floats, Floats], times: Floats, when: NDArray[np.int64], duty: Duty
-) -> tuple[Floats, NDArray[np.int64]]:
+def _approach(paths: Floats, box: tuple[Floats, Floats], times: Floats, duty: Duty) -> tuple[Floats, NDArray[np.int64]]:
     """Each member's smallest distance from a duty's pieces, and the time index of it.
 
-    Of the time indices `when`, only those are looked at where the block's bounding box is as close as some member's
+    Of the times of its window, only those are looked at where the block's bounding box is as close as some member's
     smallest distance so far, or overlaps.
     """
+    when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
     closest, at = np.full(len(paths), np.inf), np.zeros(len(paths), dtype=np.int64)
     members, moved = np.arange(len(paths)), duty.offsets(times)
     for piece in duty.pieces:

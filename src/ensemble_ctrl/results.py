@@ -113,6 +113,7 @@ def replay_summary(run: Replay) -> dict[str, Any]:
         "violating": int(run.violating.sum()),
         "satisfied_share": run.satisfied,
         "share_95": list(run.share()),
+        "shares": [vars(share) for share in run.shares],
         "worst_robustness": {"metres": value, "parameters": worst},
         "clearances": [vars(c) for c in run.clearances],
         "seconds": run.seconds,

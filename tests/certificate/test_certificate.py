@@ -310,7 +310,7 @@ def test_bounds_hold_for_windows_anywhere(seed: int, steps: int) -> None:
         f"not ((x <= 0.5) U[{a:.5f},{b:.5f}] (y >= 0.2))",
     ]
     formula, controls = parse(texts[int(rng.integers(len(texts)))]), random_controls(rng, steps)
-    bound = bound_task(Flow.of(problem, controls), formula, problem.fleet.names)
+    bound = bound_task(Flow.of(problem, controls), formula, problem.fleet)
     substeps = 64
     fine = trajectories(problem, controls, problem.fleet.grid(5), substeps)
     signals = StateSignals(fine, ("x", "y"), problem.step / substeps)
@@ -346,7 +346,7 @@ def test_nested_formula_against_dense_sampling() -> None:
     problem = problem_of(20, 0.1, "x", {}, "F in(there)")
     formula = ground(parse("F[0,3] G[0,1] (in(a) or y >= 0.2)"), regions, {})
     controls = np.tile([[0.5, 0.1]], (20, 1))
-    bound = bound_task(Flow.of(problem, controls), formula, problem.fleet.names)
+    bound = bound_task(Flow.of(problem, controls), formula, problem.fleet)
     fine = trajectories(problem, controls, problem.fleet.grid(51), 8)
     dense = member_robustness(formula, StateSignals(fine, ("x", "y"), problem.step / 8), ExactOps()).min()
     assert dense - 3e-2 <= bound.proven <= dense + 1e-9

@@ -69,6 +69,13 @@ fleet:
     + "task: F[3, 4] in(right) and G in(tri) and G (y >= -2)\n"
     + QUICK,
     "nowhere": UNICYCLE + HORIZON + "task: G (x >= -1)\n" + QUICK,
+    "long": UNICYCLE
+    + HORIZON
+    + "regions: {the_goal_of_the_fleet: {box: [[2, 4], [-1, 1]]}, another_place: {box: [[1, 4], [-1, 1]]}}\n"
+    + "obstacles: {a_rather_long_name: {box: [[1.0, 1.6], [0.4, 1.2]]}, o2: {box: [[0, 1], [0.5, 1]]}}\n"
+    + "task: F[3, 4] in(the_goal_of_the_fleet) and not in(the_goal_of_the_fleet) U in(another_place)"
+    + " and F in(another_place) and G avoid(obstacles)\n"
+    + QUICK,
     "mean": UNICYCLE + HORIZON + GOAL + "task: mean(F[3, 4] in(goal))\n" + QUICK,
 }
 """A problem file for each kind."""

@@ -55,6 +55,9 @@ def test_the_slider_and_the_button_move_the_fleet(tab: Page, tmp_path: Path) -> 
     tab.run(MOVE.format(500))
     middle = np.array(tab.run(PLACES))
     assert middle[:, 0] == pytest.approx((start[:, 0] + end[:, 0]) / 2, abs=6)
+    tab.run(MOVE.format(505))  # between two of the times that the page holds
+    assert (np.array(tab.run(PLACES))[:, 0] > middle[:, 0]).all()
+    tab.run(MOVE.format(500))
     moved = tab.run("document.querySelector('[data-moves]').getAttribute('transform')")
     assert moved.startswith("translate(")
     assert tab.run("[...document.querySelectorAll('.cursor')].every(c => c.getAttribute('x1') === '253.0')")

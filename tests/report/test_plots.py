@@ -87,9 +87,10 @@ def test_the_unconstrained_fleet_is_dashed_and_the_plan_solid() -> None:
     assert any(len(c.get_segments()) == 21 for c in ax.collections if hasattr(c, "get_segments"))
 
 
+@pytest.mark.parametrize("name", ["plain", "unbounded", "long"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_column_of_a_paper(kind: str, tmp_path: Path) -> None:
-    path = write_plot(made("plain"), kind, tmp_path / "a.png")
+def test_a_column_of_a_paper(kind: str, name: str, tmp_path: Path) -> None:
+    path = write_plot(made(name), kind, tmp_path / "a.png")
     picture = Image.open(path)
     assert picture.width == 1050  # 3.5 in of 300 dots
     dark = np.asarray(picture.convert("L")) < 128

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import Bound, Prover
 from ensemble_ctrl.certificate.enclosure import Flow
+from ensemble_ctrl.certificate.share import boxes, weighed
 from ensemble_ctrl.certificate.task import TaskBound, alignment, bound_task
 from ensemble_ctrl.constraints.stl import Formula, reads_fleet, resolve
-from ensemble_ctrl.duties import Duty, duties, grounded, other_parts
+from ensemble_ctrl.duties import Chance, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
-from ensemble_ctrl.moments import Interval, Law
+from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import OdeProblem, Problem
 
 Floats = NDArray[np.float64]
@@ -134,7 +135,13 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     flow = Flow.of(problem, controls, laws)
     prover = Prover(flow, problem.fleet.names)
     clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
-    parts = tuple(part_bound(problem, controls, laws, part) for part in other_parts(problem))
+    some = {id(chance.part): chance for chance in chances(problem)}
+    parts = tuple(
+        _share(problem, controls, laws, some[id(part)])
+        if id(part) in some
+        else part_bound(problem, controls, laws, part)
+        for part in other_parts(problem)
+    )
     found = _counter_example(clearances, parts)
     good = all(b.proven >= 0 for b in clearances) and all(b.covered and b.proven >= 0 for b in parts)
     verdict: Verdict = "no" if found else "yes" if good else "undecided"
@@ -175,6 +182,7 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
         fleet.radius,
         problem.duration,
         [(name, law.lower, law.upper) for name, law in laws.items()],
+        _spread(problem, laws) if reads_fleet(problem.task) else [],
         str(problem.task),
         [
             (name, region.A.tolist(), region.lower.tolist(), region.upper.tolist())
@@ -186,6 +194,12 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
     digest.update(repr(numbers).encode())
     digest.update(np.ascontiguousarray(controls, dtype="<f8").tobytes())
     return digest.hexdigest()
+
+
+def _spread(problem: Problem, laws: Mapping[str, Law]) -> list[object]:
+    """How the fleet is spread, for claims about a share or the mean of it."""
+    quantiles = [law.quantile(np.linspace(0.0, 1.0, 65)).tolist() for law in laws.values()]
+    return [quantiles, [(name, column.tolist()) for name, column in (problem.fleet.cloud or {}).items()]]
 
 
 def _dynamics(problem: Problem) -> Sequence[object]:
@@ -200,7 +214,10 @@ def _dynamics(problem: Problem) -> Sequence[object]:
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     """The worst piece of one duty."""
     steps = np.flatnonzero(duty.steps(prover.flow.steps, problem.duration))
-    found = [prover.bound(duty.name, piece, steps, duty.radius, duty.motion) for piece in duty.pieces]
+    found: list[Bound] = []
+    for piece in sorted(duty.pieces, key=lambda piece: prover.nearness(piece, steps, duty.motion)):
+        enough = min((b.sampled for b in found), default=np.inf)
+        found.append(prover.bound(duty.name, piece, steps, duty.radius, duty.motion, enough=enough))
     worst = min(found, key=lambda b: b.sampled)
     return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 
@@ -213,15 +230,33 @@ def part_bound(
     `wanted` is the robustness in metres that would do, `cells` as for `bound_task`.
     """
     formula = grounded(problem, part)
-    if reads_fleet(formula) and not all(isinstance(law, Interval) for law in laws.values()):
-        return TaskBound(str(part), -np.inf, np.inf, {}, covered=False)  # its cells weigh the same
     first = alignment(resolve(formula, problem.duration), problem.duration / len(controls))
     for split in (first * more for more in SPLITS):
         flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)
-        bound = bound_task(flow, formula, problem.fleet.names, cells)
+        bound = bound_task(flow, formula, weighed(problem, laws), cells)
         if bound.proven >= wanted or bound.sampled < wanted:
             break
     return replace(bound, part=str(part))
+
+
+def _share(problem: Problem, controls: Floats, laws: dict[str, Law], chance: Chance) -> TaskBound:
+    """The bound of ``share(p, f)``: that of `f` for all members of a box with enough mass, if one is proven."""
+    best: TaskBound | None = None
+    for box, mass in boxes(problem, controls, weighed(problem, laws), chance):
+        prover = Prover(Flow.of(problem, controls, box), problem.fleet.names)
+        bounds = [_clearance(prover, problem, duty).proven for duty in chance.duties]
+        bounds += [part_bound(problem, controls, box, part).proven for part in chance.others]
+        found = TaskBound(str(chance.part), min(bounds), np.inf, {}, share=mass)
+        if best is None or found.proven > best.proven:
+            best = found
+        if found.proven >= 0:
+            break
+    if best is not None and best.proven >= 0:
+        return best
+    found = part_bound(problem, controls, laws, chance.part)  # members that need not be side by side
+    if best is not None and best.proven >= found.proven:
+        return best
+    return replace(found, share=chance.part.p) if found.proven >= 0 else found
 
 
 def _counter_example(clearances: Sequence[Bound], parts: Sequence[TaskBound]) -> CounterExample | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,6 +126,29 @@ class Prover:
         self.error = self.whole.rounding()
         self.signs = signs_of(count)
 
+    def nearness(self, obstacle: Obstacle, steps: Ints, motion: Motion | None = None) -> float:
+        """Smallest distance of the first cells' middles at the beginnings of `steps`, metres: is the obstacle near?"""
+        return float(self._middles(obstacle, steps, motion).min(initial=np.inf))
+
+    def _middles(self, obstacle: Obstacle, steps: Ints, motion: Motion | None) -> Floats:
+        """Distance of the first cells' middles from an obstacle at the beginnings of `steps`, shape (cells, steps)."""
+        moved: Floats = _moved(motion, np.asarray(steps * self.flow.step, dtype=float))
+        return obstacle.distance(self.track.position[: len(self.half), steps] - moved)
+
+    @cached_property
+    def _reach(self) -> Floats:
+        """How far members of a first cell get from its middle at the beginning of each step, shape (cells, steps)."""
+        n, count = np.arange(self.flow.steps), len(self.half)
+        place = self.track.position[:count]
+        arms = np.abs(self.half)[:, None, :] * np.linalg.norm(self.track.slope[:count], axis=-1)
+        width = arms.sum(axis=-1)
+        half = np.broadcast_to(self.half[:, None], (count, self.flow.steps, self.half.shape[1]))
+        drives = np.broadcast_to(self.flow.drives(self.centres[:count])[:, None], (count, self.flow.steps, 5))
+        span = np.full((count, self.flow.steps), self.flow.step)
+        radius = self.flow.remainder_at(half, n + 1) + self.flow.growth(n, span, drives, half)
+        moved = np.linalg.norm(np.diff(place, axis=1), axis=2) + width[:, 1:]
+        return np.asarray(np.maximum(width[:, :-1], moved) + radius)
+
     def bound(
         self,
         name: str,
@@ -147,16 +171,14 @@ class Prover:
         self.growth = growth
         enough += radius + self.error
         piece = grown(obstacle, self.shift) if self.shift.any() else obstacle
-        centre, step = (i.ravel() for i in np.meshgrid(np.arange(len(self.half)), steps, indexing="ij"))
-        boxes = Boxes(centre, self.half[centre], step, np.zeros(len(centre)), np.ones(len(centre)))
-        best: Sample = (np.inf, 0, np.nan)
-        proven, spent = np.inf, self.boxes
+        boxes, proven, best = self._near(piece, steps, motion, enough)
+        spent = self.boxes
         for _ in range(ROUNDS):
             if not len(boxes):
                 break
             self.boxes += len(boxes)
             low, best, sides = self._bounds(boxes, piece, motion, best)
-            open_ = (low < best[0] - TIGHT) & (low < enough)
+            open_ = low < min(best[0] - TIGHT, enough)
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
             if self.boxes - spent > self.limit:
                 proven = min(proven, float(low.min()))
@@ -166,6 +188,24 @@ class Prover:
             proven = min(proven, float(self._bounds(boxes, piece, motion, best)[0].min(initial=np.inf)))
         sampled, member = self._closest(obstacle, motion, best) if len(steps) else (np.inf, {})
         return Bound(name, proven - radius - self.error, sampled - radius, member, best[2])
+
+    def _near(self, piece: Obstacle, steps: Ints, motion: Motion | None, enough: float) -> tuple[Boxes, float, Sample]:
+        """The boxes to begin with, but for those that are clearly far; a bound for these; the best sample."""
+        centre, step = (i.ravel() for i in np.meshgrid(np.arange(len(self.half)), steps, indexing="ij"))
+        boxes = Boxes(centre, self.half[centre], step, np.zeros(len(centre)), np.ones(len(centre)))
+        if not len(boxes):
+            return boxes, np.inf, (np.inf, 0, np.nan)
+        distance, reach = self._middles(piece, steps, motion), self._reach[:, steps]
+        if self.growth is not None:
+            distance = distance - self.growth[steps]
+        if motion is not None:
+            begin, end = steps * self.flow.step, (steps + 1) * self.flow.step
+            reach = reach + np.linalg.norm(motion.at(end) - motion.at(begin), axis=-1) + motion.bend(begin, end)
+        k = int(distance.argmin())
+        best = float(distance.flat[k]), int(centre[k]), float(step[k] * self.flow.step)
+        low = (distance - reach).ravel()
+        far = low >= min(best[0] - TIGHT, enough)
+        return boxes.where(~far), float(low[far].min(initial=np.inf)), best
 
     def _closest(self, obstacle: Obstacle, motion: Motion | None, best: Sample) -> tuple[float, Member]:
         """The distance of a real member near the best sample, and its parameters: shifts are tried on a grid."""

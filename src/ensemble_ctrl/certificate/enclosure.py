@@ -73,7 +73,7 @@ class Flow:
     @classmethod
     def of(cls, problem: Problem, controls: Floats, laws: Mapping[str, Law] | None = None) -> Flow:
         """The flow of a problem's fleet, or of one with other ranges of the same parameters."""
-        fleet = problem.fleet if laws is None else replace(problem.fleet, parameters=laws)
+        fleet = problem.fleet if laws is None else replace(problem.fleet, parameters=laws, cloud=None)
         v, omega = fleet.system.rates(*np.asarray(controls, dtype=float).T)
         step = problem.duration / len(v)
         turned = step * np.concatenate([[0.0], np.cumsum(omega)[:-1]])

@@ -10,7 +10,7 @@ that lowers the value.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -23,6 +23,7 @@ from ensemble_ctrl.constraints.stl import (
     ExactOps,
     Formula,
     Predicate,
+    Share,
     Signals,
     Until,
     member_robustness,
@@ -32,7 +33,8 @@ from ensemble_ctrl.constraints.stl import (
 )
 from ensemble_ctrl.constraints.stl.rewrite import rebuilt
 from ensemble_ctrl.constraints.stl.robustness import Temporal, reach
-from ensemble_ctrl.fleet import Member
+from ensemble_ctrl.fleet import Fleet, Member
+from ensemble_ctrl.moments import Interval
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +49,8 @@ BLOCK = 1_000_000
 """Numbers held at a time: cells times instants."""
 NEAR = 1e-6
 """Share of a step within which a time counts as on the grid: decimal numbers are not exact in binary."""
+ALIKE = 1e-12
+"""Difference below which two shares count as the same: decimal numbers are not exact in binary."""
 FINEST = 32
 """Most parts into which a step is cut to put windows on the grid."""
 UP = 1 + 1e-12
@@ -70,6 +74,8 @@ class TaskBound:
         That centre's parameters; empty where there is none.
     covered : bool
         False if the formula is outside what this method can bound; `proven` is then minus infinity.
+    share : float or None
+        For ``share(p, f)``, a lower bound of the fleet's share for which `f` is proven with that robustness, 0 to 1.
     """
 
     part: str
@@ -77,6 +83,7 @@ class TaskBound:
     sampled: float
     parameters: Member
     covered: bool = True
+    share: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,15 +99,19 @@ class CellSignals:
     error: float
     step: float
     upper: bool = False
+    mass: Floats | None = None
 
     @classmethod
-    def of(cls, flow: Flow, centres: Floats, half: Floats, upper: bool = False) -> CellSignals:
-        """Enclosures of the cells ``centres +- half``, both of shape (cells, parameters)."""
+    def of(
+        cls, flow: Flow, centres: Floats, half: Floats, upper: bool = False, mass: Floats | None = None
+    ) -> CellSignals:
+        """Enclosures of the cells ``centres +- half``, both of shape (cells, parameters); `mass` if all are there."""
         track = Track.of(flow, centres)
         n = np.arange(flow.steps)[None, :]
         bulge = flow.growth(n, np.full((1, 1), flow.step), flow.drives(centres)[:, None], half[:, None])
         curvature = flow.remainder(half)
-        return cls(centres, half, track.position, track.slope, curvature, bulge, flow.rounding(), flow.step / 2, upper)
+        rest = bulge, flow.rounding(), flow.step / 2, upper, mass
+        return cls(centres, half, track.position, track.slope, curvature, *rest)
 
     @property
     def members(self) -> int:
@@ -126,14 +137,23 @@ class CellSignals:
         return _interleaved(ends, between)[:, first : last + 1]
 
     def mean(self) -> Signals:
-        """The mean member of equal cells: centres average, and curvature over a cell averages to a third."""
-        third = self.curvature.max(axis=0, keepdims=True) / 3
+        """The mean member.
+
+        With a uniform law cells weigh the same: centres average, and curvature over a cell averages to a third. With
+        another law a cell's mean may be anywhere in it.
+        """
+        away = self.curvature.max(axis=0, keepdims=True) / 3
+        position = self.position.mean(axis=0, keepdims=True)
+        if self.mass is not None:
+            reach = (np.linalg.norm(self.slope, axis=-1) * self.half[:, None]).sum(axis=-1) + self.curvature
+            away = (self.mass @ reach)[None] * UP
+            position = np.einsum("c,ctd->td", self.mass, self.position)[None]
         return CellSignals(
             self.centres[:1],
             np.zeros_like(self.half[:1]),
-            self.position.mean(axis=0, keepdims=True),
+            position,
             np.zeros_like(self.slope[:1]),
-            third,
+            away,
             self.bulge.max(axis=0, keepdims=True),
             self.error,
             self.step,
@@ -141,8 +161,24 @@ class CellSignals:
         )
 
 
-def bound_task(flow: Flow, formula: Formula, names: Sequence[str], cells: int = 0) -> TaskBound:
-    """Bound the robustness of a ground formula for every member; `names` are the parameters'.
+@dataclass(frozen=True, eq=False)
+class CellOps(ExactOps):
+    """Exact operations in which the fleet's cells have masses, which sum to 1."""
+
+    mass: Floats
+
+    def ranked(self, value: Floats, share: Share) -> Floats:
+        """The largest value that cells of at least this mass reach; a share within 1e-12 of another is the same."""
+        order = np.argsort(value, axis=0)
+        mass = self.mass[order]
+        below = np.cumsum(mass, axis=0) - mass
+        enough = below <= 1 - share.p + (-ALIKE if share.strict else ALIKE)
+        last = np.where(enough.any(axis=0), len(enough) - 1 - enough[::-1].argmax(axis=0), 0)
+        return np.asarray(np.take_along_axis(np.take_along_axis(value, order, axis=0), last[None], axis=0))
+
+
+def bound_task(flow: Flow, formula: Formula, fleet: Fleet, cells: int = 0) -> TaskBound:
+    """Bound the robustness of a ground formula for every member of a fleet whose flow this is.
 
     `cells` of each parameter are looked at to begin with; 0 for `CELLS`.
 
@@ -155,19 +191,15 @@ def bound_task(flow: Flow, formula: Formula, names: Sequence[str], cells: int = 
     if below is None or reach(below, flow.step) > flow.steps:
         return TaskBound(str(formula), -np.inf, np.inf, {}, covered=False)
     shifts: NDArray[np.bool_] = np.asarray(~flow.directions[:, :3].any(axis=1))
-    found = _refined(flow, (below, above), names, shifts, cells)
+    found = _refined(flow, (below, above), fleet, shifts, cells)
     if shifts.any() and found.proven < 0 <= found.sampled:
-        again = _refined(flow, (below, above), names, np.zeros_like(shifts), cells)
+        again = _refined(flow, (below, above), fleet, np.zeros_like(shifts), cells)
         found = again if again.proven > found.proven else found
     return replace(found, part=str(formula))
 
 
 def _refined(
-    flow: Flow,
-    pair: tuple[Formula, Formula | None],
-    names: Sequence[str],
-    whole_sides: NDArray[np.bool_],
-    cells: int,
+    flow: Flow, pair: tuple[Formula, Formula | None], fleet: Fleet, whole_sides: NDArray[np.bool_], cells: int
 ) -> TaskBound:
     """The bound by cells that are halved until each meets its centre's value; never along `whole_sides`.
 
@@ -177,12 +209,14 @@ def _refined(
     count = int((~whole_sides).sum())
     each = cells or CELLS.get(count, 2)
     centres, half = first_cells(flow.lower, flow.upper, np.where(whole_sides, 1, each))
-    fleet_wide = reads_fleet(formula)
+    fleet_wide, names = reads_fleet(formula), fleet.names
+    even = fleet.cloud is None and all(isinstance(law, Interval) for law in fleet.parameters.values())
     proven, sampled, target, total = np.inf, np.inf, np.inf, 0
     member: Member = {}
     while len(centres):
         total += len(centres)
-        low, centre = (_evaluate(flow, formula, centres, h, False) for h in (half, half * whole_sides))
+        mass = masses(fleet, centres, half) if fleet_wide else None
+        low, centre = (_evaluate(flow, formula, centres, h, False, mass, even) for h in (half, half * whole_sides))
         if above is not None and not fleet_wide:
             seen = _with_ends(flow, centres, centre, whole_sides)
             best = _evaluate(flow, above, seen, np.zeros_like(seen), True)
@@ -284,12 +318,47 @@ def _times(formula: Formula) -> Iterator[float]:
         yield from _times(part)
 
 
-def _evaluate(flow: Flow, formula: Formula, centres: Floats, half: Floats, upper: bool) -> Floats:
-    """Bounds of the formula at time 0, one a cell; a formula that reads the fleet needs all cells at once."""
+def _evaluate(
+    flow: Flow,
+    formula: Formula,
+    centres: Floats,
+    half: Floats,
+    upper: bool,
+    mass: Floats | None = None,
+    even: bool = True,
+) -> Floats:
+    """Bounds of the formula at time 0, one a cell; one that reads the fleet needs all cells, and their mass.
+
+    `even` says that the law is uniform within cells too.
+    """
     everything = [slice(0, len(centres))]
-    blocks = everything if reads_fleet(formula) else _blocks(len(centres), flow.steps)
-    signals = (CellSignals.of(flow, centres[rows], half[rows], upper) for rows in blocks)
-    return np.concatenate([np.asarray(member_robustness(formula, s, ExactOps()))[:, 0] for s in signals])
+    blocks = everything if mass is not None else _blocks(len(centres), flow.steps)
+    ops = ExactOps() if mass is None else CellOps(mass)
+    signals = (CellSignals.of(flow, centres[rows], half[rows], upper, None if even else mass) for rows in blocks)
+    return np.concatenate([np.asarray(member_robustness(formula, s, ops))[:, 0] for s in signals])
+
+
+def masses(fleet: Fleet, centres: Floats, half: Floats) -> Floats:
+    """The laws' mass of each of the equal cells that make up the fleet's box, shape (cells,).
+
+    Cells share their edges, and what lies on an edge belongs to the lower cell, so that nothing counts twice.
+    """
+    laws, cloud = list(fleet.parameters.items()), fleet.cloud or {}
+    mass, robots = np.ones(len(centres)), None
+    for k, (name, law) in enumerate(laws):
+        width = law.upper - law.lower
+        count = max(1, round(width / (2 * half[0, k]))) if width else 1
+        index = np.clip(((centres[:, k] - law.lower) / max(width, 1e-300) * count).astype(int), 0, count - 1)
+        edges = law.lower + width * np.arange(1, count) / count
+        if name in cloud:
+            place = np.searchsorted(edges, cloud[name], side="left")
+            inside = index[:, None] == place
+            robots = inside if robots is None else robots & inside
+        elif isinstance(law, Interval):
+            mass /= count
+        else:
+            mass *= np.diff(np.concatenate([[0.0], law.cdf(edges), [1.0]]))[index]
+    return mass if robots is None else np.asarray(mass * robots.mean(axis=1))
 
 
 def _blocks(cells: int, steps: int) -> list[slice]:

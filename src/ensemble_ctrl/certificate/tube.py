@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import CELLS
-from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells, signs_of
+from ensemble_ctrl.certificate.enclosure import Flow, Ints, Track, first_cells, signs_of
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import Problem
 
@@ -56,17 +56,17 @@ def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = 
     whole = Flow.of(problem, controls, ranges)
     flow, shift = whole.bent(), whole.shift()
     each = CELLS.get(len(flow.lower), 2)
-    found = _enclosed(flow, each)
+    found = enclosed(flow, each)
     while found.radius.max() > TIGHT and (2 * each) ** len(flow.lower) <= MOST_CELLS and len(flow.lower):
         each *= 2
-        found = _enclosed(flow, each)
+        found = enclosed(flow, each)
     corners = shift * signs_of(2) if shift.any() else np.zeros((1, 2))
     points = (found.points[..., None, :] + corners).reshape(*found.points.shape[:2], -1, 2)
     return Tube(points, found.radius + whole.rounding())
 
 
-def _enclosed(flow: Flow, each: int) -> Tube:
-    """The tube of members that start at one place, with so many cells of each parameter."""
+def enclosed(flow: Flow, each: int | Ints) -> Tube:
+    """The tube with so many cells of each of the flow's parameters, those of `first_cells`, rounding not included."""
     centres, half = first_cells(flow.lower, flow.upper, each)
     track, steps = Track.of(flow, centres), np.arange(flow.steps)
     arms = signs_of(half.shape[1]) @ (half[:, None, :, None] * track.slope)

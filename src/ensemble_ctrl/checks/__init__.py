@@ -20,8 +20,9 @@ from ensemble_ctrl.checks.numbers import (
 )
 from ensemble_ctrl.checks.places import area_findings, start_findings
 from ensemble_ctrl.checks.reach import reach_findings
+from ensemble_ctrl.checks.soonest import soonest_findings
 from ensemble_ctrl.checks.systems import ode_findings
-from ensemble_ctrl.checks.target import target_findings
+from ensemble_ctrl.checks.target import place_findings, target_findings
 from ensemble_ctrl.checks.task import STATES, task_findings, unused_findings
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ode_fleet import OdeFleet
@@ -81,5 +82,14 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
     numbers = (*number_findings(problem), *name_findings(problem), *target_findings(problem))
     if numbers:
         return numbers
-    checks = (area_findings, task_findings, motion_findings, start_findings, reach_findings, unused_findings)
+    checks = (
+        area_findings,
+        task_findings,
+        soonest_findings,
+        motion_findings,
+        start_findings,
+        place_findings,
+        reach_findings,
+        unused_findings,
+    )
     return tuple(finding for check in checks for finding in check(problem))

@@ -33,6 +33,14 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
 
     solve, verify = problem.solve, problem.verify
     yield from _number(("horizon", "duration"), problem.duration, above=0.0, unit=" s")
+    least = problem.least_duration
+    if least is not None and not 0 <= least <= problem.duration:
+        message = f"expected at_least from 0 s up to at_most, {problem.duration:g} s, got {least:g} s"
+        yield Finding(("horizon", "duration"), message)
+    count = len(problem.fleet.system.controls)
+    if np.size(problem.objective.effort) not in (1, count):
+        message = f"expected one weight, or {count}, got {np.size(problem.objective.effort)}"
+        yield Finding(("objective", "effort"), message)
     yield from _whole(("horizon", "steps"), problem.steps, 1, MAX_STEPS)
     if problem.order is not None:
         yield from _whole(("moments", "order"), problem.order, 1, MAX_ORDER, " (or auto)")

@@ -13,6 +13,7 @@ from ensemble_ctrl.checks.finding import Finding, Severity
 from ensemble_ctrl.checks.reach import required
 from ensemble_ctrl.checks.task import mentioned
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.stl import Share, conjuncts
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -81,17 +82,29 @@ def _is_clear(point: Floats, pieces: Iterable[Obstacle], radius: float) -> bool:
 
 
 def start_findings(problem: Problem) -> Iterator[Finding]:
-    """The start is in an obstacle, or closer to it than the radius."""
+    """The start is in an obstacle, or closer to it than the radius; or some of the starts are, where they differ."""
     for name, pieces in problem.obstacles.items():
-        start = problem.fleet.position
-        if name in problem.motions:
-            start = start - problem.motions[name].at(0.0)
+        moved = problem.motions[name].at(0.0) if name in problem.motions else np.zeros(2)
+        start = problem.fleet.start - moved
         distances = [float(piece.distance(start)) for piece in pieces]
         depth = problem.fleet.radius - min(distances, default=math.inf)
         if depth > SLACK:
-            x, y = problem.fleet.position
+            x, y = problem.fleet.start
             message = f"the start ({x:g}, {y:g}) is {depth:.3g} m deep inside obstacle {name!r}{_grown(problem)}"
             yield Finding(("fleet", "start", "position"), message, "move the start or the obstacle")
+        elif problem.fleet.shift.any() and not any(isinstance(part, Share) for part in conjuncts(problem.task)):
+            yield from _some_start(problem, name, start)
+
+
+def _some_start(problem: Problem, name: str, start: Floats) -> Iterator[Finding]:
+    """A corner or side of the box of start positions is in an obstacle, or closer to it than the radius."""
+    from shapely import Polygon, box
+
+    area = box(*(start - problem.fleet.shift), *(start + problem.fleet.shift))
+    shapes = [Polygon(piece.vertices).buffer(problem.fleet.radius - SLACK) for piece in problem.obstacles[name]]
+    if any(shape.intersects(area) for shape in shapes):
+        message = f"some members start inside obstacle {name!r}{_grown(problem)}: start_x and start_y reach it"
+        yield Finding(("fleet", "start", "position"), message, "narrow their ranges, or move the start or the obstacle")
 
 
 def _grown(problem: Problem) -> str:

@@ -47,6 +47,13 @@ def _options(problem: Problem) -> Iterator[Finding]:
         yield Finding(("solve", "cells"), f"cells are not for the {model}", "leave them out")
     if problem.report.twin:
         yield Finding(("report", "twin"), f"the twin is not for the {model}", "leave it out")
+    aim = problem.objective
+    if aim.cvar is not None:
+        yield Finding(("objective", "cvar"), f"a price of risk is not for the {model}", "leave it out")
+    if aim.earliest is not None:
+        yield Finding(("objective", "earliest"), f"the earliest passage is not for the {model}", "leave it out")
+    if problem.least_duration is not None:
+        yield Finding(("horizon", "duration"), f"a free duration is not for the {model}", "give one, 4 s say")
     for name in problem.motions:
         yield Finding(("motions", name), f"moving obstacles are not for the {model}", on_key=True)
 

@@ -38,7 +38,7 @@ def _from_formula(error: FormulaError, hint: str = "") -> Finding:
 def mentioned(problem: Problem) -> tuple[set[str], set[str]]:
     """Names in ``in(...)`` and names in ``avoid(...)``."""
     found = list(leaves(problem.task))
-    inside = {leaf.name for leaf in found if isinstance(leaf, Inside)}
+    inside = {leaf.name for leaf in found if isinstance(leaf, Inside)} | {problem.objective.earliest or ""}
     return inside, {leaf.name for leaf in found if isinstance(leaf, Avoid)}
 
 

@@ -160,8 +160,8 @@ def run(
         quiet=quiet,
         verbose=verbose,
         plots=not no_plots,
-        suggest=not no_suggest,
         animation=animation,
+        suggest=not no_suggest,
         overwrite=overwrite,
         command=(NAME, *context.obj),
     )
@@ -229,8 +229,8 @@ def report(
 @app.command(
     epilog=_examples(
         "ensemble-plan plot plans/problem",
-        "ensemble-plan plot plans/problem trajectories -o map.pdf",
-        "ensemble-plan plot plans/problem clearance moments --format svg",
+        "ensemble-plan plot plans/problem trajectories -o fleet.pdf",
+        "ensemble-plan plot plans/problem controls moments --format svg",
     )
 )
 def plot(
@@ -263,7 +263,7 @@ def plot(
 @app.command(
     epilog=_examples(
         "ensemble-plan animate plans/problem",
-        "ensemble-plan animate plans/problem -o problem.mp4 --seconds 10",
+        "ensemble-plan animate plans/problem -o fleet.mp4 --seconds 10",
     )
 )
 def animate(

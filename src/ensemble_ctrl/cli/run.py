@@ -37,8 +37,8 @@ class RunOptions:
     quiet: bool = False
     verbose: bool = False
     plots: bool = True
-    suggest: bool = True
     animation: str | None = None
+    suggest: bool = True
     overwrite: bool = False
     command: tuple[str, ...] = ()
 
@@ -62,6 +62,10 @@ def run(options: RunOptions) -> int:
     loaded = read(options.config, options.overrides)
     for warning in loaded.warnings:
         progress.note(str(warning))
+    if options.animation is not None:
+        from ensemble_ctrl.report.view import require_map
+
+        require_map(loaded.problem, f"--animate {options.animation}")
     guess = Plan.load(options.guess) if options.guess else None
     folder = ResultsFolder(options.output, loaded.problem.name, options.overwrite)
 

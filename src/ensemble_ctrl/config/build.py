@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.config.laws import law_of
 from ensemble_ctrl.config.ode_section import OdeProblemFile
 from ensemble_ctrl.config.schema import FleetSection, ObjectiveSection, ProblemFile
+from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Law, Samples
 from ensemble_ctrl.problem import Objective, OdeProblem, Problem, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.systems import SYSTEMS, ArcSystem, Bicycle
 
 STEP = 0.1
@@ -29,28 +32,32 @@ def build(file: ProblemFile, name: str) -> Problem:
         If parts of it don't fit together.
     """
     if isinstance(file, OdeProblemFile):
-        return OdeProblem(fleet=file.fleet.fleet(), **_rest(file, name))
-    return Problem(fleet=_fleet(file.fleet), **_rest(file, name))
+        robots = file.fleet.fleet()
+        return OdeProblem(fleet=robots, **_rest(file, name, robots.system.controls))
+    fleet = _fleet(file.fleet)
+    return Problem(fleet=fleet, **_rest(file, name, fleet.system.controls))
 
 
-def _rest(file: ProblemFile, name: str) -> dict[str, Any]:
-    """Everything but the fleet."""
+def _rest(file: ProblemFile, name: str, controls: tuple[str, ...]) -> dict[str, Any]:
+    """Everything but the fleet, which has these commands."""
     horizon = file.horizon
+    duration, least = horizon.bounds
     return dict(
         name=file.name or name,
-        duration=horizon.duration,
-        steps=horizon.steps or max(1, round(horizon.duration / STEP)),
+        duration=duration,
+        steps=horizon.steps or max(1, round(duration / STEP)),
         task=file.task,
         regions={name: shape.area for name, shape in file.regions.items()},
         obstacles={
             name: tuple(piece for shape in shapes for piece in shape.pieces) for name, shapes in file.obstacles.items()
         },
-        motions={name: section.motion(horizon.duration) for name, section in file.motions.items()},
-        objective=_objective(file.objective),
+        motions={name: section.motion(duration) for name, section in file.motions.items()},
+        objective=_objective(file.objective, controls),
         order=file.moments.order,
         solve=SolveOptions(**file.solve.model_dump()),
         verify=VerifyOptions(**file.verify.model_dump()),
         report=ReportOptions(**file.report.model_dump()),
+        least_duration=least,
     )
 
 
@@ -99,10 +106,20 @@ def _system(section: FleetSection) -> ArcSystem:
     return SYSTEMS[section.model](heading_from=section.start.heading_from)
 
 
-def _objective(section: ObjectiveSection) -> Objective:
+def _objective(section: ObjectiveSection, controls: tuple[str, ...]) -> Objective:
     """What the plan trades off."""
     terminal = section.terminal
+    weights = {name: getattr(section, name) for name in ("robustness", "effort", "smoothness", "earliest")}
+    if isinstance(section.effort, dict):
+        for name in sorted(set(section.effort) - set(controls)):
+            message = f"expected weights of {' and '.join(controls)}, got {name!r}"
+            wrong = ProblemError(f"objective.effort: {message}")
+            wrong.findings = (Finding(("objective", "effort", name), message, on_key=True),)
+            raise wrong
+        weights["effort"] = np.array([section.effort.get(name, 0.0) for name in controls])
+    if section.cvar is not None:
+        weights["cvar"] = Risk(section.cvar.of, section.cvar.level, section.cvar.weight)
     if terminal is None:
-        return Objective(robustness=section.robustness, effort=section.effort, smoothness=section.smoothness)
+        return Objective(**weights)
     target = np.array(terminal.target) if isinstance(terminal.target, tuple) else terminal.target
-    return Objective(section.robustness, target, terminal.weight, section.effort, section.smoothness)
+    return Objective(target=target, terminal=terminal.weight, **weights)

@@ -60,17 +60,24 @@ def to_data(problem: Problem) -> Data:
         "version": 1,
         "name": problem.name,
         "fleet": ode_fleet_data(problem.fleet) if isinstance(problem, OdeProblem) else _fleet(problem.fleet),
-        "horizon": {"duration": float(problem.duration), "steps": int(problem.steps)},
+        "horizon": {"duration": _duration(problem), "steps": int(problem.steps)},
         "moments": {"basis": "legendre", "order": "auto" if problem.order is None else int(problem.order)},
         "regions": {name: _region(region, places) for name, region in problem.regions.items()},
         "obstacles": {name: _obstacle(pieces, places) for name, pieces in problem.obstacles.items()},
         "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
         "task": str(problem.task),
-        "objective": _objective(problem.objective),
+        "objective": _objective(problem.objective, problem.fleet.system.controls),
         "solve": asdict(problem.solve),
         "verify": asdict(problem.verify),
         "report": asdict(problem.report),
     }
+
+
+def _duration(problem: Problem) -> float | Data:
+    """The plan's duration, or its bounds."""
+    if problem.least_duration is None:
+        return float(problem.duration)
+    return {"at_least": float(problem.least_duration), "at_most": float(problem.duration)}
 
 
 def _fleet(fleet: Fleet) -> Data:
@@ -105,11 +112,18 @@ def _motion(motion: Motion) -> Data:
     return {"path": [[time, offset] for time, offset in pairs]}
 
 
-def _objective(objective: Objective) -> Data:
+def _objective(objective: Objective, controls: tuple[str, ...]) -> Data:
     """The section on the objective."""
-    data: Data = {"robustness": float(objective.robustness), "effort": float(objective.effort)}
+    effort: float | Data = dict(zip(controls, objective.efforts(len(controls)).tolist(), strict=True))
+    if isinstance(objective.effort, int | float):
+        effort = float(objective.effort)
+    data: Data = {"robustness": float(objective.robustness), "effort": effort}
+    if objective.cvar is not None:
+        data["cvar"] = asdict(objective.cvar)
     if objective.smoothness:
         data["smoothness"] = float(objective.smoothness)
+    if objective.earliest is not None:
+        data["earliest"] = objective.earliest
     if objective.target is not None:
         data["terminal"] = {"target": target_data(objective.target), "weight": float(objective.terminal)}
     return data

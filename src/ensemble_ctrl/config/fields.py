@@ -22,14 +22,19 @@ _FOLDER = re.compile(r"(?!\.{1,2}$)[^/\\:*?\"<>|\x00-\x1f\x7f]{1,100}")
 
 
 class Model(BaseModel):
-    """A section: no unknown fields, immutable."""
+    """A section: no unknown fields, immutable; its validator is built with the whole file's, not for itself."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True)
 
 
 def numeric(kind: str, **limits: float) -> WithJsonSchema:
     """The JSON Schema of a number that may carry a unit of `kind`; `limits` are for numbers without one."""
     return WithJsonSchema({"anyOf": [{"type": "number", **limits}, {"type": "string", "pattern": pattern(kind)}]})
+
+
+def either(number: WithJsonSchema, section: dict[str, Any]) -> WithJsonSchema:
+    """The JSON Schema of a number or of a section."""
+    return WithJsonSchema({"anyOf": [number.json_schema, {"type": "object", **section}]})
 
 
 def integer(least: int, most: int, word: str) -> WithJsonSchema:
@@ -72,6 +77,49 @@ def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     if bounds[0] > bounds[1]:
         raise Wrong(f"expected [low, high], got [{bounds[0]:g}, {bounds[1]:g}], where low is above high")
     return bounds
+
+
+def level(value: Any) -> float:
+    """A share of the fleet that is left out."""
+    number = quantity("number", 0)(value)
+    if number >= 1:
+        raise Wrong(f"expected a share from 0 to below 1, got {show(value)}", "0.9 looks at the worst tenth")
+    return number
+
+
+def effort(value: Any) -> float | dict[str, float]:
+    """One weight, or one for each command by its name."""
+    weight = quantity("number", 0)
+    if not isinstance(value, dict):
+        return weight(value)
+    weights = {}
+    for name, given in value.items():
+        try:
+            weights[name] = weight(given)
+        except Wrong as error:
+            raise Wrong(error.message, error.hint, (name,)) from None
+    return weights
+
+
+def free_duration(value: Any) -> float | tuple[float, float]:
+    """A duration, or the longest and the shortest that it may have."""
+    seconds, least = quantity("time", above=0), quantity("time", 0)
+    if not isinstance(value, dict):
+        return seconds(value)
+    for key in value:
+        if key not in ("at_most", "at_least"):
+            raise Wrong(f"expected at_most and at_least, got {show(key)}", path=(key,))
+    if "at_most" not in value:
+        raise Wrong("expected at_most, the longest that the plan may take, but it is missing")
+    bounds = []
+    for key in ("at_most", "at_least"):
+        try:
+            bounds.append((seconds if key == "at_most" else least)(value.get(key, 0.0)))
+        except Wrong as error:
+            raise Wrong(error.message, error.hint, (key,)) from None
+    if bounds[1] > bounds[0]:
+        raise Wrong(f"expected at_least up to at_most, got {bounds[1]:g} s and {bounds[0]:g} s", path=("at_least",))
+    return bounds[0], bounds[1]
 
 
 def model_name(value: str) -> str:
@@ -142,6 +190,26 @@ Weight = Annotated[float, BeforeValidator(quantity("number", 0)), numeric("numbe
 Length = Annotated[float, BeforeValidator(quantity("length")), numeric("length")]
 Margin = Annotated[float, BeforeValidator(quantity("length", 0)), numeric("length", minimum=0)]
 Duration = Annotated[float, BeforeValidator(quantity("time", above=0)), numeric("time", exclusiveMinimum=0)]
+FreeDuration = Annotated[
+    float | tuple[float, float],
+    BeforeValidator(free_duration),
+    either(
+        numeric("time", exclusiveMinimum=0),
+        {
+            "properties": {
+                "at_most": numeric("time", exclusiveMinimum=0).json_schema,
+                "at_least": numeric("time", minimum=0).json_schema,
+            },
+            "required": ["at_most"],
+            "additionalProperties": False,
+        },
+    ),
+]
+Effort = Annotated[
+    float | dict[str, float],
+    BeforeValidator(effort),
+    either(numeric("number", minimum=0), {"additionalProperties": numeric("number", minimum=0).json_schema}),
+]
 Angle = Annotated[float, BeforeValidator(quantity("angle")), numeric("angle")]
 Speed = Annotated[float, BeforeValidator(quantity("speed")), numeric("speed")]
 TurnRate = Annotated[float, BeforeValidator(quantity("turn rate")), numeric("turn rate")]

@@ -40,7 +40,7 @@ class NoiseSection(Model):
     """Largest errors of a measured pose."""
 
     position: f.Margin = Errors.position
-    """Of the position, as a distance."""
+    """Of x and of y."""
     heading: Turn = Errors.heading
     """Of the heading."""
 
@@ -49,36 +49,36 @@ class ActuatorSection(Model):
     """Largest errors of the actuators."""
 
     speed: SpeedError = 0.0
-    """Of the speed that a command results in."""
+    """Of the speed."""
     turn_rate: TurnRateError = 0.0
-    """Of the turn rate that a command results in."""
+    """Of the turn rate."""
 
 
 class LostSection(Model):
     """Shares of messages that are lost."""
 
     measurements: Share = 0.0
-    """Of the measurements."""
+    """Of those from the robot."""
     commands: Share = 0.0
-    """Of the commands; the robot goes on with the one before."""
+    """Of those to the robot."""
 
 
 class DriftSection(Model):
     """Factors that swing about a middle."""
 
     middle: f.Positive
-    """The middle."""
+    """What they swing about."""
     amplitude: Rate
-    """How far they swing."""
+    """By how much."""
     period: f.Duration
-    """How long a swing takes."""
+    """Once in so many seconds."""
 
 
 class PatchSection(Model):
     """Ground with a traction of its own."""
 
     region: RegionShape
-    """Where; see *Areas* below."""
+    """Where; forms as of a region."""
     traction: f.Positive
     """Factor on speed and turn rate there."""
 
@@ -87,33 +87,33 @@ class RobotSection(Model):
     """The simulated robot; it need not be like the fleet."""
 
     preset: Literal["small_car"] | None = None
-    """A vehicle of a tenth the size: its noise, delay, saturation and quanta, where they are not told here."""
+    """`small_car`: a car at a tenth of its size; steering ends at 0.36 rad, commands are rounded."""
     traction: f.Positive | None = None
-    """Its true factor on speed and turn rate; drawn from the fleet without one."""
+    """True factor on speed and turn rate; drawn from the ranges if no factor is given. May be outside them."""
     linear_traction: f.Positive | None = None
-    """Its true factor on the speed alone."""
+    """True factor on the speed alone."""
     angular_traction: f.Positive | None = None
-    """Its true factor on the turn rate alone."""
+    """True factor on the turn rate alone."""
     drifting: DriftSection | None = None
-    """Factors that swing about a middle, in place of fixed ones."""
+    """Factors that swing about a middle."""
     terrain: list[PatchSection] = Field(default_factory=list)
-    """Ground with a traction of its own; `traction` elsewhere."""
+    """Patches of ground, each `{region: {box: ...}, traction: ...}`; the first that holds the robot counts."""
     noise: NoiseSection | None = None
-    """What its measurements are wrong by at most; without it what `online.noise` assumes."""
+    """True errors of measurements, uniform; as large as is assumed if not given."""
     delay: Delay | None = None
-    """How old a measurement is when it comes; 100 ms without it."""
+    """That measurements take to arrive; 0.1 s if not given."""
     command_delay: Delay = 0.0
-    """How long a command is under way."""
+    """By which commands are carried out late."""
     actuators: ActuatorSection = ActuatorSection()
-    """What its actuators are wrong by at most."""
+    """True errors of what is carried out, uniform."""
     saturation: Magnitudes | None = None
-    """Largest size of each command that it follows."""
+    """Largest absolute commands that are carried out."""
     quantum: Magnitudes | None = None
-    """Steps to which it rounds each command."""
+    """Commands are rounded to multiples of these."""
     lost: LostSection = LostSection()
-    """Messages that do not come."""
+    """Shares of messages that are lost."""
     seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = 0
-    """Seed of its noise."""
+    """Seed of all that is drawn."""
 
     @model_validator(mode="after")
     def _one_truth(self) -> Self:
@@ -162,32 +162,31 @@ class OnlineSection(Model):
     """How the loop runs, and the robot that it is tried on."""
 
     applied_steps: Annotated[int, BeforeValidator(whole(1, 10_000))] = OnlineOptions.applied_steps
-    """Steps that are applied of every plan before the next one takes over."""
+    """Control steps that are applied of every plan."""
     deadline: f.Duration = OnlineOptions.deadline
-    """What planning again may take; a later plan is not used."""
+    """For planning again, proof included; at most the steps applied. It begins this long before a plan takes over."""
     noise: NoiseSection = NoiseSection()
-    """Largest errors of a measured pose that the loop assumes."""
+    """Largest errors of a measured pose that are assumed."""
     drift: Rate = 0.0
-    """Largest change of a parameter per second that it assumes."""
+    """Largest change of a factor per second that is assumed."""
     actuators: ActuatorSection = ActuatorSection()
-    """Largest errors of the actuators that it assumes."""
+    """Largest errors of what is carried out that are assumed."""
     learn: Annotated[bool, BeforeValidator(f.flag)] = OnlineOptions.learn
-    """Learn the parameters; without it their assumed ranges stand."""
+    """Whether parameters are learnt; without it their ranges stand."""
     horizon: Literal["shrinking", "receding"] = OnlineOptions.horizon
-    """`shrinking`: windows are absolute, and the run ends with the horizon. `receding`: the task 
-    is read anew from every present on."""
+    """`shrinking`: windows are absolute. `receding`: the task is read anew from every present on."""
     run_for: f.Duration | None = None
-    """With `receding`, how long the run is."""
+    """With `receding`: how long the loop runs."""
     order: Annotated[int, BeforeValidator(whole(1, MAX_ORDER))] = OnlineOptions.order
     """Truncation order of the plans under way."""
     rounds: Annotated[int, BeforeValidator(whole(1, 100))] = OnlineOptions.rounds
-    """Quadratic programs for each plan, at most."""
+    """Quadratic programs for one plan, at most."""
     silence: f.Duration = OnlineOptions.silence
-    """Time without a valid measurement after which the robot is stopped."""
+    """Without a measurement for so long, the robot is stopped."""
     recovery: f.Duration = OnlineOptions.recovery
-    """What a standing robot may take to plan anew."""
+    """How long a standing robot may look for a way."""
     attempts: Annotated[int, BeforeValidator(whole(0, 100))] = OnlineOptions.attempts
-    """How often it may do so."""
+    """How often it may."""
     robot: RobotSection = RobotSection()
     """The simulated robot; it need not be like the fleet."""
 

@@ -19,6 +19,7 @@ from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal as TerminalTarget
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.problem import Guarantee, Method, Objective, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.systems import SYSTEMS, Bicycle
 
 
@@ -87,13 +88,13 @@ class FleetSection(Model):
     """The dynamics all members share; `ensemble-plan models` lists them."""
     wheelbase: f.Wheelbase | None = None
     """Bicycle only: distance between the axles; 0.3 m if not given."""
-    parameters: Parameters = Parameters(traction=LawSection())
+    parameters: Parameters = Field(default_factory=lambda: Parameters(traction=LawSection()))
     """What differs between members; without the section, `traction` from 0.9 to 1.1."""
     cloud: Cloud | None = None
     """Measured robots whose parameters belong together: a CSV file with a column for each, or columns."""
     start: Start
     """Where all members start."""
-    input_bounds: InputBounds = InputBounds()
+    input_bounds: InputBounds = Field(default_factory=InputBounds)
     """Bounds of the commands."""
     rate_bounds: RateBounds | None = None
     """Largest change of each command per second, from each step to the next."""
@@ -134,10 +135,15 @@ class FleetSection(Model):
 class Horizon(Model):
     """How long, in how many steps (one each 0.1 s by default)."""
 
-    duration: f.Duration
-    """Length of the plan, `T` in the task."""
+    duration: f.FreeDuration
+    """Length of the plan, `T` in the task; or `{at_most: ..., at_least: ...}`, and the plan is as short as can be."""
     steps: Annotated[int, BeforeValidator(whole(1, MAX_STEPS))] | None = None
     """Control steps of equal length; by default one each 0.1 s."""
+
+    @property
+    def bounds(self) -> tuple[float, float | None]:
+        """The duration, or the longest and the shortest."""
+        return self.duration if isinstance(self.duration, tuple) else (self.duration, None)
 
 
 class Moments(Model):
@@ -158,6 +164,17 @@ class Terminal(Model):
     """Price of the squared terminal moment error, per m²."""
 
 
+class CvarSection(Model):
+    """A price on the worst part of the fleet."""
+
+    of: Literal["terminal", "clearance"]
+    """What the price is on: the distance from the target at the end, or the clearance on the way."""
+    level: Annotated[float, BeforeValidator(f.level)] = Risk.level
+    """Share of the fleet that is left out of the mean, 0 to below 1."""
+    weight: f.Weight = Risk.weight
+    """Price of a metre."""
+
+
 class ObjectiveSection(Model):
     """What the plan trades off."""
 
@@ -165,10 +182,14 @@ class ObjectiveSection(Model):
     """Reward for each metre of the task's robustness."""
     terminal: Terminal | None = None
     """Where the fleet should end; without it no terminal term."""
-    effort: f.Weight = Objective.effort
-    """Price of the integral of the squared commands."""
+    effort: f.Effort = 0.1
+    """Price of the integral of the squared commands; or one for each, `{v: 0.1, omega: 0.02}`."""
     smoothness: f.Weight = Objective.smoothness
     """Price of the integral of the squared rates of the commands."""
+    cvar: CvarSection | None = None
+    """A price on the worst part of the fleet."""
+    earliest: f.Name | None = None
+    """A region that every member is to pass as soon as can be, before all else."""
 
 
 class Solve(Model):
@@ -231,7 +252,7 @@ class ProblemFile(Model):
     """Who moves: the model, what differs between its members, where they start."""
     horizon: Horizon
     """How long, in how many steps."""
-    moments: Moments = Moments()
+    moments: Moments = Field(default_factory=Moments)
     """How the fleet is represented."""
     regions: dict[f.Name, RegionShape] = Field(default_factory=dict)
     """Named convex areas that the task speaks of."""
@@ -241,13 +262,13 @@ class ProblemFile(Model):
     """How obstacles move from where they are drawn; those not named here stand still."""
     task: f.Task
     """What every member has to do, a formula such as `F[14, 16] in(goal) and G avoid(obstacles)`."""
-    objective: ObjectiveSection = ObjectiveSection()
+    objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
     """What the plan trades off."""
-    solve: Solve = Solve()
+    solve: Solve = Field(default_factory=Solve)
     """How to solve."""
-    verify: Verify = Verify()
+    verify: Verify = Field(default_factory=Verify)
     """How to check a plan."""
-    report: ReportSection = ReportSection()
+    report: ReportSection = Field(default_factory=ReportSection)
     """What figures and summary show."""
     online: OnlineSection | None = None
-    """How `ensemble-plan online` drives a robot along, measuring and planning again."""
+    """How a loop runs, and the robot that it is tried on, for `ensemble-plan online`."""

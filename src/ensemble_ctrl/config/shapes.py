@@ -94,7 +94,7 @@ class RegionShape(f.Model):
     halfspaces: HalfPlanes | None = None
     """Inequalities `["x + 2*y <= 3", ...]`; may be unbounded."""
     file: str | None = None
-    """A GeoJSON or WKT file, relative to the problem file."""
+    """A GeoJSON or WKT file with one convex polygon, or `feature` of it, in the problem's folder or below."""
     feature: str | None = None
     """Name of the feature in the file, if it holds several."""
     _area: Polyhedron = PrivateAttr()
@@ -131,7 +131,7 @@ class ObstacleShape(f.Model):
     wkt: str | None = None
     """`POLYGON ((...))` or `MULTIPOLYGON`."""
     file: str | None = None
-    """A GeoJSON or WKT file, or a ROS `map.yaml`, relative to the problem file."""
+    """A map: GeoJSON, WKT or a ROS `map.yaml`, in the problem's folder or below."""
     feature: str | None = None
     """Name of the feature in the file; all of them without it."""
     tolerance: f.Margin | None = None

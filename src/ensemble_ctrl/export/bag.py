@@ -65,9 +65,9 @@ def write_bag(path: Path, problem: Problem, controls: Floats, members: Members) 
             connection = writer.add_connection(name, kind, typestore=store)
             return lambda t, message: writer.write(connection, _nanoseconds(t), store.serialize_cdr(message, kind))
 
-        for k, (positions, headings) in enumerate(zip(members.positions, members.headings, strict=True)):
+        for k, states in enumerate(members.values):
             send = topic(PATH.format(k), "nav_msgs/msg/Path")
-            send(0.0, messages.path(problem.times, positions, headings))
+            send(0.0, messages.path(problem.times, states))
         steers = problem.fleet.system.controls[1] == "delta"
         make = messages.drive if steers else messages.twist
         send = topic(DRIVE if steers else COMMAND, make(0.0, 0.0, 0.0).__msgtype__)
@@ -96,11 +96,11 @@ class _Messages:
         drive = self._of(_ACKERMANN, *(np.float32(x) for x in (steering, 0.0, speed, 0.0, 0.0)))
         return self._of(f"{_ACKERMANN}Stamped", self._header(t), drive)
 
-    def path(self, times: Floats, positions: Floats, headings: Floats) -> Any:
+    def path(self, times: Floats, states: Floats) -> Any:
         """The poses of one member at the grid times."""
         poses = [
             self._of("geometry_msgs/msg/PoseStamped", self._header(t), self._pose(x, y, heading))
-            for t, (x, y), heading in zip(times.tolist(), positions.tolist(), headings.tolist(), strict=True)
+            for t, (x, y, heading) in zip(times.tolist(), states.tolist(), strict=True)
         ]
         return self._of("nav_msgs/msg/Path", self._header(0.0), poses)
 

@@ -1,4 +1,4 @@
-"""Sampled members with their positions and headings at the grid times."""
+"""Sampled members with their states at the grid times."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.fleet import Member
-from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.replay import states, trajectories
+from ensemble_ctrl.ensemble import Member
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import states
 
 Floats = NDArray[np.float64]
 
@@ -22,28 +23,18 @@ class Members:
     ----------
     parameters : tuple of dict of str to float
         Whose trajectories these are.
-    positions : ndarray, shape (members, steps + 1, 2)
-        Metres.
-    headings : ndarray, shape (members, steps + 1)
-        Radians, counted from +x counter-clockwise, not wrapped.
     states : tuple of str
-        Of a fleet that follows a differential equation the names of its states; none otherwise.
+        For robots on arcs ``x``, ``y`` and ``heading``; else those of the system.
+    units : tuple of str
+        Of the states; empty where the system does not tell.
     values : ndarray, shape (members, steps + 1, states)
-        These states.
+        Metres for positions; a heading counts from +x counter-clockwise, in radians, not wrapped.
     """
 
     parameters: tuple[Member, ...]
-    positions: Floats
-    headings: Floats
-    states: tuple[str, ...] = ()
-    values: Floats | None = None
-
-    def signals(self, member: int) -> dict[str, Floats]:
-        """What is known of one member over time, by name with unit, each of shape (steps + 1,)."""
-        if self.values is not None:
-            return dict(zip(self.states, self.values[member].T, strict=True))
-        x, y = self.positions[member].T
-        return {"x [m]": x, "y [m]": y, "heading [rad]": self.headings[member]}
+    states: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Floats
 
     @property
     def names(self) -> list[str]:
@@ -52,24 +43,24 @@ class Members:
 
 
 def sampled(problem: Problem, controls: Floats, count: int) -> Members:
-    """`count` members spread over the ranges of the parameters, run as in a replay; none for 0."""
+    """`count` members spread over the ranges of the parameters; none for 0."""
     fleet = problem.fleet
-    members = _spread(problem, count)
-    if isinstance(problem, OdeProblem):
-        values = states(problem, controls, members) if count else np.zeros((0, len(controls) + 1, len(fleet.states)))
-        named, empty = tuple(fleet.named(member) for member in members), np.zeros((count, len(controls) + 1))
-        return Members(named, values[..., fleet.place_columns], empty, fleet.states, values)
+    members = fleet.center[None] if count == 1 else fleet.spread(count)
+    named = tuple(fleet.named(member) for member in members)
+    length = len(controls) + 1
+    if not isinstance(fleet, Fleet):
+        units = tuple("m" if name in fleet.places else "" for name in fleet.states)
+        found = states(problem, controls, members) if count else np.zeros((0, length, len(units)))
+        return Members(named, fleet.states, units, found)
+    found = states(problem, controls, members) if count else np.zeros((0, length, 2))
+    turns = _headings(fleet, controls, members, problem.duration / len(controls))
+    return Members(named, ("x", "y", "heading"), ("m", "m", "rad"), np.concatenate([found, turns[..., None]], axis=2))
+
+
+def _headings(fleet: Fleet, controls: Floats, members: Floats, step: float) -> Floats:
+    """Headings of robots on arcs at the grid times, from +x, shape (members, steps + 1)."""
     drives = fleet.drives(members)
     _, omega = fleet.system.rates(*controls.T)
-    step = problem.duration / len(controls)
     turned = np.concatenate([[0.0], step * np.cumsum(omega)])
     own = drives[:, 2, None] + drives[:, 1, None] * turned
-    headings = own if fleet.system.heading_from == "x" else np.pi / 2 - own
-    positions = trajectories(problem, controls, members) if count else np.zeros((0, len(controls) + 1, 2))
-    return Members(tuple(fleet.named(member) for member in members), positions, headings)
-
-
-def _spread(problem: Problem, count: int) -> Floats:
-    """Members to show: the middle one for 1, both ends of the first range included for more."""
-    fleet = problem.fleet
-    return fleet.center[None] if count == 1 else fleet.spread(count)
+    return np.asarray(own if fleet.system.heading_from == "x" else np.pi / 2 - own)

@@ -27,8 +27,9 @@ def columns(problem: Problem, controls: Floats, members: Members) -> dict[str, F
     found = {"t [s]": problem.times[:rows]}
     for name, unit, values in zip(system.controls, system.control_units, controls.T, strict=True):
         found[f"{name} [{unit}]"] = np.concatenate([values, np.full(rows - len(values), np.nan)])
-    for k, name in enumerate(members.names):
-        found |= {f"{signal} ({name})": values for signal, values in members.signals(k).items()}
+    for name, values in zip(members.names, members.values, strict=True):
+        for state, unit, column in zip(members.states, members.units, values.T, strict=True):
+            found[f"{state} [{unit}] ({name})" if unit else f"{state} ({name})"] = column
     return found
 
 

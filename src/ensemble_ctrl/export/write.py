@@ -61,7 +61,8 @@ def export(
     ProblemError
         For an unknown form or a number of members out of range.
     UnsupportedError
-        For ``rosbag`` without the library ``rosbags``, and for fleets that no such file is made for.
+        For ``rosbag`` without the library ``rosbags``; for ``geojson`` and ``rosbag`` of fleets that follow a
+        differential equation: nothing is proven of where they are, and their commands are no standard messages.
     FolderError
         If the path is taken or can't be written.
     """
@@ -70,9 +71,9 @@ def export(
     count = MEMBERS[form] if members is None else members
     if not 0 <= count <= MOST_MEMBERS:
         raise ProblemError(f"members: expected a number from 0 to {MOST_MEMBERS}, got {count}")
-    if isinstance(problem, OdeProblem) and form not in ("csv", "json"):
-        wanted = f"expected csv or json for the {problem.fleet.system.name}"
-        raise UnsupportedError(f"format: {wanted}, got {form}, which is for robots on arcs")
+    if isinstance(problem, OdeProblem) and form in ("geojson", "rosbag"):
+        wanted = f"expected a plan of robots on arcs, got one of the {problem.fleet.system.name}"
+        raise UnsupportedError(f"{form}: {wanted}; export csv or json instead")
     shown = sampled(problem, controls, count)
     if form == "rosbag":
         _bag(problem, controls, shown, path, overwrite)
@@ -106,8 +107,8 @@ def as_json(problem: Problem, controls: Floats, certificate: Certificate | None,
             "values": controls.tolist(),
         },
         "members": [
-            {"parameters": one, **{s.partition(" ")[0]: v.tolist() for s, v in members.signals(k).items()}}
-            for k, one in enumerate(members.parameters)
+            {"parameters": parameters, **dict(zip(members.states, values.T.tolist(), strict=True))}
+            for parameters, values in zip(members.parameters, members.values, strict=True)
         ],
         "certificate": None if certificate is None else as_data(certificate),
         "problem": to_data(problem),

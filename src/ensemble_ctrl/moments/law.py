@@ -143,6 +143,39 @@ class Law(ABC):
             If `psi` is not made of finite numbers.
         """
 
+    def quantile(self, share: ArrayLike) -> FloatArray:
+        """The smallest parameter that at least a share of the fleet does not exceed, the inverse of `cdf`.
+
+        Parameters
+        ----------
+        share : array_like
+            0 to 1.
+
+        Returns
+        -------
+        ndarray, shape of `share`
+            Parameters in [lower, upper], right to a few roundings of the range, never too small.
+
+        Raises
+        ------
+        ProblemError
+            If `share` is not made of finite numbers.
+
+        Examples
+        --------
+        >>> from ensemble_ctrl.moments import Interval, Samples
+        >>> Interval(2.0, 6.0).quantile([0.25, 1.0]), Samples([1.0, 2.0, 3.0, 4.0]).quantile(0.5)
+        (array([3., 6.]), array(2.))
+        """
+        wanted = finite_array("share", share)
+        low, high = np.full(wanted.shape, self.lower), np.full(wanted.shape, self.upper)
+        high = np.where(self.cdf(low) >= wanted, low, high)
+        for _ in range(60):
+            middle = low / 2 + high / 2
+            enough = self.cdf(middle) >= wanted
+            low, high = np.where(enough, low, middle), np.where(enough, middle, high)
+        return high
+
     def sample(self, n: int, seed: int | np.random.Generator) -> FloatArray:
         """Parameters of `n` robots drawn at random.
 

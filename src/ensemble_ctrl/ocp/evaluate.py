@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
-from ensemble_ctrl.duties import duties, grounded, other_parts
-from ensemble_ctrl.moments import Interval, LegendreBasis, TensorBasis
-from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.duties import chances, duties, grounded, other_parts
+from ensemble_ctrl.moments import LegendreBasis, TensorBasis
+from ensemble_ctrl.ocp.chance import all_lines, map_size, members_within
+from ensemble_ctrl.ocp.lines import REACH, separate
+from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
-from ensemble_ctrl.ocp.truncation import Truncation, points, positions
+from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -29,15 +32,17 @@ class Value:
     Attributes
     ----------
     cost : float
-        ``-w robustness + terminal + effort``.
+        ``-w robustness + terminal + effort + risk``.
     robustness : float
         Exact robustness in metres of the task without its ``G avoid`` parts, worst of some members at the grid times:
         those of a Gauss rule and the corners of the ranges.
     gap : float
         Smallest distance in metres, beyond the robot's radius, between an obstacle and the fleet's hull (of the mean
-        robot, for the guarantee ``moment``).
+        robot, for the guarantee ``moment``); a lower bound where every obstacle is far.
     excess : float
         By how much a command changes faster than it may, per second; negative where all rates are kept.
+    risk : float
+        The price of risk (`ensemble_ctrl.ocp.risk`).
     """
 
     cost: float
@@ -46,6 +51,7 @@ class Value:
     effort: float
     gap: float
     excess: float = -np.inf
+    risk: float = 0.0
 
     def keeps(self, margin: float) -> bool:
         """Whether the task holds, every obstacle is at least `margin` metres away, and rates are kept."""
@@ -57,34 +63,51 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     aim, step = problem.objective, problem.duration / len(controls)
     fleet, bent = problem.fleet, len(problem.fleet.bent)
     order = QUADRATURE.get(bent, 2)
-    basis = TensorBasis((LegendreBasis(order),) * bent)
-    inner = positions(problem, controls, fleet.bent_members(basis.nodes))
-    shifts = fleet.shift * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]] if fleet.shift.any() else [[0, 0]])
-    paths = np.concatenate([positions(problem, controls, fleet.corners), *(inner + shift for shift in shifts)])
-    signals, ops = StateSignals(paths, ("x", "y"), step), ExactOps()
+    signals, ops = _worst(problem, controls, order, None), ExactOps()
     in_moments = problem.solve.guarantee == "moment"
     if in_moments:
         nodes, weights = fleet.rule(order + 1)
         spread = positions(problem, controls, fleet.bent_members(nodes))
         average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)
-    formulas = [grounded(problem, part) for part in other_parts(problem)]
-    uniform = all(isinstance(law, Interval) for law in fleet.parameters.values())
-    whole = signals if in_moments or uniform else _fleet(problem, controls)
-    worst = min(
-        (float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in formulas), default=0.0
-    )
+    some = () if truncation.within is None else chances(problem)
+    formulas = [part for part in other_parts(problem) if not any(part is chance.part for chance in some)]
+    whole = signals if in_moments or not any(map(reads_fleet, formulas)) else _fleet(problem, controls)
+    values = [
+        float(robustness(grounded(problem, part), whole if reads_fleet(part) else signals, ops)) for part in formulas
+    ]
+    if some:
+        within = _worst(problem, controls, order, truncation.within)
+        values += [float(robustness(grounded(problem, part), within, ops)) for c in some for part in c.others]
+    worst = min(values, default=0.0)
     terminal = terminal_cost(problem, controls, order)
     change = np.diff(controls, axis=0) / step
-    effort = step * (aim.effort * float((controls**2).sum()) + aim.smoothness * float((change**2).sum()))
+    effort = step * (float((controls**2).sum(axis=0) @ aim.efforts()) + aim.smoothness * float((change**2).sum()))
+    risk = risk_cost(problem, controls)
     rates = np.full(2, np.inf) if fleet.rate_bounds is None else fleet.rate_bounds
     excess = float((np.abs(change) - rates).max(initial=-np.inf))
-    curve = average[:, None] if in_moments else points(problem, controls, truncation)
-    shift = np.zeros(2) if in_moments else fleet.shift
-    cells = None if in_moments else truncation.parts
-    lines = separate(curve, duties(problem), problem.duration, shift, cells)
-    cost = -aim.robustness * worst + terminal + effort
-    return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)), excess)
+    if in_moments:
+        mean = average[:, None]
+        lines = separate(mean, duties(problem), problem.duration, near=REACH * map_size(problem, mean))
+    else:
+        curve = points(problem, controls, truncation)
+        lines = all_lines(problem, truncation, curve, REACH * map_size(problem, curve))
+    cost = -aim.robustness * worst + terminal + effort + risk
+    return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)), excess, risk)
+
+
+def _worst(problem: Problem, controls: Floats, order: int, within: Range | None) -> StateSignals:
+    """Members of a Gauss rule and the corners of the ranges, or those of a box in scaled bent parameters."""
+    fleet, bent = problem.fleet, len(problem.fleet.bent)
+    shifts = fleet.shift * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]] if fleet.shift.any() else [[0, 0]])
+    nodes = TensorBasis((LegendreBasis(order),) * bent).nodes
+    ends = positions(problem, controls, fleet.corners)
+    if within is not None:
+        nodes = members_within(np.concatenate([nodes, list(product(*[(-1.0, 1.0)] * bent))]), within)
+        ends = ends[:0]
+    inner = positions(problem, controls, fleet.bent_members(nodes))
+    paths = np.concatenate([ends, *(inner + shift for shift in shifts)])
+    return StateSignals(paths, ("x", "y"), problem.duration / len(controls))
 
 
 def _fleet(problem: Problem, controls: Floats) -> StateSignals:

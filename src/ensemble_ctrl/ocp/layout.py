@@ -14,7 +14,7 @@ Ints = NDArray[np.int64]
 class Layout:
     """Index arrays into the decision vector ``(v, omega, turned, points, levels, slacks, switches)``.
 
-    Levels (the task's robustness), slacks and switches (0 or 1) are handed out while rows are made.
+    Levels (the task's robustness), slacks, switches (0 or 1) and more are handed out while rows are made.
 
     Parameters
     ----------
@@ -29,6 +29,7 @@ class Layout:
     _levels: list[int] = field(default_factory=list)
     _slacks: list[int] = field(default_factory=list)
     _switches: list[int] = field(default_factory=list)
+    _more: list[int] = field(default_factory=list)
 
     @property
     def controls(self) -> Ints:
@@ -50,7 +51,7 @@ class Layout:
     def size(self) -> int:
         """Length of the decision vector so far."""
         states = 3 * self.steps + 1 + (self.steps + 1) * 2 * self.count
-        return states + len(self._levels) + len(self._slacks) + len(self._switches)
+        return states + len(self._levels) + len(self._slacks) + len(self._switches) + len(self._more)
 
     @property
     def levels(self) -> Ints:
@@ -76,6 +77,12 @@ class Layout:
         """Hand out the indices of `count` new slacks."""
         new = self.size + np.arange(count)
         self._slacks.extend(new.tolist())
+        return new
+
+    def more(self, count: int) -> Ints:
+        """Hand out the indices of `count` new variables of another kind."""
+        new = self.size + np.arange(count)
+        self._more.extend(new.tolist())
         return new
 
     def switch(self, count: int) -> Ints:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.ocp.layout import Layout
-from ensemble_ctrl.ocp.task import SHARPNESS, GuessValues, Level, LevelOps, Row, minimum_of
+from ensemble_ctrl.ocp.task import SHARPNESS, GuessValues, Level, LevelOps, PointSignals, Reading, Row, minimum_of
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
 
@@ -62,8 +62,10 @@ class TaskLevels:
         """The levels of a problem's task; `curve`, shape (steps + 1, points, 2), is any: no part is left out."""
         layout = Layout(problem.steps, truncation.count)
         first = layout.size
-        ops = LevelOps(layout, GuessValues(curve, truncation.mean), np.inf)
-        whole = minimum_of([grounded(problem, part) for part in other_parts(problem)], ops, problem.step, np.zeros(2))
+        readings: dict[Reading, Floats] = {"all": np.eye(truncation.count), "mean": truncation.mean[None, :]}
+        ops = LevelOps(layout, GuessValues(curve, readings), np.inf)
+        signals = PointSignals(problem.steps, problem.step)
+        whole = minimum_of([(grounded(problem, part), signals) for part in other_parts(problem)], ops)
         if whole:
             ops.below.append((layout.level(), whole))
         pairs = [(low - first, term) for low, part in ops.below for term in part]
@@ -77,7 +79,7 @@ class TaskLevels:
             numbers[0],
             numbers[1],
             numbers[2],
-            np.array([r.mean for _, r in rows], dtype=bool),
+            np.array([r.of == "mean" for _, r in rows], dtype=bool),
             np.array(order, dtype=np.int64).reshape(-1, 2),
             tuple(Maximum(np.array(parts) - first, level - first) for parts, level in ops.maxima),
         )

@@ -20,6 +20,8 @@ Ints = NDArray[np.int64]
 
 DIRECTIONS = 72
 """Directions tried before the best one is refined."""
+REACH = 0.15
+"""Pairs closer than this share of the map's size are constrained from the start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,8 @@ class Lines:
     ----------
     parts : tuple of ndarray
         For each cell the matrix from the fleet's points to its own.
+    cell : ndarray of int, shape (sides,)
+        The cell of each side.
     radius : ndarray, shape (sides,)
         Metres by which each piece grows.
     active : ndarray of bool, shape (sides, steps)
@@ -50,6 +54,7 @@ class Lines:
     """
 
     parts: tuple[Floats, ...]
+    cell: Ints
     radius: Floats
     active: NDArray[np.bool_]
     normal: Floats
@@ -57,10 +62,12 @@ class Lines:
     drift: Floats
     gap: Floats
 
-    @property
-    def cell(self) -> Ints:
-        """The cell of each side, shape (sides,)."""
-        return np.repeat(np.arange(len(self.parts)), len(self.radius) // len(self.parts))
+    def joined(self, other: Lines) -> Lines:
+        """All sides of both."""
+        cell = np.concatenate([self.cell, other.cell + len(self.parts)])
+        names = ("radius", "active", "normal", "support", "drift", "gap")
+        rest = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in names]
+        return Lines(self.parts + other.parts, cell, *rest)
 
     def nearest(self, points: Floats) -> Floats:
         """Smallest ``n . p`` over a cell's points, relative to the piece, at both ends of each step, (sides, steps)."""
@@ -81,6 +88,7 @@ def separate(
     duration: float,
     shift: Floats | None = None,
     parts: tuple[Floats, ...] | None = None,
+    near: float = np.inf,
     begin: float = 0.0,
     within: float = np.inf,
 ) -> Lines:
@@ -98,6 +106,8 @@ def separate(
         Half the sides of a box of start positions, metres: it lies around every point.
     parts : tuple of ndarray, optional
         For each cell of the fleet the matrix from the points to its own; one cell if not given.
+    near : float
+        Metres beyond which a line along an axis will do.
     begin : float
         Time of the first point, seconds.
     within : float
@@ -109,12 +119,18 @@ def separate(
     pieces = [(piece, duty) for duty in duties for piece in duty.pieces]
     if not pieces:
         none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
-        return Lines(parts, np.zeros(0), none.astype(bool), pairs, none, pairs, none)
+        return Lines(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), pairs, none, pairs, none)
     times = np.linspace(begin, begin + duration, steps + 1)
     moved = np.tile([duty.offsets(times) for _, duty in pieces], (len(parts), 1, 1))
     bends = np.tile([duty.bends(times) for _, duty in pieces], (len(parts), 1))
     found = [
-        _near_best(_both_ends(part @ points - duty.offsets(times)[:, None]), piece.vertices, shift, within)
+        _found(
+            _both_ends(part @ points - duty.offsets(times)[:, None]),
+            piece.vertices,
+            shift,
+            near + duty.radius + float(duty.bends(times).max()),
+            within,
+        )
         for part in parts
         for piece, duty in pieces
     ]
@@ -123,7 +139,8 @@ def separate(
     radius = np.tile([duty.radius for _, duty in pieces], len(parts))
     active = np.tile([duty.steps(steps, duration, begin) for _, duty in pieces], (len(parts), 1)) & (gap < np.inf)
     gap = np.where(active, gap - bends - radius[:, None], np.inf)
-    return Lines(parts, radius, active, normal, support + bends, drift, gap)
+    cell = np.repeat(np.arange(len(parts)), len(pieces))
+    return Lines(parts, cell, radius, active, normal, support + bends, drift, gap)
 
 
 def _both_ends(points: Floats) -> Floats:
@@ -131,15 +148,22 @@ def _both_ends(points: Floats) -> Floats:
     return np.concatenate([points[:-1], points[1:]], axis=1)
 
 
-def _near_best(points: Floats, vertices: Floats, shift: Floats, within: float) -> tuple[Floats, Floats, Floats]:
-    """The same as `_best` where bounding boxes are close; elsewhere an infinite gap."""
-    low, high = points.min(axis=1) - vertices.max(axis=0), vertices.min(axis=0) - points.max(axis=1)
-    near = np.maximum(low, high).max(axis=1) <= within
-    if near.all():
-        return _best(points, vertices, shift)
-    normal, support, gap = np.zeros((len(points), 2)), np.zeros(len(points)), np.full(len(points), np.inf)
-    if near.any():
-        normal[near], support[near], gap[near] = _best(points[near], vertices, shift)
+def _found(
+    points: Floats, vertices: Floats, shift: Floats, near: float, within: float
+) -> tuple[Floats, Floats, Floats]:
+    """Normal, support and gap of the best line for one convex piece at every step.
+
+    Beyond `near` of a line along an axis; beyond `within` the gap is infinite.
+    """
+    ends = points.max(axis=1) + shift, points.min(axis=1) - shift
+    beyond = np.stack([ends[1] - vertices.max(axis=0), vertices.min(axis=0) - ends[0]], axis=1).reshape(len(points), 4)
+    side, gap = beyond.argmax(axis=1), beyond.max(axis=1)
+    normal = np.concatenate([np.eye(2), -np.eye(2)])[side]
+    support = (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift
+    close = gap <= min(near, within)
+    if close.any():
+        normal[close], support[close], gap[close] = _best(points[close], vertices, shift)
+    gap[~close & (gap > within)] = np.inf
     return normal, support, gap
 
 

@@ -19,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.ocp.bonmin import BonminOptions, Branching, MixedOutcome, bonmin
+from ensemble_ctrl.ocp.chance import map_size
 from ensemble_ctrl.ocp.evaluate import evaluate
-from ensemble_ctrl.ocp.rounds import REACH, Attempt, improve, map_size, start
+from ensemble_ctrl.ocp.lines import REACH
+from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Status, Watch, ipopt
 from ensemble_ctrl.ocp.switches import Choice, Facets, facets, switches, workspace
 from ensemble_ctrl.ocp.transcription import Transcription, transcribe

@@ -28,6 +28,7 @@ of effort and terminal error (Gauss-Newton); a line search on the exact cost gua
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -49,6 +50,8 @@ from ensemble_ctrl.problem import Problem
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Status = Literal["converged", "improved", "limit", "stuck"]
+Timer = Callable[[], float]
+"""Seconds from any time on."""
 
 NEAR = 0.3
 """Metres beyond what is asked within which a row takes part."""
@@ -157,15 +160,17 @@ class OnlineProgram:
         levels = TaskLevels.of(problem, truncation, points(problem, controls, truncation))
         return cls(problem, truncation, levels, duties(problem), _terminal(problem, truncation))
 
-    def solve(self, present: Present, deadline: float = np.inf, rounds: int = 4) -> Replanned:
-        """Improve `present.controls` by up to `rounds` quadratic programs, until `deadline` seconds have passed."""
-        began = time.perf_counter()
+    def solve(
+        self, present: Present, deadline: float = np.inf, rounds: int = 4, timer: Timer = time.perf_counter
+    ) -> Replanned:
+        """Improve `present.controls` by up to `rounds` quadratic programs, until `deadline` seconds of `timer`."""
+        began = timer()
         point = _Point(self, present, present.controls)
         status: Status = "limit"
         count = inner = 0
         cost, short = np.inf, np.inf
         while count < rounds:
-            if count and (time.perf_counter() - began) * (count + 1) / count > deadline:
+            if count and (timer() - began) * (count + 1) / count > deadline:
                 break
             lines = point.lines()
             cost, short = point.cost(lines)
@@ -183,7 +188,7 @@ class OnlineProgram:
                 break
         else:
             status = "improved"
-        return Replanned(point.controls, status, count, inner, cost, short, time.perf_counter() - began)
+        return Replanned(point.controls, status, count, inner, cost, short, timer() - began)
 
 
 def _searched(point: _Point, change: Floats, lines: Lines, cost: float) -> tuple[_Point, float, float] | None:
@@ -226,7 +231,7 @@ class _Point:
         problem, free = self.program.problem, self.present.free
         aim, step = problem.objective, problem.step
         u = self.controls[free:]
-        total = aim.effort * step * float((u**2).sum())
+        total = step * float((u**2).sum(axis=0) @ aim.efforts())
         change = np.diff(self._with_last(), axis=0)
         total += aim.smoothness / step * float((change**2).sum())
         if self.program._terminal is not None:
@@ -279,8 +284,8 @@ class _Point:
         n, levels = 2 * len(u), self.program.levels.count
         H, g = np.zeros((n + levels, n + levels)), np.zeros(n + levels)
         diagonal = np.arange(n)
-        H[diagonal, diagonal] = 2 * aim.effort * step + SMALL
-        g[:n] = 2 * aim.effort * step * u.ravel()
+        H[diagonal, diagonal] = np.tile(2 * step * aim.efforts(), len(u)) + SMALL
+        g[:n] = 2 * step * (u * aim.efforts()).ravel()
         if aim.smoothness:
             last = self._with_last()
             first = len(last) - len(u)

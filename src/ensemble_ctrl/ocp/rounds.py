@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import duties
+from ensemble_ctrl.ocp.chance import all_lines, map_size
 from ensemble_ctrl.ocp.evaluate import Value, evaluate
-from ensemble_ctrl.ocp.lines import Lines, separate
+from ensemble_ctrl.ocp.lines import REACH, Lines
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Status, Watch, ipopt
 from ensemble_ctrl.ocp.transcription import Avoiding, Transcription, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
@@ -18,8 +18,6 @@ from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
-REACH = 0.15
-"""Pairs closer than this share of the map's size are constrained from the start."""
 GAIN = 5e-3
 """Rounds end when one lowers the cost by less."""
 TIGHT = 1e-6
@@ -71,10 +69,11 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
     """One choice of lines: solve, and solve again with the pairs that the solution violates."""
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
-    lines = separate(curve, duties(problem), problem.duration, problem.fleet.shift, truncation.parts)
+    reach = REACH * map_size(problem, curve)
+    lines = all_lines(problem, truncation, curve, reach)
     error = tail(problem, guess, truncation)
     in_moments = problem.solve.guarantee == "moment"
-    pairs = (lines.gap < REACH * map_size(problem, curve)) & (not in_moments)
+    pairs = (lines.gap < reach) & (not in_moments)
     total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)
     for _ in range(4):
         began = time.perf_counter()
@@ -135,9 +134,3 @@ def _widened(pairs: NDArray[np.bool_]) -> NDArray[np.bool_]:
         wide[:, shift:] |= pairs[:, :-shift]
         wide[:, :-shift] |= pairs[:, shift:]
     return wide
-
-
-def map_size(problem: Problem, curve: Floats) -> float:
-    """Larger side of the box around the fleet's way and the obstacles, metres."""
-    corners = [curve.reshape(-1, 2), *(piece.vertices for duty in duties(problem) for piece in duty.pieces)]
-    return float(np.ptp(np.concatenate(corners), axis=0).max())

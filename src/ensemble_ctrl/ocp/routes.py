@@ -164,18 +164,19 @@ def _cross(a: Floats, b: Floats) -> Floats:
 def _search(
     corners: Floats, lengths: Floats, anchors: Floats, allowed: Callable[[Floats, Floats], bool] | None = None
 ) -> Iterator[Route]:
-    """Dijkstra over (corner, word) from corner 0; yields each new word that arrives at corner 1.
+    """A* over (corner, word) from corner 0; yields each new word that arrives at corner 1, shortest first.
 
-    With `allowed`, of a path and the anchors, a state whose shortest path is not allowed leads nowhere.
+    What is left of the way is at least the shortest way whatever its word. With `allowed`, of a path and the anchors, a
+    state whose shortest path is not allowed leads nowhere.
     """
-    order = count()
-    best: dict[tuple[int, Word], float] = {}
-    queue: list[tuple[float, int, int, Word, tuple[int, ...]]] = [(0.0, next(order), 0, (), (0,))]
-    while queue and len(best) < EXPANSIONS:
-        length, _, here, word, path = heapq.heappop(queue)
-        if (here, word) in best:
+    order, left = count(), _ways_left(lengths)
+    seen: set[tuple[int, Word]] = set()
+    queue: list[tuple[float, int, float, int, Word, tuple[int, ...]]] = [(left[0], next(order), 0.0, 0, (), (0,))]
+    while queue and len(seen) < EXPANSIONS:
+        _, _, length, here, word, path = heapq.heappop(queue)
+        if (here, word) in seen:
             continue
-        best[here, word] = length
+        seen.add((here, word))
         if allowed and not allowed(corners[list(path)], anchors):
             continue
         if here == 1:
@@ -183,9 +184,21 @@ def _search(
             continue
         for there in np.flatnonzero(np.isfinite(lengths[here])).tolist():
             longer = _extended(word, corners[here], corners[there], anchors)
-            if there not in path and (there, longer) not in best:
+            if there not in path and (there, longer) not in seen:
                 step = length + float(lengths[here, there])
-                heapq.heappush(queue, (step, next(order), there, longer, (*path, there)))
+                heapq.heappush(queue, (step + left[there], next(order), step, there, longer, (*path, there)))
+
+
+def _ways_left(lengths: Floats) -> list[float]:
+    """Length of the shortest way from each corner to corner 1, infinite where there is none (Dijkstra)."""
+    left = np.full(len(lengths), np.inf)
+    left[1] = 0.0
+    waiting = np.ones(len(lengths), dtype=bool)
+    while np.isfinite(left[waiting]).any():
+        here = int(np.where(waiting, left, np.inf).argmin())
+        waiting[here] = False
+        np.minimum(left, left[here] + lengths[:, here], out=left)
+    return left.tolist()
 
 
 def _extended(word: Word, a: Floats, b: Floats, anchors: Floats) -> Word:
@@ -210,8 +223,7 @@ def _corners(pieces: Sequence[Obstacle], clearance: float) -> Iterator[Floats]:
     """Corners of the obstacles grown by `clearance`, with sharp tips cut off at two clearances."""
     for piece in pieces:
         v = piece.vertices
-        along = np.roll(v, -1, axis=0) - v
-        out = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+        out = _outward(v)
         mid = out + np.roll(out, 1, axis=0)
         mid /= np.linalg.norm(mid, axis=1)[:, None]
         stretch = np.minimum(1 / np.maximum((mid * out).sum(axis=1), 1e-3), 2.0)
@@ -230,12 +242,33 @@ def _visible_lengths(corners: Floats, pieces: Sequence[Obstacle], clearance: flo
     """Length of each straight connection, infinite where an obstacle (grown by most of the clearance) is hit."""
     i, j = np.triu_indices(len(corners), 1)
     a, b = corners[i], corners[j]
+    low, high = np.minimum(a, b).T, np.maximum(a, b).T
     blocked = np.zeros(len(i), dtype=bool)
+    free = np.arange(len(i))
     for piece in pieces:
-        blocked |= _hits(a, b, piece, 0.9 * clearance)
+        (left, under), (right, over) = _box(piece, 0.9 * clearance)
+        near = free[(low[0, free] < right) & (high[0, free] > left)]
+        near = near[(low[1, near] < over) & (high[1, near] > under)]
+        blocked[near] = _hits(a[near], b[near], piece, 0.9 * clearance)
+        free = free[~blocked[free]]
     lengths = np.full((len(corners), len(corners)), np.inf)
     lengths[i, j] = lengths[j, i] = np.where(blocked, np.inf, np.linalg.norm(b - a, axis=1))
     return lengths
+
+
+def _box(piece: Obstacle, grown: float) -> tuple[Floats, Floats]:
+    """Low and high corner of the box round a piece with every side moved outwards by `grown`."""
+    out = _outward(piece.vertices)
+    before = np.roll(out, 1, axis=0)
+    tips = piece.vertices + grown * (out + before) / (1 + (out * before).sum(axis=1))[:, None]
+    return tips.min(axis=0), tips.max(axis=0)
+
+
+def _outward(corners: Floats) -> Floats:
+    """Unit normals of the sides that begin at each corner of a convex polygon."""
+    along = np.roll(corners, -1, axis=0) - corners
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return np.asarray(normals / np.linalg.norm(along, axis=1)[:, None])
 
 
 def _hits(a: Floats, b: Floats, piece: Obstacle, grown: float) -> NDArray[np.bool_]:

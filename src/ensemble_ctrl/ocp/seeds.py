@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
-from ensemble_ctrl.duties import duties, named_pieces
+from ensemble_ctrl.duties import named_pieces
+from ensemble_ctrl.ocp.chance import all_duties
 from ensemble_ctrl.ocp.drive import follow, smoothed
 from ensemble_ctrl.ocp.routes import LONGEST, Route, corridor_route, routes
 from ensemble_ctrl.ocp.sides import distinct, sides
@@ -137,7 +138,7 @@ class _Trips:
         if corridor:
             found = corridor_route(start, goal, [self.problem.regions[name] for name in corridor])
             return [found or straight]
-        pieces = [piece for duty in duties(self.problem) if duty.motion is None for piece in duty.pieces]
+        pieces = [piece for duty in all_duties(self.problem) if duty.motion is None for piece in duty.pieces]
         pieces += [piece for name in sorted(closed) for piece in named_pieces(self.problem, name)]
         return self._kinds(start, goal, pieces) or [straight]
 
@@ -184,7 +185,7 @@ def combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route,
 
 def _name(problem: Problem, trip: _Trip) -> str:
     """What a trip is called: the sides of its one leg, or those of each leg with where it leads to."""
-    obstacles = {duty.name: duty.pieces for duty in duties(problem)}
+    obstacles = {duty.name: duty.pieces for duty in all_duties(problem)}
     told = [sides(leg.corners, obstacles) for leg in trip.legs]
     if len(told) <= 1:
         return "".join(told) or "straight"

@@ -13,16 +13,16 @@ of the points, because the right-hand side is never above the largest part and e
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Protocol
+from typing import Literal, Protocol
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import Formula, Ops, Predicate, Signals, robustness
+from ensemble_ctrl.constraints.stl import Formula, Ops, Predicate, Share, Signals, robustness
 from ensemble_ctrl.errors import UnsupportedError
 from ensemble_ctrl.ocp.program import Block, Build
 
@@ -33,6 +33,10 @@ SHARPNESS = 20.0
 """K of the log-sum-exp, per metre: a maximum of n parts is underestimated by at most log(n) / K metres."""
 BAND = 0.35
 """Metres below the largest part, at the guess, within which parts of a maximum are kept."""
+
+
+Reading = Literal["all", "some", "mean"]
+"""Whom a row speaks of: everybody, the members that do what a share has to do, or the mean member."""
 
 
 class Places(Protocol):
@@ -56,7 +60,7 @@ class Places(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """``sum of coefficient * state + offset`` at one grid time, for every point or for the mean member.
+    """``sum of coefficient * state + offset`` at one grid time, for every point, for some members, or for the mean one.
 
     `columns` says which states, by their place in the points.
     """
@@ -65,7 +69,7 @@ class Row:
     columns: tuple[int, ...]
     coefficients: tuple[float, ...]
     offset: float
-    mean: bool
+    of: Reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,14 +89,12 @@ class GuessValues:
     ----------
     curve : ndarray, shape (steps + 1, points, states)
         The points under the guess, metres.
-    mean : ndarray, shape (points,)
-        Weights of the points in the mean member's position.
-    places : ndarray, shape (places, points), optional
-        Combinations of the points at which rows have to hold; the points themselves if not given.
+    places : mapping
+        For each reading the matrix from the points to those that its rows hold for.
     """
 
-    def __init__(self, curve: Floats, mean: Floats, places: Floats | None = None) -> None:
-        self.curve, self.mean, self.places = curve, mean, places
+    def __init__(self, curve: Floats, places: Mapping[Reading, Floats]) -> None:
+        self.curves = {of: np.einsum("ij,tjd->tid", matrix, curve) for of, matrix in places.items()}
         self.levels: dict[int, float] = {}
         self._known: dict[Minimum, float] = {}
 
@@ -112,10 +114,8 @@ class GuessValues:
         """The value of one term."""
         if isinstance(term, Level):
             return self.levels[term.index]
-        heights = self.curve[term.at][:, list(term.columns)] @ np.array(term.coefficients) + term.offset
-        if term.mean:
-            return float(self.mean @ heights)
-        return float((heights if self.places is None else self.places @ heights).min())
+        at = self.curves[term.of][term.at][:, list(term.columns)]
+        return float((at @ np.array(term.coefficients) + term.offset).min())
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class PointSignals:
     steps: int
     step: float
     shift: tuple[float, ...] = (0.0, 0.0)
-    averaged: bool = False
+    of: Reading = "all"
     members: int = 1
     states: tuple[str, ...] = ("x", "y")
 
@@ -142,13 +142,13 @@ class PointSignals:
         plane = len(self.states) == 2
         used = tuple(i for i, name in enumerate(self.states) if plane or name in by_name)
         values = tuple(by_name.get(self.states[i], 0.0) for i in used)
-        if not self.averaged:
+        if self.of != "mean":
             offset -= sum(abs(value) * self.shift[i] for i, value in zip(used, values, strict=True))
-        return _matrix([(Row(k, used, values, offset, self.averaged),) for k in range(first, last + 1)])
+        return _matrix([(Row(k, used, values, offset, self.of),) for k in range(first, last + 1)])
 
     def mean(self) -> Signals:
         """The same for the mean member."""
-        return replace(self, averaged=True)
+        return replace(self, of="mean")
 
 
 class LevelOps(Ops):
@@ -177,7 +177,7 @@ class LevelOps(Ops):
 
     def known(self, value: float, members: int, times: int) -> Values:
         """A row without a slope."""
-        return _matrix([(Row(0, (0, 1), (0.0, 0.0), value, False),)] * times)
+        return _matrix([(Row(0, (0, 1), (0.0, 0.0), value, "all"),)] * times)
 
     def times(self, columns: Sequence[Values]) -> Values:
         """Join in time."""
@@ -187,7 +187,7 @@ class LevelOps(Ops):
         """Join members."""
         return np.vstack(rows)
 
-    def ranked(self, value: Values, rank: int) -> Values:
+    def ranked(self, value: Values, share: Share) -> Values:
         """Every point, a lower bound for any share."""
         return value
 
@@ -231,6 +231,7 @@ def task_rows(
     shift: Floats,
     states: tuple[str, ...] = ("x", "y"),
     places: Floats | None = None,
+    some: tuple[Sequence[Formula], Floats] | None = None,
 ) -> TaskRows:
     """Rows that keep `level` at or below the robustness of every part.
 
@@ -254,10 +255,17 @@ def task_rows(
         Names of the points' coordinates.
     places : ndarray, shape (places, points), optional
         Combinations of the points at which rows have to hold; the points themselves if not given.
+    some : pair of sequence of Formula and ndarray, optional
+        Ground formulas for some members alone, and the matrix from the points to theirs.
     """
-    guess = GuessValues(curve, mean, places)
+    everybody = np.eye(layout.count) if places is None else places
+    readings: dict[Reading, Floats] = {"all": everybody, "mean": mean[None, :]}
+    fewer, readings["some"] = ((), everybody) if some is None else some
+    guess = GuessValues(curve, readings)
+    signals = PointSignals(layout.steps, step, tuple(shift.tolist()), states=states)
     ops = LevelOps(layout, guess)
-    whole = minimum_of(parts, ops, step, shift, states)
+    read = [(part, signals) for part in parts] + [(part, replace(signals, of="some")) for part in fewer]
+    whole = minimum_of(read, ops)
     if whole:
         ops.below.append((level, whole))
         guess.note(level, [guess.of(whole)])
@@ -265,20 +273,20 @@ def task_rows(
     rows = [(low, term) for low, term in pairs if isinstance(term, Row)]
     order = [(low, term.index) for low, term in pairs if isinstance(term, Level)]
     blocks = [
-        *_row_blocks([r for r in rows if not r[1].mean], layout, np.eye(layout.count) if places is None else places),
-        *_row_blocks([r for r in rows if r[1].mean], layout, mean[None, :]),
+        *(
+            b
+            for of, matrix in readings.items()
+            for b in _row_blocks([r for r in rows if r[1].of == of], layout, matrix)
+        ),
         *_maximum_blocks(ops.maxima),
         *_order_blocks(order),
     ]
     return TaskRows(blocks, guess.levels)
 
 
-def minimum_of(
-    parts: Sequence[Formula], ops: LevelOps, step: float, shift: Floats, states: tuple[str, ...] = ("x", "y")
-) -> Minimum:
-    """The value of a conjunction of ground formulas, for starts in a box of half sides `shift`."""
-    signals = PointSignals(ops.layout.steps, step, tuple(shift.tolist()), states=states)
-    return sum((robustness(part, signals, ops) for part in parts), ())
+def minimum_of(parts: Sequence[tuple[Formula, PointSignals]], ops: LevelOps) -> Minimum:
+    """The value of a conjunction of ground formulas, each with the signals that it reads."""
+    return sum((robustness(part, signals, ops) for part, signals in parts), ())
 
 
 def _matrix(entries: Sequence[Minimum]) -> Values:

@@ -1,6 +1,7 @@
 r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in nodal coordinates::
 
-    minimise    -w_rho level + w_T |m(T) - m_F|^2 + w_u sum_n (v_n^2 + omega_n^2) dt + price * slacks
+    minimise    -w_rho level + w_T |m(T) - m_F|^2 + sum_n (w_v v_n^2 + w_omega omega_n^2) dt + price * slacks
+                (+ a price of risk, `ensemble_ctrl.ocp.risk`)
 
     over        v_n, omega_n         the broadcast commands of step n
                 turned_n             the integral of the turn rate before step n, shared by every member
@@ -27,13 +28,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Mean
-from ensemble_ctrl.duties import grounded, other_parts
+from ensemble_ctrl.duties import chances, grounded, other_parts
 from ensemble_ctrl.ocp.arrays import CasadiArrays
 from ensemble_ctrl.ocp.layout import Layout
-from ensemble_ctrl.ocp.lines import Lines
+from ensemble_ctrl.ocp.lines import Lines, separate
 from ensemble_ctrl.ocp.margins import bulge, curvature, keeping
 from ensemble_ctrl.ocp.moment_form import moment_blocks, region_blocks
 from ensemble_ctrl.ocp.program import Block, Build, Program, assemble
+from ensemble_ctrl.ocp.risk import RiskRows, risk_rows
 from ensemble_ctrl.ocp.switches import Choice, switch_blocks
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.terminal import terminal_blocks
@@ -106,9 +108,17 @@ def transcribe(
     level, short = layout.level(), layout.slack(1)
     slack = layout.slack(avoiding.slacks)
     in_moments = problem.solve.guarantee == "moment"
-    parts = [grounded(problem, Mean(part) if in_moments else part) for part in other_parts(problem)]
+    some = () if truncation.within is None else chances(problem)
+    parts = [
+        grounded(problem, Mean(part) if in_moments else part)
+        for part in other_parts(problem)
+        if not any(part is chance.part for chance in some)
+    ]
+    fewer = [grounded(problem, part) for chance in some for part in chance.others]
     curve = points(problem, controls, truncation)
-    task = task_rows(parts, level, layout, step, truncation.mean, curve, problem.fleet.shift)
+    inner = (fewer, truncation.inner) if fewer else None
+    task = task_rows(parts, level, layout, step, truncation.mean, curve, problem.fleet.shift, some=inner)
+    rated = bool(parts or fewer)
     blocks = [_turning(problem, layout, step), _moving(problem, truncation, layout, step)]
     if isinstance(avoiding, Choice):
         blocks += switch_blocks(problem, truncation, layout, avoiding, slack, tail)
@@ -119,10 +129,16 @@ def transcribe(
         blocks += _avoiding(problem, truncation, layout, slack, avoiding, tail)
     blocks += task.blocks
     blocks += _rates(problem, layout, step)
-    blocks.append(_satisfying(level, short[0], problem.solve.margin if parts else 0.0))
-    terms = _terms(problem, truncation, layout, level)
-    lower, upper = _bounds(problem, layout, level)
+    blocks.append(_satisfying(level, short[0], problem.solve.margin if rated else 0.0))
+    terms = _terms(problem, truncation, layout, rated)
+    risk = _risk(problem, truncation, layout, curve, avoiding)
+    if risk is not None:
+        blocks += risk.blocks
+        terms += risk.terms
+    lower, upper = _bounds(problem, layout, None if rated else level)
     guess = _guess(problem, layout, controls, curve, step, task)
+    if risk is not None:
+        guess[risk.index], lower[risk.index], upper[risk.index] = risk.guess, risk.lower, risk.upper
     if isinstance(avoiding, Choice):
         _switching(avoiding, layout, guess, lower, upper)
     return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
@@ -221,13 +237,14 @@ def _satisfying(level: int, slack: int, margin: float) -> Block:
     return Block("task", lambda z, d: z[0] + z[1], columns, np.zeros((1, 0)), low, low + np.inf)
 
 
-def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int) -> list[Block]:
+def _terms(problem: Problem, truncation: Truncation, layout: Layout, rated: bool) -> list[Block]:
     """Robustness, terminal moment error, effort, the price of slack, and the pull on idle levels."""
     aim, step = problem.objective, problem.duration / layout.steps
     none = np.zeros((1, 0))
 
     def effort(z: ca.SX, d: ca.SX) -> ca.SX:
-        return aim.effort * step * ca.sumsqr(z)
+        cost: ca.SX = step * ca.dot(ca.DM(aim.efforts()), z**2)
+        return cost
 
     terms = [Block("effort", effort, layout.controls, np.zeros((layout.steps, 0)), none, none)]
     if aim.smoothness and layout.steps > 1:
@@ -252,14 +269,24 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, level: int)
     def reward(z: ca.SX, d: ca.SX) -> ca.SX:
         return -aim.robustness * z[0] - PULL * ca.sum1(z[1:, :]) / max(len(levels) - 1, 1)
 
-    if other_parts(problem):
+    if rated:
         terms.append(Block("robustness", reward, levels[None, :], none, none, none))
     terms += terminal_blocks(problem, truncation, layout)
     return terms
 
 
-def _bounds(problem: Problem, layout: Layout, level: int) -> tuple[Floats, Floats]:
-    """Bounds of the decision vector: inputs, the common start, and slacks."""
+def _risk(
+    problem: Problem, truncation: Truncation, layout: Layout, curve: Floats, avoiding: Avoiding | Choice
+) -> RiskRows | None:
+    """The price of risk; clearances are those that fixed lines leave."""
+    if isinstance(avoiding, Avoiding):
+        return risk_rows(problem, truncation, layout, curve, avoiding.lines, avoiding.pairs)
+    none = separate(curve, (), problem.duration)
+    return risk_rows(problem, truncation, layout, curve, none, none.active)
+
+
+def _bounds(problem: Problem, layout: Layout, idle: int | None) -> tuple[Floats, Floats]:
+    """Bounds of the decision vector: inputs, the common start, slacks, and the level of a task that has no rows."""
     fleet = problem.fleet
     lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     lower[layout.controls], upper[layout.controls] = fleet.input_lower, fleet.input_upper
@@ -267,8 +294,8 @@ def _bounds(problem: Problem, layout: Layout, level: int) -> tuple[Floats, Float
         bound[layout.turned[0]] = 0.0
         bound[layout.points[0]] = np.repeat(fleet.start, layout.count)
     lower[layout.slacks] = 0.0
-    if not other_parts(problem):
-        lower[level] = upper[level] = 0.0
+    if idle is not None:
+        lower[idle] = upper[idle] = 0.0
     return lower, upper
 
 

@@ -44,6 +44,8 @@ DENSE = {0: 1, 1: 41, 2: 15, 3: 9}
 """Chebyshev points for each of so many parameters, at whose members the truncation error is measured; else 5."""
 TAIL_TOLERANCE = 1e-4
 """Metres of truncation error allowed when the order, or the carried degree, is chosen automatically."""
+Range = tuple[tuple[float, float], ...]
+"""A range of each scaled bent parameter."""
 UNIFORM = Interval(-1.0, 1.0)
 """The law of a scaled parameter unless another is given."""
 
@@ -67,6 +69,9 @@ class Truncation:
     joint : pair of ndarray, optional
         Scaled members, shape (members, bent parameters), and weights that sum to 2, of a law that is no product; means
         and squares are over it in place of `laws`.
+    within : tuple of (float, float), optional
+        A range of each scaled bent parameter: the members that do what a share of the fleet has to do
+        (`ensemble_ctrl.ocp.chance`).
     """
 
     orders: tuple[int, ...]
@@ -75,6 +80,7 @@ class Truncation:
     laws: tuple[Law, ...] | None = None
     cells: int = 1
     joint: tuple[Floats, Floats] | None = None
+    within: Range | None = None
 
     @cached_property
     def collocation(self) -> TensorBasis:
@@ -118,6 +124,19 @@ class Truncation:
         first, rest = LegendreBasis(self.degrees[0]), np.eye(self.count // (self.degrees[0] + 1))
         back = bernstein_to_moments(first)
         return tuple(np.asarray(np.kron(moments_to_bernstein(first, a, b) @ back, rest)) for a, b in ends)
+
+    @cached_property
+    def inner(self) -> Floats:
+        """Matrix from points to the points of the members in `within` alone; the points themselves without one."""
+        if self.within is None or not self.orders:
+            return np.eye(self.count)
+        if not self.hull:
+            ends = np.array(self.within)
+            inside = ((self.nodes >= ends[:, 0] - 1e-12) & (self.nodes <= ends[:, 1] + 1e-12)).all(axis=1)
+            return np.eye(self.count)[inside] if inside.any() else np.eye(self.count)
+        bases = [LegendreBasis(degree) for degree in self.degrees]
+        parts = zip(bases, self.within, strict=True)
+        return kron([moments_to_bernstein(basis, *ends) @ bernstein_to_moments(basis) for basis, ends in parts])
 
     @cached_property
     def to_moments(self) -> Floats:

@@ -128,8 +128,12 @@ class _Drive:
         """Until the end of the loop, or until it has to end."""
         loop, step = self.loop, self.loop.problem.step
         lead = loop.options.lead(step)
-        for tick in range(-lead, loop.steps):
+        tick = -lead
+        while tick < loop.steps:
             self.clock.wait(self.start + tick * step)
+            tick = max(tick, math.floor((self.clock.now() - self.start) / step + 1e-6))
+            if loop.sent and tick > loop.sent and not loop.over:
+                loop.late(min(tick, loop.steps), lead)
             if self.wanted():
                 return self._ended("interrupted", "someone wanted to stop")
             self._look()
@@ -141,6 +145,7 @@ class _Drive:
                 self.robot.send(*self.block)
             if loop.given_up:
                 return self._ended("stopped", loop.stopped)
+            tick += 1
         self._last_looks()
         return self._judged()
 

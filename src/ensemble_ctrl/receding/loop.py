@@ -15,7 +15,7 @@ from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.duties import duties
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.ocp.online import OnlineProgram, Present
+from ensemble_ctrl.ocp.online import OnlineProgram, Present, Timer
 from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.receding.measurement import Measurement
@@ -96,7 +96,8 @@ class Step:
 class _Work:
     """What a step has tried so far."""
 
-    began: float = field(default_factory=time.perf_counter)
+    timer: Timer
+    began: float = field(init=False)
     solve_seconds: float = 0.0
     certify_seconds: float = 0.0
     iterations: int = 0
@@ -105,10 +106,13 @@ class _Work:
     proof: Proof = "none"
     certificate: SetCertificate | None = None
 
+    def __post_init__(self) -> None:
+        self.began = self.timer()
+
     @property
     def seconds(self) -> float:
         """Since the step began."""
-        return time.perf_counter() - self.began
+        return self.timer() - self.began
 
     def ended(self, source: Source, proof: Proof, certificate: SetCertificate | None) -> None:
         """Note whose commands are sent."""
@@ -125,6 +129,8 @@ class Receding:
     options : OnlineOptions, optional
     controls : ndarray, shape (steps, n_u), optional
         A plan to begin with; made here, which takes seconds, if not given.
+    timer : callable
+        Seconds, for the deadline; that of the processor (`time.process_time`) leaves out what other processes take.
 
     Attributes
     ----------
@@ -152,7 +158,14 @@ class Receding:
     over, and that standing after that hits nothing that stands.
     """
 
-    def __init__(self, problem: Problem, options: OnlineOptions | None = None, controls: Floats | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        options: OnlineOptions | None = None,
+        controls: Floats | None = None,
+        timer: Timer = time.perf_counter,
+    ) -> None:
+        self.timer = timer
         self.options = OnlineOptions() if options is None else options
         self.problem = of_one_robot(problem)
         if self.options.lead(problem.step) > self.options.applied_steps:
@@ -228,7 +241,7 @@ class Receding:
         ndarray, shape (applied_steps or fewer, n_u)
             Zeros for a robot that has to stand; fewer rows at the end of the loop, and none after it.
         """
-        work = _Work()
+        work = _Work(self.timer)
         self.observe(measurement)
         self.alarmed = False
         if self.over:
@@ -253,6 +266,24 @@ class Receding:
         """Take commands back that were returned for the control steps from `begin` on, none of which is past."""
         if begin < self.sent:
             self.tracker.recall(begin)
+
+    def late(self, now: int, ahead: int = 0) -> None:
+        """Commands come too late for the control steps before `now`.
+
+        Parameters
+        ----------
+        now : int
+            The present control step, after the last whose commands were returned.
+        ahead : int
+            How many steps of what was planned the robot had been given beyond those; after them it stood.
+        """
+        held = self.planned(self.sent, min(self.sent + ahead, now))
+        stood = np.zeros((now - self.sent - len(held), held.shape[1]))
+        self._events.append(f"commands came {(now - self.sent) * self.problem.step:.1f} s late")
+        self.plan = self.plan.copy()
+        self.plan[max(self.sent + len(held) - self.base, 0) : max(now - self.base, 0)] = 0.0
+        self.tracker.send(np.concatenate([held, stood]))
+        self._whole, self.alarmed = self._whole and not len(stood), True
 
     def planned(self, begin: int, end: int) -> Floats:
         """The commands of control steps as they are planned now; zeros where nothing is planned."""
@@ -354,7 +385,9 @@ class Receding:
 
     def _replan(self, work: _Work) -> None:
         """A new plan if something is proven of it, else the last one, else stand."""
-        found = self.program.solve(self._present(self.plan), SHARE * self.options.deadline, self.options.rounds)
+        found = self.program.solve(
+            self._present(self.plan), SHARE * self.options.deadline, self.options.rounds, self.timer
+        )
         work.solve_seconds, work.iterations, work.status = found.seconds, found.iterations, found.status
         proof, certificate = self._proof(found.controls, work)
         self._tighten(certificate)

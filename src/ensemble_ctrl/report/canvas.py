@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ensemble_ctrl.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -37,9 +39,18 @@ def new_figure(size: tuple[float, float], dpi: float = 150) -> Figure:
 
 
 def placed_axes(figure: Figure, left: float, right: float, bottom: float, top: float) -> Axes:
-    """Axes with so many inches around them."""
+    """New axes with so many inches around them."""
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    place_axes(ax, left, right, bottom, top)
+    return ax
+
+
+def place_axes(ax: Axes, left: float, right: float, bottom: float, top: float) -> None:
+    """Leave so many inches around axes."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
     width, height = figure.get_size_inches().tolist()
-    return figure.add_axes((left / width, bottom / height, 1 - (left + right) / width, 1 - (bottom + top) / height))
+    ax.set_position((left / width, bottom / height, 1 - (left + right) / width, 1 - (bottom + top) / height))
 
 
 def shown_axes(size: tuple[float, float]) -> Axes:
@@ -51,12 +62,16 @@ def shown_axes(size: tuple[float, float]) -> Axes:
 
 
 def save(figure: Figure, path: Path, kind: str = "png") -> None:
-    """Write a figure; PNG in one pass, where `Figure.savefig` takes two."""
+    """Write a figure; PNG in one pass and without transparency, where `Figure.savefig` takes two."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
 
     if kind not in FORMATS:
         raise ProblemError(f"format: expected one of {', '.join(FORMATS)}, got {kind!r}")
-    if kind == "png":
-        FigureCanvasAgg(figure).print_png(str(path))  # type: ignore[no-untyped-call]
-    else:
+    if kind != "png":
         figure.savefig(path, format=kind)
+        return
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # type: ignore[no-untyped-call]
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
+    Image.fromarray(np.ascontiguousarray(pixels)).save(path, "PNG", compress_level=4, dpi=(figure.dpi, figure.dpi))

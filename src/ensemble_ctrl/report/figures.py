@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 
 MEMBERS = 21
 """Members drawn."""
+POINTS = 320
+"""About as many points of a way are drawn, unless it has more steps."""
 GHOSTS = 6
 """Times at which a moving obstacle is outlined."""
 MARGINS = (0.62, 0.95, 0.5, 0.45)
@@ -129,11 +131,12 @@ def draw_trajectories(
         return _draw_ode(problem, controls, ax)
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
-    paths = ways(problem, controls, members, 4)
+    substeps = max(1, POINTS // problem.steps)
+    paths = ways(problem, controls, members, substeps)
     ax = shown_axes(map_size(problem, controls, twin_controls)) if ax is None else ax
     draw_map(problem, ax, list(paths))
     if twin_controls is not None:
-        _draw_twin(ways(problem, twin_controls, members[::2], 4), ax)
+        _draw_twin(ways(problem, twin_controls, members[::2], substeps), ax)
     shade = shades(fleet, members)
     lines = LineCollection(list(paths), array=shade, cmap="viridis", linewidths=0.9, alpha=0.9, zorder=2)
     lines.set_clim(0.0, 1.0)
@@ -142,7 +145,7 @@ def draw_trajectories(
     ax.autoscale_view()
     if fleet.names and fleet.upper[0] > fleet.lower[0]:
         _draw_scale(problem, ax)
-    ax.set_title(f"{problem.name}: one control, {ranges_text(fleet)}", wrap=True)
+    ax.set_title(f"{problem.name}: one control, {ranges_text(fleet)}", wrap=True, y=1.0)
     return ax
 
 
@@ -155,7 +158,9 @@ def _draw_scale(problem: Problem, ax: Axes) -> None:
     figure = ax.get_figure(root=True)
     assert figure is not None
     colours = ScalarMappable(Normalize(fleet.lower[0], fleet.upper[0]), "viridis")
-    bar = figure.colorbar(colours, cax=ax.inset_axes((1.03, 0.0, 0.035, 1.0)))
+    place = ax.inset_axes((1.03, 0.0, 0.035, 1.0))
+    place.set_title("", y=1.0)
+    bar = figure.colorbar(colours, cax=place)
     unit = unit_of(fleet.names[0]).strip() or "-"
     bar.set_label(f"{fleet.names[0]} [{unit}]")
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.convergence import Descent, descents
-from ensemble_ctrl.report.pagecharts import COLOURS, Axes, Curve, chart
+from ensemble_ctrl.report.pagecharts import Axes, Curve, chart
 from ensemble_ctrl.report.pagemap import map_and_motion
 from ensemble_ctrl.report.palette import hexadecimal, viridis
 from ensemble_ctrl.report.series import by_parameter, over_time
@@ -178,10 +178,9 @@ def _robustness(problem: Problem, controls: Floats) -> str:
 def _clearance(plan: PlanLike) -> str:
     """How close members of every parameter come to failing."""
     profile = by_parameter(plan.problem, plan.controls)
-    named = {**profile.clearances, **profile.parts}
-    if not named:
+    curves = [Curve(name, profile.values, values, k) for k, (name, values) in enumerate(profile.curves.items())]
+    if not curves:
         return ""
-    curves = [Curve(name, profile.values, values, k) for k, (name, values) in enumerate(list(named.items())[:COLOURS])]
     certificate = plan.certificate
     bounds = [] if certificate is None else [certificate.clearance, certificate.robustness]
     levels = tuple((float(b), "proven") for b in bounds if np.isfinite(b))

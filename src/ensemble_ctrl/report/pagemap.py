@@ -59,7 +59,7 @@ def map_and_motion(
         f'<polyline class="path" points="{_text(canvas, path)}" stroke="{colour}"/>'
         for path, colour in zip(paths, colours, strict=True)
     ]
-    parts += [*_obstacles(problem, canvas), *_start(problem, canvas)]
+    parts += [*_obstacles(problem, canvas), *_names(problem, canvas, paths), *_start(problem, canvas)]
     radius = max(4.0, problem.fleet.radius * canvas.scale)
     kind = "member" if radius < 8 else "member large"
     for path, colour in zip(paths, colours, strict=True):
@@ -111,19 +111,26 @@ def _grid(canvas: Canvas) -> list[str]:
 
 
 def _places(problem: Problem, canvas: Canvas, paths: Floats) -> list[str]:
-    """Regions with their names, and the target."""
+    """Regions and the target."""
     parts = []
     for name, corners in outlines(problem, list(paths)).items():
         points = _text(canvas, corners)
         parts.append(f'<polygon class="region" points="{points}"><title>{escape(name)}</title></polygon>')
-        top = canvas.at(highest(corners))
-        parts.append(f'<text class="mid name" x="{top[0]:.1f}" y="{max(top[1] - 4, 12):.1f}">{escape(name)}</text>')
     parts += [f'<polyline class="target" points="{_text(canvas, line)}"/>' for line in target_lines(problem)]
     if problem.objective.place is not None:
         x, y = canvas.at(problem.objective.place).tolist()
         parts.append(
             f'<path class="target" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"><title>target</title></path>'
         )
+    return parts
+
+
+def _names(problem: Problem, canvas: Canvas, paths: Floats) -> list[str]:
+    """Names of regions above them, drawn over everything that lies still."""
+    parts = []
+    for name, corners in outlines(problem, list(paths)).items():
+        x, y = canvas.at(highest(corners)).tolist()
+        parts.append(f'<text class="mid name" x="{x:.1f}" y="{max(y - 4, 12):.1f}">{escape(name)}</text>')
     return parts
 
 

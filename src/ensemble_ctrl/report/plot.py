@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, placed_axes, save, shown_axes
+from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, place_axes, placed_axes, save, shown_axes
 from ensemble_ctrl.report.figures import draw_trajectories, map_size
+from ensemble_ctrl.report.kinds.panels import legend_shape
 from ensemble_ctrl.report.text import PlanLike
 from ensemble_ctrl.report.view import require_map
 
@@ -24,12 +25,12 @@ SIZES = {"controls": 2.9, "moments": 3.2, "certificate": 2.3}
 """Heights in inches at paper column width; else `HEIGHT`."""
 HEIGHT = 2.4
 MARGINS = {
-    "robustness": (0.56, 0.12, 0.42, 0.3),
-    "clearance": (0.56, 0.12, 0.42, 0.45),
     "trajectories": (0.5, 0.8, 0.42, 0.12),
     "certificate": (1.35, 0.12, 0.42, 0.12),
 }
 """Inches at the left, right, below and above; else `AROUND`."""
+LEGENDS, LEGEND_ROW = ("robustness", "clearance"), 0.16
+"""Kinds with a legend above, and the inches that each of its rows takes."""
 AROUND = (0.56, 0.12, 0.42, 0.12)
 
 
@@ -123,6 +124,12 @@ def write_plot(plan: Drawable, kind: str, path: Path, format: str = "png") -> Pa
         if kind == "trajectories" and not isinstance(plan.problem, OdeProblem):
             height = map_size(plan.problem, plan.controls, plan.twin, COLUMN, margins)[1]
         figure = new_figure((COLUMN, height), dpi=300)
-        draw(plan, kind, placed_axes(figure, *margins)).set_title("")
+        ax = draw(plan, kind, placed_axes(figure, *margins))
+        ax.set_title("")
+        if kind in LEGENDS:
+            _, rows = legend_shape(ax.get_legend_handles_labels()[1])
+            room = rows * LEGEND_ROW
+            figure.set_size_inches(COLUMN, height + room)
+            place_axes(ax, *margins[:3], margins[3] + room)
         save(figure, path, format)
     return path

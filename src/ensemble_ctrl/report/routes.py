@@ -73,7 +73,7 @@ def draw_routes(problem: Problem, controls: Floats, routes: Sequence[Tried]) -> 
             ax.plot(line[:, 0], line[:, 1], label=label, **style)
     ax.plot(plan[:, 0], plan[:, 1], color=PLAN, linewidth=1.4, zorder=3.2, label="plan (middle member)")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, fontsize="small", frameon=False)
-    ax.set_title(f"{problem.name}: {len(routes)} routes tried")
+    ax.set_title(f"{problem.name}: {len(routes)} routes tried", y=1.0)
     return figure
 
 

@@ -76,6 +76,12 @@ class Profile:
     parts: dict[str, Floats]
     far: tuple[str, ...] = ()
 
+    @property
+    def curves(self) -> dict[str, Floats]:
+        """Those of both kinds that come closest to failing, `CURVES` at most, closest first."""
+        both = sorted({**self.clearances, **self.parts}.items(), key=lambda item: float(item[1].min()))
+        return dict(both[:CURVES])
+
 
 def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series, ...]]:
     """Seconds, shape (times,), and a series for every place that the task speaks of, most critical first.

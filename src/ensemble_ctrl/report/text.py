@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import floor
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -12,10 +13,10 @@ from numpy.typing import NDArray
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.fleet import START
 from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.replay import Replay
+from ensemble_ctrl.replay import Replay, ShareSeen
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.certificate import Certificate
+    from ensemble_ctrl.certificate import Certificate, TaskBound
     from ensemble_ctrl.conflicts import Conflict
 
 
@@ -72,6 +73,11 @@ def verdict(plan: PlanLike) -> str:
         proof = "replayed only (no proof covers this model), "
     elif plan.certificate is not None:
         proof = "proven for every member, " if plan.certificate.proven == "yes" else "NOT proven for every member, "
+    if run.shares:
+        proof = proof.replace("every member", "the share asked for")
+        least = min(run.shares, key=lambda share: share.satisfied - share.asked)
+        few = "only " if bad else ""
+        return f"{words}, {proof}{few}{_percent(least.satisfied)} % of {run.members} members do it"
     return f"{words}, {proof}" + (
         f"no member of {run.members} violates" if not bad else f"{bad} of {run.members} members VIOLATE it"
     )
@@ -90,15 +96,17 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         ("fleet", _fleet(problem)),
         ("horizon", f"{problem.duration:g} s in {problem.steps} steps"),
         ("task", str(problem.task)),
+        *soonest(d.get("soonest")),
         *measured(plan.replayed),
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
-    if plan.status == "infeasible":
+    if plan.status == "infeasible" or "suggestions" in d:
         rows += _tried(d.get("suggestions", {}))
     rows += [("proven", NOT_COVERED)] if isinstance(problem, OdeProblem) else proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
+    rows += [("risk", text) for text in _at_risk(d.get("at_risk", {}))]
     rows += [("arrival", text) for text in _arrival(d.get("arrival", {}))]
     if "minlp" in d:
         rows += _mixed(d["minlp"])
@@ -168,6 +176,10 @@ def measured(run: Replay | None) -> list[tuple[str, str]]:
             )
         )
     bad = int(run.violating.sum())
+    if run.shares:
+        looks = f"{run.members} members, {run.substeps} look{'s' if run.substeps > 1 else ''} a step"
+        rows += [("replay", f"{looks}: {_seen(share)}") for share in run.shares]
+        return rows
     rows.append(
         (
             "replay",
@@ -176,6 +188,20 @@ def measured(run: Replay | None) -> list[tuple[str, str]]:
         )
     )
     return rows
+
+
+def soonest(found: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """How short the time is that was to be as short as possible, and what is known of shorter ones."""
+    if found is None:
+        return []
+    missed = "" if found["missed"] is None else f"; none found for {found['missed']:.3f} s"
+    return [("soonest", f"{found['of']} {found['value']:.3f} s{missed}; none exists below {found['bound']:.3f} s")]
+
+
+def _seen(share: ShareSeen) -> str:
+    """The share that does a part, and what that says of the whole fleet."""
+    bounds = f"({100 * share.low:.4g} to {100 * share.high:.4g} % of all, 95 % confidence)"
+    return f"{_percent(share.satisfied)} % do what {100 * share.asked:g} % have to {bounds}"
 
 
 def _share(run: Replay) -> str:
@@ -199,7 +225,9 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
     scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
     bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
-    bounds += [f"rest of the task >= {c.robustness:.4f} m"] if c.parts else []
+    bounds += [_proven_share(b) for b in c.parts if b.share is not None]
+    rest = min((b.proven for b in c.parts if b.share is None), default=None)
+    bounds += [] if rest is None else [f"rest of the task >= {rest:.4f} m"]
     work = f"({c.seconds:.2f} s)"
     if c.proven == "yes":
         return [("proven", f"for {scope}: {', '.join(bounds)} {work}")]
@@ -210,6 +238,12 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     return [("proven", f"NO: {member_text(found.parameters)} violates {found.what} by {found.amount:.3g} m{when}")]
 
 
+def _proven_share(bound: TaskBound) -> str:
+    """A share in percent, rounded down."""
+    share = 100 * floor(1e4 * (bound.share or 0.0)) / 1e4
+    return f"{share:.4g} % of the fleet do {bound.part} with >= {bound.proven:.4f} m"
+
+
 def _percent(share: float) -> str:
     """A share in percent; never 100 while one member is missing."""
     text = f"{100 * share:.5g}"
@@ -218,9 +252,11 @@ def _percent(share: float) -> str:
 
 def _cost(d: dict[str, Any]) -> str:
     """The cost and its parts."""
+    risk = d.get("risk", 0.0)
     return (
         f"{d['cost']:.4f} = effort {d['effort']:.4f} + terminal {d['terminal']:.4f}"
-        f" - weighted robustness {d['effort'] + d['terminal'] - d['cost']:.4f}"
+        + (f" + risk {risk:.4f}" if risk else "")
+        + f" - weighted robustness {d['effort'] + d['terminal'] + risk - d['cost']:.4f}"
     )
 
 
@@ -239,6 +275,19 @@ def _mixed(m: dict[str, Any]) -> list[tuple[str, str]]:
     lead = f"Bonmin's gap: {', '.join(gaps)}; it" if gaps else "This"
     rows.append(("", f"{lead} is no proof of optimality: the problem is not convex, and only nearby facets were tried"))
     return rows
+
+
+def _at_risk(found: dict[str, Any]) -> Iterator[str]:
+    """How the worst part of the fleet does, in what it has a price on."""
+    if found:
+        sign, what = (1.0, "distance from the target") if found["of"] == "terminal" else (-1.0, "clearance")
+        worst = f"{100 * (1 - found['level']):.4g} %"
+        yield f"{what} of the worst {worst}: {sign * found['cvar']:.4f} m on average, {_limit(found, sign)}"
+
+
+def _limit(found: dict[str, Any], sign: float) -> str:
+    """The value at risk."""
+    return f"{'at least' if sign > 0 else 'at most'} {sign * found['value_at_risk']:.4f} m"
 
 
 def _arrival(found: dict[str, Any]) -> Iterator[str]:

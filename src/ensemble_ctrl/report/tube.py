@@ -8,7 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells, signs_of
+from ensemble_ctrl.certificate.enclosure import Flow
+from ensemble_ctrl.certificate.tube import enclosed
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.systems import ArcSystem
 
@@ -66,13 +67,11 @@ def tube(problem: Problem, controls: Floats) -> tuple[Ribbon, ...]:
     flow = Flow.of(problem, controls)
     count = len(flow.lower)
     each = np.array([SLICES, *[CELLS.get(count, 2)] * (count - 1)][:count], dtype=int)
-    centres, half = first_cells(flow.lower, flow.upper, each)
-    points, radius = _enclosures(flow, centres, half)
-    slices = min(len(np.unique(centres[:, 0])), SLICES) if count else 1
-    pieces = _pieces(flow.steps)  # (pieces, steps in one)
-    points = points.reshape(slices, -1, *points.shape[1:])[:, :, pieces]  # slices, cells, pieces, steps, corners, 2
-    points = points.swapaxes(1, 2).reshape(slices, len(pieces), -1, 2)
-    radius = radius.reshape(slices, -1, flow.steps)[:, :, pieces].max(axis=(1, 3))
+    slices = SLICES if count and flow.upper[0] > flow.lower[0] else 1
+    found, pieces = enclosed(flow, each), _pieces(flow.steps)
+    points = found.points[pieces].swapaxes(1, 2)  # pieces, cells, steps in one, corners, 2
+    points = points.reshape(len(pieces), slices, -1, 2).swapaxes(0, 1)
+    radius = found.radius[pieces].max(axis=1).reshape(len(pieces), slices, -1).max(axis=2).T + flow.rounding()
     hulls = shapely.convex_hull(shapely.multipoints(points))
     grown = shapely.buffer(hulls, radius, join_style="mitre", cap_style="square")
     tolerance = SMOOTH * max(float(np.ptp(points.reshape(-1, 2), axis=0).max()), 1e-6)
@@ -86,21 +85,6 @@ def _pieces(steps: int) -> NDArray[np.int64]:
     """Steps that go together, shape (pieces, steps in one); the last piece repeats the last step."""
     together = -(-steps // PIECES)
     return np.minimum(np.arange(-(-steps // together) * together), steps - 1).reshape(-1, together)
-
-
-def _enclosures(flow: Flow, centres: Floats, half: Floats) -> tuple[Floats, Floats]:
-    """Corners of each cell at both ends of each step, (cells, steps, corners, 2), and by how much to grow their hull.
-
-    The radius has shape (cells, steps).
-    """
-    track = Track.of(flow, centres)
-    arms = half[:, None, :, None] * track.slope
-    corners = track.position[:, :, None] + np.einsum("ck,ntkd->ntcd", signs_of(half.shape[1]), arms)
-    n = np.arange(flow.steps)[None, :]
-    bulge = flow.growth(n, np.full((1, 1), flow.step), flow.drives(centres)[:, None], half[:, None])
-    return np.concatenate([corners[:, :-1], corners[:, 1:]], axis=2), (
-        flow.remainder(half)[:, 1:] + bulge + flow.rounding()
-    )
 
 
 def _rings(area: shapely.Geometry, tolerance: float) -> tuple[Floats, ...]:

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.constraints.stl.formula import Share
 from ensemble_ctrl.errors import ProblemError
 
 Array = NDArray[np.float64]
@@ -42,8 +43,8 @@ class Ops(ABC):
         """Put values of different members below each other."""
 
     @abstractmethod
-    def ranked(self, value: Value, rank: int) -> Value:
-        """For each time the value that `rank` members reach: shape (1, times)."""
+    def ranked(self, value: Value, share: Share) -> Value:
+        """For each time the value that a share of the members reaches: shape (1, times)."""
 
     def known(self, value: float, members: int, times: int) -> Value:
         """One number for all members and times."""
@@ -123,9 +124,9 @@ class ExactOps(Ops):
         """Join members."""
         return np.vstack(rows)
 
-    def ranked(self, value: Value, rank: int) -> Array:
-        """Exact order statistic."""
-        place = value.shape[0] - rank
+    def ranked(self, value: Value, share: Share) -> Array:
+        """Exact order statistic of members that weigh the same."""
+        place = value.shape[0] - share.rank(value.shape[0])
         return np.asarray(np.partition(value, place, axis=0)[place : place + 1])
 
     def worst_member(self, value: Value) -> Array:
@@ -274,8 +275,8 @@ class SmoothOps(Ops):
         """Join members."""
         return self.backend.vstack(rows)
 
-    def ranked(self, value: Value, rank: int) -> Value:
-        """The worst member's value, a lower bound for every rank (ranks have no smooth form here)."""
+    def ranked(self, value: Value, share: Share) -> Value:
+        """The worst member's value, a lower bound for every share (ranks have no smooth form here)."""
         return self.worst_member(value)
 
     def _log_mean_exp(self, shifted: list[Value], divisor: int) -> Value:

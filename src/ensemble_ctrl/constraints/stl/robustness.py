@@ -120,7 +120,7 @@ def _walk(formula: Formula, signals: Signals, ops: Ops, first: int, last: int) -
             return _repeated(_walk(child, signals.mean(), ops, first, last), signals, ops)
         case Share(child=child):
             value = _walk(child, signals, ops, first, last)
-            return _repeated(ops.ranked(value, formula.rank(signals.members)), signals, ops)
+            return _repeated(ops.ranked(value, formula), signals, ops)
         case Eventually() | Always() | Until() | Release():
             if formula.a is None:
                 return _open_window(formula, signals, ops, first, last)

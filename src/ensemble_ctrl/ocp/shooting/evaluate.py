@@ -44,8 +44,8 @@ def _commands(problem: OdeProblem, controls: Floats, step: float) -> tuple[float
     fleet, aim = problem.fleet, problem.objective
     half = np.maximum((np.asarray(fleet.input_upper) - np.asarray(fleet.input_lower)) / 2, 1e-9)
     change = np.diff(controls, axis=0) / step
-    squares = float((((controls - fleet.rest(fleet.center)) / half) ** 2).sum())
-    effort = step * (aim.effort * squares + aim.smoothness * float(((change / half) ** 2).sum()))
+    squares = (((controls - fleet.rest(fleet.center)) / half) ** 2).sum(axis=0)
+    effort = step * (float(squares @ aim.efforts(len(squares))) + aim.smoothness * float(((change / half) ** 2).sum()))
     if fleet.rate_bounds is None:
         return effort, -np.inf
     return effort, float((np.abs(change) - fleet.rate_bounds).max(initial=-np.inf))

@@ -213,9 +213,13 @@ def _terms(
     aim, none, n_u = problem.objective, np.zeros((1, 0)), layout.n_u
     empty = np.zeros((layout.steps, 0))
     still = ca.DM(rest)
-    terms = [
-        Block("effort", lambda z, d: aim.effort * step * ca.sumsqr(z - still), layout.controls, empty, empty, empty)
-    ]
+    weights = ca.DM(aim.efforts(n_u))
+
+    def effort(z: ca.SX, d: ca.SX) -> ca.SX:
+        cost: ca.SX = step * ca.dot(weights, (z - still) ** 2)
+        return cost
+
+    terms = [Block("effort", effort, layout.controls, empty, empty, empty)]
     if aim.smoothness and layout.steps > 1:
         columns = np.column_stack([layout.controls[:-1], layout.controls[1:]])
         few = np.zeros((layout.steps - 1, 0))

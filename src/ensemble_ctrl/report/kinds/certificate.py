@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.report.kinds.panels import short
 from ensemble_ctrl.report.palette import LINES, TWIN
 from ensemble_ctrl.report.words import length
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 ROWS = 12
 """Bounds shown at most, the lowest first."""
-LONGEST = 26
+LONGEST = 19
 """Letters of a part of the task."""
 
 
@@ -33,7 +34,7 @@ def draw_certificate(name: str, certificate: Certificate, ax: Axes) -> Axes:
         ax.annotate(length(proven), (max(proven, seen if np.isfinite(seen) else proven, 0.0), place), (6, 0),
                     textcoords="offset points", va="center", fontsize="small")  # fmt: skip
     ax.axvline(0.0, color="black", linewidth=0.8)
-    ax.set_yticks(places, [_short(text) for text, _, _ in rows])
+    ax.set_yticks(places, [short(text, LONGEST) for text, _, _ in rows])
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.set(xlabel="proven (bar), worst seen (dot) [m]")
     low, high = ax.get_xlim()
@@ -41,8 +42,3 @@ def draw_certificate(name: str, certificate: Certificate, ax: Axes) -> Axes:
     ax.grid(alpha=0.3, axis="x")
     ax.set_title(f"{name}: proven: {certificate.proven}")
     return ax
-
-
-def _short(text: str) -> str:
-    """A text of at most `LONGEST` letters."""
-    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"

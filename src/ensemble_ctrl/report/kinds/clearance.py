@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ensemble_ctrl.report.figures import line_style
-from ensemble_ctrl.report.kinds.panels import title_and_legend
+from ensemble_ctrl.report.kinds.panels import short, title_and_legend
 from ensemble_ctrl.report.series import by_parameter
 from ensemble_ctrl.report.text import PlanLike, unit_of
 
@@ -21,9 +21,9 @@ PROVEN = "#1b7837"
 def draw_clearance(plan: PlanLike, ax: Axes) -> Axes:
     """Least distance from each obstacle and least robustness of the rest, over time; what is proven as levels."""
     profile = by_parameter(plan.problem, plan.controls)
-    for k, (name, values) in enumerate({**profile.clearances, **profile.parts}.items()):
+    for k, (name, values) in enumerate(profile.curves.items()):
         marker = "o" if len(values) == 1 else ""
-        ax.plot(profile.values, values, label=name, marker=marker, linewidth=1.1, **line_style(k))
+        ax.plot(profile.values, values, label=short(name), marker=marker, linewidth=1.1, **line_style(k))
     certificate = plan.certificate
     bounds = [] if certificate is None else [certificate.clearance, certificate.robustness]
     for k, bound in enumerate(b for b in bounds if np.isfinite(b)):

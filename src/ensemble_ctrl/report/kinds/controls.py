@@ -39,5 +39,5 @@ def draw_controls(problem: Problem, controls: NDArray[np.float64], ax: Axes) -> 
         pad = 0.08 * max(high - low, 1e-6)
         panel.set_ylim(low - pad, high + pad)
     made[-1].set_xlabel("t [s]")
-    ax.set_title(f"{problem.name}: broadcast controls (bounds dashed)")
+    ax.set_title(f"{problem.name}: broadcast controls (bounds dashed)", y=1.0)
     return ax

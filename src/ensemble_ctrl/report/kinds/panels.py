@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,15 +19,28 @@ def panels(ax: Axes, count: int) -> list[Axes]:
     made = [ax.inset_axes((0.0, 1.0 - (k + 1) * height - k * GAP, 1.0, height)) for k in range(count)]
     for panel in made:
         panel.grid(alpha=0.3)
+        panel.set_title("", y=1.0)  # a title with a place of its own is not searched for one, which takes long
     for panel in made[:-1]:
         panel.tick_params(labelbottom=False)
     return made
 
 
-def title_and_legend(ax: Axes, title: str, columns: int = 3) -> None:
+def legend_shape(names: Sequence[str]) -> tuple[int, int]:
+    """Columns and rows of a legend that fits a column of a paper."""
+    longest = max((len(name) for name in names), default=0)
+    columns = 3 if longest <= 9 else 2 if longest <= 17 else 1
+    return columns, -(-len(names) // columns)
+
+
+def short(text: str, most: int = 34) -> str:
+    """A text of so many letters at most."""
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def title_and_legend(ax: Axes, title: str) -> None:
     """The legend above the axes, where it hides nothing, and the title above the legend."""
     handles, names = ax.get_legend_handles_labels()
-    rows = -(-len(names) // columns)
+    columns, rows = legend_shape(names)
     ax.legend(
         handles,
         names,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.figures import line_style
-from ensemble_ctrl.report.kinds.panels import title_and_legend
+from ensemble_ctrl.report.kinds.panels import short, title_and_legend
 from ensemble_ctrl.report.series import over_time
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def draw_robustness(problem: Problem, controls: NDArray[np.float64], ax: Axes) -
     times, series = over_time(problem, controls)
     for k, one in enumerate(series):
         style = line_style(k)
-        ax.plot(times, one.low, label=one.name, linewidth=1.1, **style)
+        ax.plot(times, one.low, label=short(one.name), linewidth=1.1, **style)
         ax.fill_between(times, one.low, one.high, color=style["color"], alpha=0.15, linewidth=0)
         asked = (times >= one.begin - 1e-9) & (times <= one.end + 1e-9)
         ax.plot(times[asked], one.low[asked], color=style["color"], linewidth=2.6, alpha=0.7)

@@ -1,0 +1,162 @@
+"""The loop with a robot in a process of its own: JSON datagrams on the loopback, in real time.
+
+    python examples/udp_robot.py [--traction 1.07] [--log FILE]
+
+The robot (``--robot PORT``, started by the loop) knows nothing of plans.  Ten times a second it sends its pose,
+``{"time": .., "x": .., "y": .., "heading": ..}``, and it takes ``{"begin": .., "controls": [[v, omega], ..]}``:
+commands of 0.1 s each from a time on, in place of what it was told before.  With none left it stands.
+``{"hello": true}`` sets its clock to 0, ``{"stop": true}`` stops it, ``{"quit": true}`` ends it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import socket
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import ensemble_ctrl as ec
+from ensemble_ctrl.receding.driver import Outcome, drive
+from ensemble_ctrl.receding.log import RunLog
+from ensemble_ctrl.receding.loop import Receding
+from ensemble_ctrl.receding.measurement import Measurement
+from ensemble_ctrl.receding.robot import WallClock
+from ensemble_ctrl.receding.simulated import Fixed, Flaws, SimulatedRobot
+
+PROBLEM = """
+name: udp
+fleet:
+  model: unicycle
+  parameters: {traction: {range: [0.85, 1.15]}}
+  start: {position: [0, 0], heading: 0 deg}
+  input_bounds: {v: [-1, 1], omega: [-1.5, 1.5]}
+  radius: 5 cm
+horizon: {duration: 5 s, steps: 50}
+regions: {goal: {box: [[2.0, 2.8], [-0.4, 0.4]]}}
+obstacles: {block: {box: [[0.9, 1.3], [-0.5, 0.05]]}}
+task: "F[4, 5] in(goal) and G avoid(obstacles)"
+objective: {terminal: {target: [2.4, 0.0]}}
+"""
+LOOPBACK = "127.0.0.1"
+LARGEST = 65_507
+"""Bytes of a datagram."""
+
+
+class UdpRobot:
+    """A robot at the other end of a socket, as `ensemble_ctrl.receding.driver.drive` wants one."""
+
+    def __init__(self, traction: float) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind((LOOPBACK, 0))
+        own = str(self.socket.getsockname()[1])
+        self.process = subprocess.Popen([sys.executable, __file__, "--robot", own, "--traction", str(traction)])
+        self.socket.settimeout(60.0)
+        _, self.address = self.socket.recvfrom(LARGEST)
+        self.socket.setblocking(False)
+
+    def hello(self) -> WallClock:
+        """Set the robot's clock to 0; returns ours, which starts with it."""
+        self._tell(hello=True)
+        return WallClock()
+
+    def read(self) -> Measurement | None:
+        """The newest pose that has arrived."""
+        newest = None
+        with suppress(BlockingIOError):
+            while True:
+                newest = Measurement(**json.loads(self.socket.recv(LARGEST)))
+        return newest
+
+    def send(self, begin: float, controls: np.ndarray[Any, Any]) -> None:
+        """Send commands."""
+        self._tell(begin=begin, controls=controls.tolist())
+
+    def stop(self) -> None:
+        """Stand."""
+        self._tell(stop=True)
+
+    def close(self) -> None:
+        """End the robot's process."""
+        self._tell(quit=True)
+        self.process.wait(timeout=10)
+        self.socket.close()
+
+    def _tell(self, **message: Any) -> None:
+        with suppress(OSError):  # a robot that is gone hears nothing: silence tells the loop
+            self.socket.sendto(json.dumps(message).encode(), self.address)
+
+
+def be_the_robot(port: int, traction: float) -> None:
+    """Drive in real time as told by datagrams, and send the pose ten times a second."""
+    problem = ec.load_text(PROBLEM)
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    link.bind((LOOPBACK, 0))
+    link.setblocking(False)
+    flaws = Flaws(position=0.01, heading=float(np.radians(1.0)))
+
+    def fresh() -> SimulatedRobot:
+        start = problem.fleet.start, problem.fleet.heading
+        return SimulatedRobot(problem.fleet.system, *start, problem.step, Fixed(traction, traction), flaws, seed=1)
+
+    robot, clock = fresh(), WallClock()
+    while True:
+        with suppress(BlockingIOError, ConnectionError):
+            while True:
+                message = json.loads(link.recv(LARGEST))
+                if "quit" in message:
+                    return
+                if "hello" in message:
+                    robot, clock = fresh(), WallClock()
+                elif "stop" in message:
+                    robot.stop()
+                else:
+                    robot.send(message["begin"], np.array(message["controls"]))
+        robot.wait(clock.now())
+        pose = robot.read()
+        if pose is not None:
+            link.sendto(json.dumps(vars(pose)).encode(), (LOOPBACK, port))
+        clock.wait(robot.now() + 0.01)
+
+
+def run(traction: float, log: Path | None) -> Outcome:
+    """Plan, start the robot, and drive it."""
+    loop = Receding(ec.load_text(PROBLEM))
+    robot = UdpRobot(traction)
+    try:
+        with RunLog(log or Path("/dev/null" if sys.platform != "win32" else "NUL")) as record:
+            record.start(loop)
+            outcome = drive(
+                loop, robot, robot.hello(), listener=lambda step, controls: record.step(loop, step, controls)
+            )
+            record.end(outcome)
+        return outcome
+    finally:
+        robot.close()
+
+
+def main() -> None:
+    """Run the loop, or be the robot."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--traction", type=float, default=1.07)
+    parser.add_argument("--robot", type=int, metavar="PORT")
+    parser.add_argument("--log", type=Path)
+    given = parser.parse_args()
+    if given.robot:
+        be_the_robot(given.robot, given.traction)
+        return
+    outcome = run(given.traction, given.log)
+    for step in outcome.steps:
+        ranges = ", ".join(f"{name} {low:.3f} to {high:.3f}" for name, (low, high) in step.ranges.items())
+        told = "; ".join(step.events)
+        print(f"step {step.begin:3d}: {step.source}, proven {step.proof}, {1e3 * step.seconds:.0f} ms, {ranges} {told}")
+    print(f"{outcome.ending}: {outcome.reason}")
+
+
+if __name__ == "__main__":
+    main()

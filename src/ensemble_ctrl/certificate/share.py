@@ -1,0 +1,147 @@
+"""Which members do a part of the task that a share of the fleet has to do: a box of parameters, found and weighed.
+
+Members on a grid are looked at; the box is the largest found in which all of them do it with some to spare. The proof
+is then one for every member of that box, as for a fleet of its own, and the laws' mass of the box is a lower bound of
+the share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.enclosure import Flow, Track
+from ensemble_ctrl.certificate.task import CellSignals
+from ensemble_ctrl.constraints.stl import ExactOps, member_robustness
+from ensemble_ctrl.duties import Chance, Duty, grounded
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.moments import Interval, Law
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+MEMBERS = {0: 1, 1: 1024, 2: 64}
+"""About as many values of each of so many parameters are looked at; else 16."""
+SPARE = (1e-3, 5e-3, 2e-2, 5e-2)
+"""Metres that members on the grid have to spare, in turn, until the box is proven."""
+LOOKS = 4
+"""Times looked at in each step."""
+
+
+def boxes(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance) -> Iterator[tuple[dict[str, Law], float]]:
+    """Ranges of the members that seem to do a chance part, with their mass; with more and more to spare.
+
+    Only those with the mass that the part asks for.
+    """
+    axes = [_values(law, k in fleet.bent, len(fleet.bent)) for k, law in enumerate(fleet.parameters.values())]
+    shape = tuple(map(len, axes))
+    members = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    value = _value(problem, controls, fleet, chance, members).reshape(shape) - float(np.linalg.norm(fleet.shift))
+    seen: set[tuple[tuple[int, int], ...]] = set()
+    for spare in SPARE:
+        box = _largest(fleet, axes, value >= spare)
+        if box is None or box in seen:
+            continue
+        seen.add(box)
+        low, high = _ends(fleet, axes, box)
+        mass = fleet.mass(low, high)
+        if mass >= chance.part.p - 1e-12:
+            ends = zip(fleet.names, low.tolist(), high.tolist(), strict=True)
+            yield {name: Interval(a, b) for name, a, b in ends}, mass
+
+
+def _values(law: Law, bends: bool, bent: int) -> Floats:
+    """Values of one parameter, even in its range and in its law; only the middle for one that shifts the start."""
+    if not bends:
+        return np.array([law.center])
+    share = np.linspace(0.0, 1.0, MEMBERS.get(bent, 16) // 2 + 1)
+    even = law.lower + share * (law.upper - law.lower)
+    return np.unique(np.concatenate([even, law.quantile(share), [law.lower, law.upper]]))
+
+
+def _ends(fleet: Fleet, axes: list[Floats], box: tuple[tuple[int, int], ...]) -> tuple[Floats, Floats]:
+    """A box as numbers; all of the range of a parameter that shifts the start."""
+    low, high = np.array(fleet.lower), np.array(fleet.upper)
+    for k, (axis, (first, last)) in enumerate(zip(axes, box, strict=True)):
+        if k in fleet.bent:
+            low[k], high[k] = axis[first], axis[last]
+    return low, high
+
+
+def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance, members: Floats) -> Floats:
+    """How well each member does the part, about: at some times of each step."""
+    laws = dict(fleet.parameters)
+    flow = Flow.of(problem, np.repeat(controls, LOOKS, axis=0), laws)
+    values = np.full(len(members), np.inf)
+    size = max(1, 500_000 // flow.steps)
+    for rows in (slice(i, i + size) for i in range(0, len(members), size)):
+        path = Track.of(flow, members[rows]).position
+        for duty in chance.duties:
+            values[rows] = np.minimum(values[rows], _distance(problem, duty, path))
+        for part in chance.others:
+            signals = CellSignals.of(flow, members[rows], np.zeros_like(members[rows]))
+            values[rows] = np.minimum(
+                values[rows], member_robustness(grounded(problem, part), signals, ExactOps())[:, 0]
+            )
+    return values
+
+
+def _distance(problem: Problem, duty: Duty, path: Floats) -> Floats:
+    """Smallest distance of each member from what a duty keeps it out of."""
+    times = np.linspace(0.0, problem.duration, path.shape[1])
+    when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
+    seen = path[:, when] - duty.offsets(times[when])
+    least = np.min([piece.distance(seen).min(axis=1) for piece in duty.pieces], axis=0)
+    return np.asarray(least - duty.radius)
+
+
+def _largest(fleet: Fleet, axes: list[Floats], good: Bools) -> tuple[tuple[int, int], ...] | None:
+    """The box of grid members, all of them good, that has the largest mass; the best found with several parameters."""
+    if not good.any():
+        return None
+    wide = [k for k, axis in enumerate(axes) if len(axis) > 1]
+    if len(wide) == 1:
+        return _longest(fleet, axes, good, wide[0])
+    return _peeled(fleet, axes, good)
+
+
+def _longest(fleet: Fleet, axes: list[Floats], good: Bools, k: int) -> tuple[tuple[int, int], ...]:
+    """The run of good members with the largest mass."""
+    padded = np.concatenate([[False], good.ravel(), [False]])
+    first, after = np.flatnonzero(np.diff(padded.astype(int)) == 1), np.flatnonzero(np.diff(padded.astype(int)) == -1)
+    runs = [
+        tuple((int(a), int(b) - 1) if axis == k else (0, 0) for axis in range(len(axes)))
+        for a, b in zip(first, after, strict=True)
+    ]
+    return max(runs, key=lambda box: fleet.mass(*_ends(fleet, axes, box)))
+
+
+def _peeled(fleet: Fleet, axes: list[Floats], good: Bools) -> tuple[tuple[int, int], ...] | None:
+    """All of the grid, less the outermost layer with the largest part of bad members, until none is left."""
+    box = [(0, len(axis) - 1) for axis in axes]
+    while True:
+        inside = good[tuple(slice(first, last + 1) for first, last in box)]
+        if inside.all():
+            return tuple(box)
+        layers = [
+            (float(np.take(inside, 0 if low else -1, axis=k).mean()), k, low)
+            for k, (first, last) in enumerate(box)
+            if last > first
+            for low in (True, False)
+        ]
+        if not layers:
+            return None
+        _, k, low = min(layers)
+        first, last = box[k]
+        box[k] = (first + 1, last) if low else (first, last - 1)
+
+
+def weighed(problem: Problem, laws: Mapping[str, Law]) -> Fleet:
+    """The fleet with the laws that a certificate is about; a cloud stands for its own laws only."""
+    fleet = problem.fleet
+    same = all(laws[name] is law for name, law in fleet.parameters.items())
+    return fleet if same else replace(fleet, parameters=laws, cloud=None)

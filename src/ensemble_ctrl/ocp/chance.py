@@ -1,0 +1,109 @@
+"""A share of the fleet: which members do what only a share of them has to do.
+
+For ``share(p, f)`` the program asks `f` of the members in a box of parameters whose mass is at least `p` under the
+laws. Any such box is enough; which one is cheapest depends on the map, so some are tried: the middle of the law, and
+its lower and upper ends.
+
+*Guarantee*: sufficient. The same members do all of `f`; a plan in which other members do different parts is not found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.duties import Duty, chances, duties
+from ensemble_ctrl.ocp.lines import Lines, separate
+from ensemble_ctrl.ocp.truncation import Range, Truncation
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+Sides = tuple[Callable[[float], tuple[float, float]], ...]
+
+SPARE = 0.03
+"""Part of the remaining share that the box takes in addition, so that a proof has room."""
+
+
+def ranges(problem: Problem) -> tuple[Range | None, ...]:
+    """The boxes to try, in scaled bent parameters; only None where the whole fleet has to do everything."""
+    found = chances(problem)
+    if not found or problem.solve.guarantee == "moment" or problem.solve.method == "minlp" or not problem.fleet.bent:
+        return (None,)
+    share = max(chance.part.p for chance in found)
+    share += SPARE * (1 - share)
+    boxes = (_box(problem, sides, share) for sides in _choices(len(problem.fleet.bent)))
+    return tuple(dict.fromkeys(boxes))
+
+
+def _choices(bent: int) -> Iterator[Sides]:
+    """For each bent parameter which part of its law is kept, as shares below its ends."""
+
+    def low(mass: float) -> tuple[float, float]:
+        return 0.0, mass
+
+    def middle(mass: float) -> tuple[float, float]:
+        return (1 - mass) / 2, (1 + mass) / 2
+
+    def high(mass: float) -> tuple[float, float]:
+        return 1 - mass, 1.0
+
+    def whole(mass: float) -> tuple[float, float]:
+        return 0.0, 1.0
+
+    if bent > 1:
+        yield (middle,) * bent
+    for k in range(bent):
+        for side in (middle, low, high):
+            yield tuple(side if k == other else whole for other in range(bent))
+
+
+def _box(problem: Problem, sides: Sides, share: float) -> Range:
+    """The smallest box of this kind with at least a share of the fleet."""
+    fleet = problem.fleet
+    lower, upper = np.array(fleet.lower), np.array(fleet.upper)
+
+    def ends(mass: float) -> tuple[Floats, Floats]:
+        for k, law, side in zip(fleet.bent, fleet.bent_laws, sides, strict=True):
+            a, b = side(mass)
+            lower[k] = law.lower if a <= 0 else float(law.quantile(a))
+            upper[k] = law.upper if b >= 1 else float(law.quantile(b))
+        return lower, upper
+
+    few, many = share, 1.0
+    if fleet.mass(*ends(few)) >= share:
+        many = few
+    for _ in range(30):
+        mass = (few + many) / 2
+        few, many = (few, mass) if fleet.mass(*ends(mass)) >= share else (mass, many)
+    ends(many)
+    pairs = zip(fleet.bent, fleet.bent_laws, strict=True)
+    return tuple((float(law.to_scaled(lower[k])), float(law.to_scaled(upper[k]))) for k, law in pairs)
+
+
+def members_within(scaled: Floats, within: Range) -> Floats:
+    """Scaled points of the bent parameters moved from all of their ranges into a box."""
+    low, high = np.array(within).T
+    return np.asarray(low + (scaled + 1) / 2 * (high - low))
+
+
+def all_duties(problem: Problem) -> tuple[Duty, ...]:
+    """What anybody has to keep out of."""
+    return (*duties(problem), *(duty for chance in chances(problem) for duty in chance.duties))
+
+
+def map_size(problem: Problem, curve: Floats) -> float:
+    """Larger side of the box around the fleet's way and the obstacles, metres."""
+    corners = [curve.reshape(-1, 2), *(piece.vertices for duty in all_duties(problem) for piece in duty.pieces)]
+    return float(np.ptp(np.concatenate(corners), axis=0).max())
+
+
+def all_lines(problem: Problem, truncation: Truncation, curve: Floats, near: float = np.inf) -> Lines:
+    """Separating lines for the fleet's duties, and for those of a share of it; beyond `near` metres any will do."""
+    shift = problem.fleet.shift
+    lines = separate(curve, duties(problem), problem.duration, shift, truncation.parts, near)
+    if truncation.within is None:
+        return lines
+    some = [duty for chance in chances(problem) for duty in chance.duties]
+    return lines.joined(separate(curve, some, problem.duration, shift, (truncation.inner,), near)) if some else lines

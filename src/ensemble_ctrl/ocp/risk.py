@@ -1,0 +1,191 @@
+r"""The price of risk in the program, by the form of Rockafellar and Uryasev, and exactly.
+
+Members of equal weight stand for the laws. With their losses :math:`L_i`, new variables t and :math:`e_i \ge 0`:
+
+.. math:: w \Bigl(t + \frac{1}{n (1 - \alpha)} \sum_i e_i\Bigr), \qquad e_i + t \ge L_i
+
+The loss of a member is its distance from its place at the end; or minus a clearance :math:`c_i`, a variable below what
+each separating line leaves it, and below `ensemble_ctrl.risk.FAR`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.duties import duties
+from ensemble_ctrl.ocp.layout import Layout
+from ensemble_ctrl.ocp.lines import Lines
+from ensemble_ctrl.ocp.program import Block
+from ensemble_ctrl.ocp.truncation import Truncation, positions
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.risk import FAR, Risk, value_at_risk
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Pairs = NDArray[np.bool_]
+
+MEMBERS = {"terminal": 64, "clearance": 16}
+"""Members that stand for the fleet; a clearance costs two rows for each of them, obstacle and step."""
+ROUND = 1e-3
+"""Metres; a distance is replaced by the larger ``hypot(distance, ROUND)``, which has a slope at zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class RiskRows:
+    """Rows and terms, and the new variables: their indices, bounds, and values at the guess."""
+
+    blocks: list[Block]
+    terms: list[Block]
+    index: Ints
+    lower: Floats
+    upper: Floats
+    guess: Floats
+
+
+def risk_rows(
+    problem: Problem, truncation: Truncation, layout: Layout, curve: Floats, lines: Lines, pairs: Pairs
+) -> RiskRows | None:
+    """The price of risk around a guess whose points are `curve`; None where there is none.
+
+    Parameters
+    ----------
+    problem : Problem
+        With ``objective.cvar``.
+    truncation : Truncation
+        Whose points these are.
+    layout : Layout
+        Hands out the new variables.
+    curve : ndarray, shape (steps + 1, points, 2)
+        Metres.
+    lines : Lines
+        Separating lines at the guess.
+    pairs : ndarray of bool, shape (sides, steps)
+        Which of them count.
+    """
+    risk = problem.objective.cvar
+    if risk is None:
+        return None
+    members = problem.fleet.representatives(MEMBERS[risk.of])
+    seen = truncation.evaluation(_scaled(problem, members))
+    offset = problem.fleet.drives(members)[:, 3:] - problem.fleet.start
+    level, excess = layout.more(1), layout.more(len(members))
+    if risk.of == "terminal":
+        offset = offset - problem.objective.places(problem.fleet, members)
+        loss = np.hypot(np.linalg.norm(seen @ curve[-1] + offset, axis=1), ROUND)
+        blocks = [_distances(layout, seen, offset, int(level[0]), excess)]
+        clear, value = np.zeros(0, dtype=np.int64), np.zeros(0)
+    else:
+        clear = layout.more(len(members))
+        path = np.einsum("ij,tjd->tid", seen, curve) + offset
+        value = np.clip(_left(path, lines, pairs).min(axis=(1, 2), initial=FAR), -FAR, FAR)
+        loss = -value
+        blocks = [_losses(int(level[0]), excess, clear), *_clearances(layout, seen, offset, lines, pairs, clear)]
+    threshold, _ = value_at_risk(loss, risk.level)
+    return RiskRows(
+        blocks,
+        [_price(risk, int(level[0]), excess)],
+        np.concatenate([level, excess, clear]),
+        np.concatenate([[-np.inf], np.zeros(len(excess)), np.full(len(clear), -np.inf)]),
+        np.concatenate([[np.inf], np.full(len(excess), np.inf), np.full(len(clear), FAR)]),
+        np.concatenate([[threshold], np.maximum(loss - threshold, 0.0) + ROUND, value - ROUND]),
+    )
+
+
+def risk_cost(problem: Problem, controls: Floats) -> float:
+    """The price of risk under `controls`, for the same members, on exact paths at the grid times."""
+    risk = problem.objective.cvar
+    if risk is None:
+        return 0.0
+    members = problem.fleet.representatives(MEMBERS[risk.of])
+    paths = positions(problem, controls, members)
+    if risk.of == "terminal":
+        losses = np.linalg.norm(paths[:, -1] - problem.objective.places(problem.fleet, members), axis=1)
+    else:
+        losses = -clearances(problem, paths)
+    return risk.weight * value_at_risk(losses, risk.level)[1]
+
+
+def clearances(problem: Problem, paths: Floats) -> Floats:
+    """Smallest distance of each path from what everybody keeps out of, at most `FAR`, shape (members,), metres."""
+    least = np.full(len(paths), FAR)
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    for duty in duties(problem):
+        when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
+        seen = paths[:, when] - duty.offsets(times[when])
+        for piece in duty.pieces:
+            least = np.minimum(least, piece.distance(seen).min(axis=1) - duty.radius)
+    return least
+
+
+def _scaled(problem: Problem, members: Floats) -> Floats:
+    """The bent parameters of members, scaled."""
+    fleet = problem.fleet
+    columns = [law.to_scaled(members[:, k]) for k, law in zip(fleet.bent, fleet.bent_laws, strict=True)]
+    return np.column_stack(columns) if columns else np.zeros((len(members), 0))
+
+
+def _price(risk: Risk, level: int, excess: Ints) -> Block:
+    """The threshold and what exceeds it."""
+    share = len(excess) * (1 - risk.level)
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        cost: ca.SX = risk.weight * (z[0] + ca.sum1(z[1:]) / share)
+        return cost
+
+    none = np.zeros((1, 0))
+    return Block("risk", build, np.concatenate([[level], excess])[None], none, none, none)
+
+
+def _distances(layout: Layout, seen: Floats, offset: Floats, level: int, excess: Ints) -> Block:
+    """``e + t >= distance`` from its place, for each member."""
+    n, count = layout.count, len(excess)
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        x, y = ca.dot(d[2:], z[:n]) + d[0], ca.dot(d[2:], z[n : 2 * n]) + d[1]
+        row: ca.SX = z[2 * n] + z[2 * n + 1] - ca.sqrt(x**2 + y**2 + ROUND**2)
+        return row
+
+    columns = np.column_stack([np.tile(layout.points[-1], (count, 1)), np.full(count, level), excess])
+    low = np.zeros((count, 1))
+    return Block("risk", build, columns, np.column_stack([offset, seen]), low, low + np.inf)
+
+
+def _losses(level: int, excess: Ints, clear: Ints) -> Block:
+    """``e + t >= -c`` for each member."""
+    columns = np.column_stack([np.full(len(excess), level), excess, clear])
+    low = np.zeros((len(excess), 1))
+    none = np.zeros((len(excess), 0))
+    return Block("risk", lambda z, d: z[0] + z[1] + z[2], columns, none, low, low + np.inf)
+
+
+def _left(path: Floats, lines: Lines, pairs: Pairs) -> Floats:
+    """What each line that counts leaves each member at both ends of its step, shape (members, pairs, 2)."""
+    side, at = np.nonzero(pairs)
+    normal, keep = lines.normal[side, at], (lines.support + lines.radius[:, None])[side, at]
+    ends = [np.einsum("kid,kd->ik", path[at + end], normal) - lines.drift[side, at, end] - keep for end in (0, 1)]
+    return np.stack(ends, axis=-1)
+
+
+def _clearances(layout: Layout, seen: Floats, offset: Floats, lines: Lines, pairs: Pairs, clear: Ints) -> list[Block]:
+    """Each member's clearance is below what every line leaves it at both ends of the step."""
+    side, at = np.nonzero(pairs)
+    if not len(side):
+        return []
+    n, members = layout.count, len(seen)
+    keep = (lines.support + lines.radius[:, None])[side, at][:, None] + lines.drift[side, at]
+    who, pair = (index.ravel() for index in np.meshgrid(np.arange(members), np.arange(len(side)), indexing="ij"))
+    normal = lines.normal[side, at][pair]
+    levels = keep[pair] - (normal * offset[who]).sum(axis=1, keepdims=True)
+
+    def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        ends = [z[1 + 2 * n * end : 1 + 2 * n * (end + 1)] for end in (0, 1)]
+        along = [d[0] * ca.dot(d[4:], p[:n]) + d[1] * ca.dot(d[4:], p[n:]) for p in ends]
+        return ca.vertcat(along[0] - d[2] - z[0], along[1] - d[3] - z[0])
+
+    columns = np.column_stack([clear[who], layout.points[at[pair]], layout.points[at[pair] + 1]])
+    low = np.zeros((len(who), 2))
+    return [Block("risk", build, columns, np.column_stack([normal, levels, seen[who]]), low, low + np.inf)]

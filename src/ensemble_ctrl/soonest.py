@@ -1,0 +1,361 @@
+"""As soon as possible: the shortest plan, or the earliest passage of a region, that can be certified.
+
+Both ask for the least value of one number (the plan's duration, or a deadline) with a plan. Every value is a problem of
+its own; the search is over values:
+
+1. Below a *bound* no plan exists: the checks of a problem are certain, and refuse every smaller value.
+2. On the coarse grid, from every route, values are bisected; each starts from the solution at the last good one, driven
+   faster along the same arcs.
+3. Around what that finds, whole searches with certificates narrow it down to `TOLERANCE`.
+
+*Guarantee*: the plan returned keeps its own value's problem as any plan does, proven where its certificate says so.
+That no smaller value has a plan is proven below the bound only; between the two, none was found.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+from math import ceil, sqrt
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl import planner
+from ensemble_ctrl.constraints.stl import And, Eventually, Inside, conjuncts
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ocp.rounds import Attempt, improve
+from ensemble_ctrl.ocp.seeds import seeds
+from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
+from ensemble_ctrl.ocp.truncation import coarse
+from ensemble_ctrl.planner import Progress, Solution, coarse_steps
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+TOLERANCE = 0.01
+"""Share of the value within which a plan was found and none was found."""
+COARSE = 0.03
+"""The same for the search on the coarse grid."""
+LESS = 2
+"""Smaller values tried on the coarse grid where the largest has no solution."""
+STEP = 0.03
+"""Share by which the first whole searches differ."""
+
+
+@dataclass(frozen=True)
+class Soonest:
+    """What the search for the least value found.
+
+    Attributes
+    ----------
+    of : str
+        What is least: ``duration``, or ``passage of`` a region.
+    value : float
+        Seconds; the least with a plan that is as good as was asked for.
+    bound : float
+        Seconds; below it certainly no plan exists.
+    missed : float or None
+        Seconds; the largest value at which none was found.
+    tried : int
+        Values tried with a whole search; those on the coarse grid are not counted.
+    """
+
+    of: str
+    value: float
+    bound: float
+    missed: float | None
+    tried: int
+
+
+class Goal(Protocol):
+    """One number to make least."""
+
+    @property
+    def problem(self) -> Problem:
+        """What was asked."""
+
+    @property
+    def of(self) -> str:
+        """What it is called."""
+
+    @property
+    def most(self) -> float:
+        """The largest value allowed."""
+
+    @property
+    def least(self) -> float:
+        """The smallest value allowed."""
+
+    def at(self, value: float) -> Problem:
+        """The problem with this value."""
+
+    @property
+    def grain(self) -> float:
+        """Seconds; values are its multiples, but for the largest."""
+
+    def carried(self, controls: Floats, value: float, to: float) -> Floats:
+        """Controls of a plan for one value as a guess for another."""
+
+
+@dataclass(frozen=True, eq=False)
+class Duration:
+    """The plan's duration, between the bounds that its problem allows."""
+
+    problem: Problem
+    of: str = "duration"
+
+    @property
+    def most(self) -> float:
+        """The longest."""
+        return self.problem.duration
+
+    @property
+    def least(self) -> float:
+        """The shortest."""
+        return self.problem.least_duration or 0.0
+
+    def at(self, value: float) -> Problem:
+        """As it is, in a given time."""
+        return self.problem.with_(duration=value, least_duration=None)
+
+    @property
+    def grain(self) -> float:
+        """Milliseconds."""
+        return 1e-3
+
+    def carried(self, controls: Floats, value: float, to: float) -> Floats:
+        """The same arcs in another time, as far as the input bounds allow."""
+        fleet = self.problem.fleet
+        return np.clip(controls * (value / to), fleet.input_lower, fleet.input_upper)
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """The time by which every member has been in a region; the task goes on to hold."""
+
+    problem: Problem
+    region: str
+
+    @property
+    def of(self) -> str:
+        """With the region's name."""
+        return f"passage of {self.region}"
+
+    @property
+    def most(self) -> float:
+        """Any time of the plan."""
+        return self.problem.duration
+
+    @property
+    def least(self) -> float:
+        """Any time of the plan."""
+        return 0.0
+
+    def at(self, value: float) -> Problem:
+        """The task with a visit up to a deadline."""
+        visit = Eventually(Inside(self.region), 0.0, value)
+        objective = replace(self.problem.objective, earliest=None)
+        return self.problem.with_(task=And((*conjuncts(self.problem.task), visit)), objective=objective)
+
+    @property
+    def grain(self) -> float:
+        """A control step."""
+        return self.problem.step
+
+    def carried(self, controls: Floats, value: float, to: float) -> Floats:
+        """The same."""
+        return controls
+
+
+def goal_of(problem: Problem) -> Goal | None:
+    """What a problem asks to make least, if anything."""
+    if problem.least_duration is not None:
+        return Duration(problem)
+    if problem.objective.earliest is not None:
+        return Passage(problem, problem.objective.earliest)
+    return None
+
+
+def solve(
+    problem: Problem,
+    *,
+    progress: Progress | None = None,
+    guess: Floats | None = None,
+    log: Path | None = None,
+) -> tuple[Solution, Soonest | None]:
+    """Find controls, as `ensemble_ctrl.planner.solve`, for the least value where one is asked for.
+
+    Returns
+    -------
+    solution : Solution
+        Its `problem` is that of the value found: with this duration, or with the visit in its task.
+    found : Soonest or None
+        None where nothing is to be least, or no plan was found at all.
+    """
+    goal = goal_of(problem)
+    if goal is None:
+        return planner.solve(problem, progress=progress, guess=guess, log=log), None
+    return _Search(goal, progress, log).run(guess)
+
+
+def bound(goal: Goal) -> float:
+    """The least value whose problem passes its checks, rounded down by a millionth."""
+    low, high = goal.least, goal.most
+    if low > 0 and _sound(goal, low):
+        return low
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (low, middle) if middle > 0 and _sound(goal, middle) else (middle, high)
+    return low * (1 - 1e-6)
+
+
+def _sound(goal: Goal, value: float) -> bool:
+    """Whether the problem of a value passes its checks."""
+    try:
+        goal.at(value)
+    except ProblemError:
+        return False
+    return True
+
+
+@dataclass(eq=False)
+class _Search:
+    """One search over values: the clock, the best plan, and what failed."""
+
+    goal: Goal
+    progress: Progress | None
+    log: Path | None
+    began: float = field(default_factory=time.perf_counter)
+    stopped: bool = False
+    best: Solution | None = None
+    value: float = np.inf
+    missed: float | None = None
+    tried: int = 0
+    seconds: float = 0.0
+    work: list[Attempt] = field(default_factory=list)
+
+    def run(self, guess: Floats | None) -> tuple[Solution, Soonest | None]:
+        """Coarse, then whole searches; where nothing is found, the plan for the largest value as it is."""
+        lowest = bound(self.goal)
+        value, controls = self._coarse(lowest, guess)
+        last = self._narrow(value, controls, lowest)
+        if self.best is None:
+            return last, None
+        best = replace(
+            self.best,
+            iterations=self.best.iterations + sum(a.iterations for a in self.work),
+            build_seconds=self.best.build_seconds + sum(a.build_seconds for a in self.work),
+            solve_seconds=self.best.solve_seconds + sum(a.solve_seconds for a in self.work),
+            seconds={"search": self.seconds, **self.best.seconds},
+        )
+        return best, Soonest(self.goal.of, self.value, lowest, self.missed, self.tried)
+
+    # --- on the coarse grid
+
+    def _coarse(self, lowest: float, guess: Floats | None) -> tuple[float, Floats | None]:
+        """The least value with a solution on the coarse grid, within `COARSE`, and the solution."""
+        high, low = self.goal.most, lowest
+        live = self._solved(high, [] if guess is None else [guess])
+        for _ in range(LESS):  # routes know more of what to do first where there is less time
+            if live or self._over():
+                break
+            high = self._rounded(sqrt(max(low, 0.01 * high) * high))
+            live = self._solved(high, [])
+        if not live:
+            return self.goal.most, guess
+        while high - low > COARSE * high and not self._over():
+            middle = self._rounded(sqrt(max(low, 0.01 * high) * high))
+            if not low < middle < high:
+                break
+            found = self._solved(middle, [self.goal.carried(c, high, middle) for c in live])
+            low, high, live = (low, middle, found) if found else (middle, high, live)
+        return high, live[0]
+
+    def _solved(self, value: float, guesses: list[Floats]) -> list[Floats]:
+        """Solutions at a value from some guesses, cheapest first, or where these fail from routes."""
+        problem = self.goal.at(value)
+        steps = coarse_steps(problem)
+        found = self._improved(problem, [planner.given(problem, guess, steps) for guess in guesses])
+        if not found and not self._over():
+            found = self._improved(problem, [s.controls for s in seeds(problem, steps, problem.solve.routes)])
+        return [a.controls for a in sorted(found, key=lambda a: a.value.cost)]
+
+    def _improved(self, problem: Problem, guesses: list[Floats]) -> list[Attempt]:
+        """Those of the guesses that become solutions."""
+        found = []
+        for guess in guesses:
+            if self._over():
+                break
+            options = IpoptOptions(problem.solve.max_iterations, self._left(), 1e-3, 1e-2, self.log)
+            attempt = improve(problem, guess, coarse(problem), planner.COARSE_ROUNDS, options, self._watch)
+            self.work.append(attempt)
+            found += [attempt] if attempt.value.keeps(0.0) else []
+        return found
+
+    # --- whole searches
+
+    def _narrow(self, value: float, controls: Floats | None, lowest: float) -> Solution:
+        """Whole searches up from a value until one is good, then down until the step is within the tolerance.
+
+        Returns the last of the first ones.
+        """
+        last = self._tried(value, controls, value)
+        while self.best is None and not self._over() and value < self.goal.most:
+            higher = self._rounded(max(value * (1 + STEP), value + self.goal.grain))
+            last = self._tried(higher, controls, value)
+            value, controls = higher, last.controls
+        while self.best is not None and not self._over():
+            floor = lowest if self.missed is None else max(self.missed, lowest)
+            lower = self._rounded(max(self.value * (1 - STEP), (floor + self.value) / 2), self.value)
+            if self.value - floor <= TOLERANCE * self.value or lower <= floor:
+                break
+            self._tried(lower, self.best.controls, self.value)
+        return last
+
+    def _tried(self, value: float, controls: Floats | None, made_for: float) -> Solution:
+        """A whole search at a value, from controls made for another if there are any; the best plan is kept."""
+        solution = self._whole(value, None if controls is None else self.goal.carried(controls, made_for, value))
+        proven = solution.certificate is None or solution.certificate.proven == "yes"
+        good = solution.status == "planned" and proven
+        if good and value < self.value:
+            self.best, self.value = solution, value
+        elif not good and not self.stopped:
+            self.missed = value if self.missed is None else max(self.missed, value)
+        return solution
+
+    def _whole(self, value: float, guess: Floats | None) -> Solution:
+        """One search of the planner."""
+        problem = self.goal.at(value)
+        options = replace(problem.solve, time_limit=max(self._left(), 1e-3))
+        self.tried += 1
+        self.seconds = time.perf_counter() - self.began
+        solution = planner.solve(problem.with_(solve=options), progress=self._tell, guess=guess, log=self.log)
+        return replace(solution, problem=problem)
+
+    def _rounded(self, value: float, below: float = np.inf) -> float:
+        """The nearest multiple of the grain that is allowed and is less than another value."""
+        grain = self.goal.grain
+        multiple = min(round(value / grain), ceil(below / grain - 1e-6) - 1 if below < np.inf else np.inf)
+        return float(min(multiple * grain, self.goal.most))
+
+    # --- the clock
+
+    def _left(self) -> float:
+        """Seconds until the time limit."""
+        return self.goal.problem.solve.time_limit - (time.perf_counter() - self.began)
+
+    def _over(self) -> bool:
+        """Whether to stop with what there is."""
+        return self.stopped or self._left() <= 0
+
+    def _tell(self, phase: str, iteration: Iteration | None) -> bool:
+        """Pass on how it goes, and remember a wish to stop."""
+        self.stopped = self.stopped or (self.progress is not None and self.progress(phase, iteration))
+        return self.stopped
+
+    def _watch(self, iteration: Iteration) -> bool:
+        """The same for a solve on the coarse grid."""
+        return self._tell("coarse solve", iteration)

@@ -1,0 +1,76 @@
+"""A swarm of which only mean and covariance are seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import process_time
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.receding.swarm import Aggregate, SimulatedSwarm, Swarm, uniform_members
+from ensemble_ctrl.replay import replay
+
+from .problems import SHORT, options, plan
+
+Floats = NDArray[np.float64]
+
+
+def swarm_of(low: float, high: float, count: int = 3000, noise: float = 0.002) -> SimulatedSwarm:
+    drives = SHORT.fleet.drives(uniform_members(low, high, count))
+    return SimulatedSwarm(SHORT.fleet.system, drives, SHORT.step, noise, seed=4)
+
+
+def test_aggregates_tell_the_law_and_every_robot_stays_proven() -> None:
+    loop, robots = Swarm(SHORT, options(), plan(), process_time), swarm_of(0.98, 1.10)
+    while not loop.over:
+        loop.observe(robots.look())
+        robots.drive(loop.step())
+    low, high = loop.range
+    assert low == pytest.approx(0.98, abs=0.03)
+    assert high == pytest.approx(1.10, abs=0.03)
+    assert loop.misfit < 0.01
+    assert loop.certificate.proven
+    run = replay(SHORT, robots.controls, members=500, substeps=4)
+    assert not run.violating.any()
+    blind = SHORT.fleet.system.positions(plan(), robots.drives, SHORT.step)[:, -1]
+    target = np.array([2.4, 0.0])
+    assert rms(robots.places - target) < rms(blind - target)
+
+
+def rms(off: Floats) -> float:
+    return float(np.sqrt((off**2).sum(axis=1).mean()))
+
+
+def test_a_law_is_found_exactly_without_noise() -> None:
+    loop, robots = Swarm(SHORT, options(), plan(), process_time), swarm_of(0.9, 1.0, noise=0.0)
+    robots.drive(plan()[:20])
+    loop.sent = 20
+    loop.observe(robots.look())
+    middle = sum(loop.range) / 2
+    assert middle == pytest.approx(0.95, abs=1e-3)
+    assert loop.range[1] - loop.range[0] == pytest.approx(1.2 * 0.1, abs=2e-3)
+
+
+def test_what_no_law_explains_shows_in_the_misfit() -> None:
+    loop = Swarm(SHORT, options(), plan(), process_time)
+    loop.observe(Aggregate(1.0, np.array([5.0, 5.0]), 0.01 * np.eye(2)))
+    assert loop.misfit > 1
+
+
+def test_strange_aggregates_are_left_out() -> None:
+    loop = Swarm(SHORT, options(), plan(), process_time)
+    loop.observe(Aggregate(0.0, np.zeros(2), np.zeros((2, 2))))
+    loop.observe(Aggregate(0.0, np.ones(2), np.zeros((2, 2))))
+    loop.observe(Aggregate(1.0, np.array([np.nan, 0.0]), np.zeros((2, 2))))
+    assert len(loop.seen) == 1
+    assert loop.range == (0.85, 1.15)
+
+
+def test_a_fleet_of_two_factors_is_refused() -> None:
+    laws = {"linear_traction": Interval(0.9, 1.1), "angular_traction": Interval(0.9, 1.1)}
+    with pytest.raises(ProblemError, match="swarm: expected a fleet with one factor, got linear_traction, angular"):
+        Swarm(SHORT.with_(fleet=replace(SHORT.fleet, parameters=laws)), options(), plan())

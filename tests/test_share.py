@@ -1,0 +1,187 @@
+"""A share of the fleet: planned for the best box of members, proven by its mass, and seen in replay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate import certify
+from ensemble_ctrl.config import load, load_text
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.stl import Share, parse
+from ensemble_ctrl.duties import chances
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.ocp.chance import ranges
+from ensemble_ctrl.planner import solve
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import replay
+from ensemble_ctrl.report.text import measured, proven
+from ensemble_ctrl.systems import Unicycle
+
+Floats = NDArray[np.float64]
+CONFIG = Path(__file__).parents[1] / "configs" / "risk" / "share.yaml"
+MANY = settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+seeds = st.integers(0, 2**31)
+SIGNPOST = """
+fleet:
+  model: unicycle
+  parameters: {traction: {range: [0.8, 1.2], law: normal, mean: 1.0, deviation: 0.08}}
+  start: {position: [0, 0], heading: 0 deg}
+  input_bounds: {v: [-2, 2], omega: [-2, 2]}
+horizon: {duration: 3 s, steps: 30}
+moments: {order: auto}
+regions: {goal: {box: [[2.75, 3.25], [-1, 1]]}}
+obstacles: {o: {box: [[1.2, 1.6], [-0.4, 0.8]]}}
+task: "share(0.6, G[2.8, 3] in(goal) and G avoid(o))"
+objective: {robustness: 1.0, effort: 0.1}
+verify: {members: 1000}
+"""
+
+
+def law_of(rng: np.random.Generator) -> Law:
+    """Any law over about 0.8 to 1.2."""
+    normal = TruncatedNormal(0.8, 1.2, rng.uniform(0.7, 1.3), rng.uniform(0.02, 0.5))
+    beta = Beta(0.8, 1.2, rng.uniform(0.5, 6), rng.uniform(0.5, 6))
+    values = Samples(rng.uniform(0.8, 1.2, int(rng.integers(1, 40))).round(int(rng.integers(2, 6))))
+    mixture = Mixture((normal, 0.5), (values, 0.5))
+    laws: tuple[Law, ...] = (Interval(0.8, 1.2), normal, beta, values, mixture)
+    return laws[int(rng.integers(len(laws)))]
+
+
+def random_problem(rng: np.random.Generator, text: str) -> tuple[Problem, Floats]:
+    """Robots that drive about, a block, and a place."""
+    laws = {"traction": law_of(rng)} | ({"start_x": Interval(-0.05, 0.05)} if rng.random() < 0.3 else {})
+    fleet = Fleet(Unicycle(), laws, np.zeros(2), 0.3, np.full(2, -2.0), np.full(2, 2.0))
+    middle = rng.uniform(0.9, 1.6) * np.array([np.cos(t := rng.uniform(0, 2 * np.pi)), np.sin(t)])
+    block = Obstacle.box(np.column_stack([middle - 0.3, middle + 0.3]))
+    there = Polyhedron.box(np.column_stack([(m := rng.uniform(-1, 1, 2)) - 0.6, m + 0.6]))
+    problem = Problem("some", fleet, 2.0, 8, parse(text), {"there": there}, {"o": (block,)})
+    return problem, np.asarray(rng.uniform(-1.5, 1.5, (8, 2)))
+
+
+def true_share(problem: Problem, controls: Floats) -> float:
+    """The laws' mass of the members of a dense grid that do the part, by replay of each."""
+    (chance,) = chances(problem)
+    single, fine = problem.with_(task=chance.part.child, steps=16 * problem.steps), np.repeat(controls, 16, axis=0)
+    return float(1 - replay(single, fine, parameters=even_members(problem)).violating.mean())
+
+
+def even_members(problem: Problem) -> Floats:
+    """Members of equal weight, side by side in each parameter's law."""
+    law = problem.fleet.parameters["traction"]
+    values = law.values if isinstance(law, Samples) else law.quantile((np.arange(500) + 0.5) / 500)
+    if len(problem.fleet.names) == 1:
+        return values[:, None]
+    shifts = problem.fleet.parameters["start_x"].quantile((np.arange(20) + 0.5) / 20)
+    return np.stack(np.meshgrid(values, shifts), axis=-1).reshape(-1, 2)
+
+
+def dense(problem: Problem, controls: Floats) -> float:
+    """Robustness of the fleet on a grid 16 times as fine, the finest that a certificate looks at."""
+    fine = problem.with_(steps=16 * problem.steps)
+    return float(replay(fine, np.repeat(controls, 16, axis=0), parameters=even_members(problem)).robustness.min())
+
+
+@pytest.mark.parametrize("inner", ["F in(there) and G avoid(o)", "F[0.5, 2] in(there)", "G avoid(o)"])
+@MANY
+@given(seed=seeds)
+def test_a_proven_share_is_never_above_the_true_one(inner: str, seed: int) -> None:
+    problem, controls = random_problem(np.random.default_rng(seed), f"share(0.3, {inner})")
+    certificate, truth = certify(problem, controls), true_share(problem, controls)
+    (bound,) = certificate.parts
+    if certificate.proven == "yes":
+        assert bound.share is not None
+        assert 0.3 - 1e-9 <= bound.share <= truth + 1e-2
+        assert bound.proven >= 0
+
+
+@MANY
+@given(seeds)
+def test_a_share_inside_a_formula_is_bounded_under_any_law(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    p = round(float(rng.uniform(0.05, 0.95)), 2)
+    problem, controls = random_problem(rng, f"F[0.5, 1] (share({p}, in(there)) and x <= 5)")
+    (bound,) = certify(problem, controls).parts
+    assert bound.covered
+    seen = dense(problem, controls)
+    assert bound.proven <= seen + 2e-2
+
+
+@MANY
+@given(seeds)
+def test_a_mean_is_bounded_under_any_law(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem, controls = random_problem(rng, "mean(F[0.5, 1] in(there))")
+    (bound,) = certify(problem, controls).parts
+    seen = dense(problem, controls)
+    assert bound.proven <= seen + 1e-4
+    assert "start_x" in problem.fleet.names or bound.proven >= seen - 0.1
+
+
+@MANY
+@given(seeds, st.lists(st.floats(0, 1), min_size=1, max_size=8))
+def test_quantiles_invert_the_cdf(seed: int, shares: list[float]) -> None:
+    law = law_of(np.random.default_rng(seed))
+    at = law.quantile(shares)
+    assert (law.cdf(at) >= np.array(shares) - 1e-12).all()
+    below = at - 1e-9
+    assert ((law.cdf(below) < np.array(shares) + 1e-6) | (at <= law.lower + 1e-9)).all()
+
+
+@MANY
+@given(seeds)
+def test_the_mass_of_a_box_is_how_often_members_are_in_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    laws = {"linear_traction": law_of(rng), "angular_traction": law_of(rng)}
+    fleet = Fleet(Unicycle(), laws, np.zeros(2), 0.0, np.full(2, -1.0), np.full(2, 1.0))
+    low, high = np.sort(rng.uniform(0.75, 1.25, (2, 2)), axis=0)
+    drawn = fleet.sample(4000, seed % 1000)
+    often = ((drawn >= low) & (drawn <= high)).all(axis=1).mean()
+    assert fleet.mass(low, high) == pytest.approx(often, abs=0.05)
+    assert fleet.mass(fleet.lower, fleet.upper) == pytest.approx(1.0)
+
+
+def test_a_share_is_cheaper_than_everybody() -> None:
+    problem = load_text(SIGNPOST)
+    found = solve(problem)
+    assert found.certificate is not None
+    assert (found.status, found.certificate.proven) == ("planned", "yes")
+    (bound,) = found.certificate.parts
+    assert bound.share is not None
+    assert 0.6 <= bound.share <= true_share(problem, found.controls) + 1e-3
+    (seen,) = replay(problem, found.controls, members=2000, substeps=5).shares
+    assert seen.low <= true_share(problem, found.controls) + 0.01
+    assert seen.high >= bound.share
+    (chance,) = chances(problem)
+    everybody = solve(problem.with_(task=chance.part.child))
+    assert found.attempt.value.cost < everybody.attempt.value.cost - 0.05
+
+
+def test_what_is_said_of_a_share() -> None:
+    problem = load_text(SIGNPOST)
+    controls = solve(problem).controls
+    rows = dict(measured(replay(problem, controls)) + proven(certify(problem, controls)))
+    assert "% do what 60 % have to (" in rows["replay"]
+    assert "of the fleet do share(0.6, G[2.8,3] in(goal) and G avoid(o)) with >= 0.0" in rows["proven"]
+
+
+def test_boxes_have_the_mass_and_none_is_larger_than_it_must_be() -> None:
+    problem = load(CONFIG)
+    fleet = problem.fleet
+    boxes = ranges(problem)
+    assert len(boxes) == 3
+    for box in boxes:
+        assert box is not None
+        ends = [fleet.parameters["traction"].to_parameter(np.array([end])) for end in box[0]]
+        assert 0.9 <= fleet.mass(*ends) <= 0.91
+    assert ranges(problem.with_(task=parse("F in(goal)"))) == (None,)
+    (chance,) = chances(problem)
+    assert chance.part == problem.task
+    assert [d.name for d in chance.duties] == list(problem.obstacles)
+    assert chances(problem.with_(task=Share(1.0, parse("F in(goal)")))) == ()

@@ -1,0 +1,159 @@
+"""The shortest plan and the earliest passage: against closed forms, a scan of values, and in problem files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ensemble_ctrl import planner
+from ensemble_ctrl.api import plan
+from ensemble_ctrl.config import dump, load, load_text, read
+from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.errors import ConfigError, ProblemError
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import replay, trajectories
+from ensemble_ctrl.soonest import TOLERANCE, Duration, Passage, bound, goal_of, solve
+
+CONFIGS = Path(__file__).parents[1] / "configs" / "time"
+STRAIGHT = """
+fleet:
+  model: unicycle
+  parameters: {traction: {range: [0.9, 1.1]}}
+  start: {position: [0, 0], heading: 0 deg}
+  input_bounds: {v: [-1, 2], omega: [-2, 2]}
+horizon: {duration: {at_most: 8 s}, steps: 20}
+regions: {goal: {box: [[3, 4], [-0.5, 0.5]]}}
+task: F in(goal)
+objective: {robustness: 0.1, effort: 0.01}
+verify: {members: 200}
+"""
+BLOCK = STRAIGHT.replace(
+    "task: F in(goal)", "obstacles: {o: {box: [[1.2, 1.8], [-0.6, 1.0]]}}\ntask: F in(goal) and G avoid(o)"
+)
+FASTEST = 3 / (0.9 * 2)
+"""Seconds that the slowest member needs at top speed."""
+
+
+def proven(solution: planner.Solution) -> bool:
+    """Whether there is a certified plan."""
+    certificate = solution.certificate
+    return solution.status == "planned" and certificate is not None and certificate.proven == "yes"
+
+
+def test_straight_ahead_it_takes_what_top_speed_allows() -> None:
+    found, soonest = solve(load_text(STRAIGHT))
+    assert soonest is not None
+    assert proven(found)
+    assert soonest.bound == pytest.approx(FASTEST, rel=1e-4)
+    assert FASTEST <= soonest.value <= (1 + TOLERANCE) * (FASTEST + 0.01 / 1.8)  # with the margin of 1 cm
+    assert found.problem.duration == soonest.value
+    assert found.controls[:, 0].mean() > 1.97
+
+
+def test_around_a_block_it_is_within_two_percent_of_a_scan() -> None:
+    problem = load_text(BLOCK)
+    found, soonest = solve(problem)
+    assert soonest is not None
+    assert soonest.missed is not None
+    assert proven(found)
+    for share in (0.96, 0.98):
+        assert not proven(planner.solve(problem.with_(duration=share * soonest.value, least_duration=None)))
+    assert replay(found.problem, found.controls, members=500, substeps=10).satisfied == 1.0
+
+
+@pytest.mark.parametrize(
+    ("task", "least"),
+    [
+        ("F in(goal)", FASTEST),
+        ("F[5, T] in(goal)", 5.0),
+        ("F[1, 6] in(goal)", 6.0),
+        ("F[0, 1] x >= 1 and G[0, T] x >= -1", 1.0),
+    ],
+)
+def test_the_bound_knows_windows(task: str, least: float) -> None:
+    problem = load_text(STRAIGHT).with_(task=parse(task))
+    assert bound(Duration(problem)) == pytest.approx(least, rel=1e-4)
+
+
+def test_at_least_is_kept() -> None:
+    found, soonest = solve(load_text(STRAIGHT.replace("at_most: 8 s", "at_most: 8 s, at_least: 3 s")))
+    assert soonest is not None
+    assert (soonest.bound, soonest.missed) == (3.0, None)
+    assert 3.0 <= soonest.value <= 3.0 * (1 + TOLERANCE)
+    assert proven(found)
+
+
+def test_nothing_within_the_longest_is_no_plan() -> None:
+    wall = BLOCK.replace("[-0.6, 1.0]", "[-50, 50]").replace("steps: 20", "steps: 8")
+    found, soonest = solve(load_text(wall))
+    assert (found.status, soonest) == ("infeasible", None)
+    assert found.problem.duration == 8.0
+
+
+def passing(text: str = BLOCK) -> Problem:
+    """A check point on the way, to be passed early."""
+    return load_text(
+        text.replace("{at_most: 8 s}", "8 s")
+        .replace("steps: 20", "steps: 40")
+        .replace("regions: {", "regions: {home: {box: [[-1, 0.5], [-0.5, 0.5]]}, ")
+        .replace("task: ", "task: F[7, 8] in(home) and ")
+        .replace("robustness: 0.1", "earliest: goal, robustness: 0.1")
+    )
+
+
+def test_a_passage_is_as_early_as_can_be_and_the_task_goes_on() -> None:
+    problem = passing()
+    found, soonest = solve(problem)
+    assert soonest is not None
+    assert proven(found)
+    paths = trajectories(problem, found.controls, problem.fleet.grid(50))
+    inside = problem.regions["goal"].margin(paths) >= 0
+    first = inside.argmax(axis=1).max() * problem.step
+    assert inside.any(axis=1).all()
+    assert first <= soonest.value + 1e-9
+    assert soonest.bound == pytest.approx(FASTEST, rel=1e-3)
+    assert soonest.value - (soonest.missed or soonest.bound) <= problem.step + 1e-9
+    assert replay(found.problem, found.controls, members=200).satisfied == 1.0
+    assert bool((paths[:, -6:, 0].min(axis=1) <= 0.5).all())
+
+
+def test_a_plan_tells_what_was_found() -> None:
+    made = plan(load_text(STRAIGHT))
+    told = made.details["soonest"]
+    assert (told["of"], told["value"]) == ("duration", made.problem.duration)
+    assert goal_of(made.problem) is None
+    assert "none exists below 1.667 s" in made._repr_html_()
+
+
+@pytest.mark.parametrize("name", ["minimum_time", "earliest_passage"])
+def test_configs_load_without_a_warning_and_are_written_again(name: str) -> None:
+    loaded = read(CONFIGS / f"{name}.yaml")
+    assert loaded.warnings == ()
+    again = load_text(dump(loaded.problem))
+    assert (again.least_duration, again.duration) == (loaded.problem.least_duration, loaded.problem.duration)
+    assert again.objective.earliest == loaded.problem.objective.earliest
+    assert type(goal_of(again)) is {"minimum_time": Duration, "earliest_passage": Passage}[name]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "wanted"),
+    [
+        ("at_most: 8 s", "at_least: 8 s", "horizon.duration: expected at_most, the longest that the plan may take"),
+        ("at_most: 8 s", "at_most: 8 s, least: 2", "expected at_most and at_least, got 'least'"),
+        ("at_most: 8 s", "at_most: 8 m", "expected a time in s, ms, min or h, got '8 m', which is a length"),
+        ("at_most: 8 s", "at_most: 8 s, at_least: 9 s", "expected at_least up to at_most, got 9 s and 8 s"),
+        ("at_most: 8 s", "at_most: 1 s", "drives 1.8 m by 1 s"),
+        ("robustness: 0.1", "earliest: gaol", "expected the name of a region (goal), got 'gaol'"),
+        ("robustness: 0.1", "earliest: goal", "ask for one or the other"),
+    ],
+)
+def test_mistakes_are_told(old: str, new: str, wanted: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        load_text(STRAIGHT.replace(old, new))
+    assert wanted in str(error.value)
+
+
+def test_bounds_from_python_are_checked() -> None:
+    with pytest.raises(ProblemError, match="expected at_least from 0 s up to at_most, 8 s, got 9 s"):
+        load(CONFIGS / "minimum_time.yaml").with_(duration=8.0, least_duration=9.0)
