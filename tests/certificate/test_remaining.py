@@ -33,7 +33,7 @@ PROBLEM = Problem(
 CONTROLS = np.column_stack([np.full(40, 0.55), 0.15 * np.cos(np.arange(40) / 10)])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.floats(0, 0.05), st.floats(0, 0.08), st.integers(0, 100), st.booleans())
 def test_no_member_of_the_set_is_below_what_is_proven(away: float, turn: float, seed: int, moving: bool) -> None:
     motions = {"low": Motion.steady([0.0, 0.03], 4.0)} if moving else {}
