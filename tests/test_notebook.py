@@ -83,5 +83,6 @@ def test_pictures_are_small() -> None:
 
 def test_gallery_shows_every_problem() -> None:
     text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
-    missing = [path.stem for path in (ROOT / "configs").rglob("*.yaml") if f"### {path.stem}\n" not in text]
+    problems = [path for path in (ROOT / "configs").rglob("*.yaml") if path.parent.name != "online"]
+    missing = [path.stem for path in problems if f"### {path.stem}\n" not in text]
     assert missing == [], "run: python docs/make_gallery.py"

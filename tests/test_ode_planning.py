@@ -146,7 +146,7 @@ def test_what_needs_a_proof_or_arcs_says_so_at_once(capsys: pytest.CaptureFixtur
     assert invoke(["compare", str(MASSES), "-q"]) == 2
     assert "compare: expected robots on arcs" in capsys.readouterr().err
     problem = ec.load(MASSES)
-    with pytest.raises(ec.UnsupportedError, match="expected csv or json"):
+    with pytest.raises(ec.UnsupportedError, match="export csv or json instead"):
         export(problem, np.zeros((40, 2)), None, "geojson")
     with pytest.raises(ec.UnsupportedError, match="a loop drives robots on arcs"):
         Receding(problem)
@@ -155,7 +155,7 @@ def test_what_needs_a_proof_or_arcs_says_so_at_once(capsys: pytest.CaptureFixtur
 def test_states_of_members_are_exported() -> None:
     problem, controls = ec.load(MASSES), np.ones((40, 2))
     header, *rows = (export(problem, controls, None, "csv", members=2) or "").splitlines()
-    assert header.endswith("x (mass=1.2),y (mass=1.2),vx (mass=1.2),vy (mass=1.2)")
+    assert header.endswith("x [m] (mass=1.2),y [m] (mass=1.2),vx (mass=1.2),vy (mass=1.2)")
     found = states(problem, controls, problem.fleet.corners)
     np.testing.assert_allclose([float(x) for x in rows[-1].split(",")[3:]], found[:, -1].ravel(), rtol=1e-12)
     data = json.loads(export(problem, controls, None, "json", members=1) or "")

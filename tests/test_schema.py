@@ -49,7 +49,11 @@ def test_every_field_says_what_it_means() -> None:
         if not field.get("description", "").endswith(".")
     ]
     assert silent == [], "give these fields a sentence below them, in config/"
-    assert sections["Horizon"]["properties"]["duration"]["description"] == "Length of the plan, `T` in the task."
+    assert (
+        sections["Horizon"]["properties"]["duration"]["description"]
+        == "Length of the plan, `T` in the task; or `{at_most: ..., at_least: ...}`, and the plan is as short as "
+        "can be."
+    )
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)

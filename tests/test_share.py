@@ -163,6 +163,21 @@ def test_a_share_is_cheaper_than_everybody() -> None:
     assert found.attempt.value.cost < everybody.attempt.value.cost - 0.05
 
 
+@pytest.mark.parametrize(
+    "parameters", ["{}", "{linear_traction: {range: [0.8, 1.2]}, start_x: {range: [-5 cm, 5 cm]}}"]
+)
+def test_fleets_of_no_and_of_several_parameters(parameters: str) -> None:
+    text = SIGNPOST.replace("{traction: {range: [0.8, 1.2], law: normal, mean: 1.0, deviation: 0.08}}", parameters)
+    problem = load_text(text.replace("steps: 30", "steps: 15").replace("[2.75, 3.25]", "[2.4, 3.6]"))
+    certificate = certify(problem, np.tile([[1.0, 0.02]], (15, 1)))
+    assert certificate.parts[0].covered
+    found = solve(problem)
+    assert found.certificate is not None
+    assert found.certificate.proven == "yes"
+    assert found.certificate.parts[0].share is not None
+    assert found.certificate.parts[0].share >= 0.6
+
+
 def test_what_is_said_of_a_share() -> None:
     problem = load_text(SIGNPOST)
     controls = solve(problem).controls

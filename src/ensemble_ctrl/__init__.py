@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.ode_fleet import OdeFleet
     from ensemble_ctrl.problem import Objective, OdeProblem, Problem, ReportOptions, SolveOptions, VerifyOptions
     from ensemble_ctrl.replay import Replay
+    from ensemble_ctrl.risk import Risk
     from ensemble_ctrl.systems import Bicycle, DoubleIntegrator, OdeSystem, Quadrotor, Unicycle
     from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget
     from ensemble_ctrl.twin import unconstrained
@@ -48,6 +49,7 @@ _HOMES = {
     "Problem": "problem",
     "Replay": "replay",
     "ReportOptions": "problem",
+    "Risk": "risk",
     "Samples": "moments",
     "SolveOptions": "problem",
     "SpreadTarget": "target",
@@ -85,6 +87,7 @@ __all__ = [
     "Quadrotor",
     "Replay",
     "ReportOptions",
+    "Risk",
     "Samples",
     "Solid",
     "SolveError",

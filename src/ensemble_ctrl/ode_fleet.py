@@ -23,7 +23,9 @@ START = "start_"
 """What the name of a parameter that shifts a state's start begins with."""
 ACCURACY = 1e-8
 """Largest estimated error of any state at any grid time in a replay, relative to its size where that is above 1."""
-MOST_SUBSTEPS = 1024
+SURE = 16
+"""Steps of integration in one step of control with which a state that is not finite counts as running away."""
+MOST_SUBSTEPS = 128
 """Steps of integration in one step of control beyond which a system counts as too stiff."""
 
 
@@ -230,6 +232,8 @@ class OdeFleet(Ensemble):
                 error = np.abs(halving_error(rule, coarse, fine)) / np.maximum(1.0, np.abs(fine))
             if np.isfinite(error).all() and error.max() <= accuracy:
                 return 2 * count
+            if 2 * count >= SURE and not np.isfinite(coarse).all():
+                self._require_finite(fine, members, step)
             if 2 * count >= MOST_SUBSTEPS:
                 self._require_finite(fine, members, step)
                 message = f"expected an error of at most {accuracy:g} with {MOST_SUBSTEPS} steps of integration in each"

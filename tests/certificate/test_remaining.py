@@ -33,7 +33,7 @@ PROBLEM = Problem(
 CONTROLS = np.column_stack([np.full(40, 0.55), 0.15 * np.cos(np.arange(40) / 10)])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.floats(0, 0.05), st.floats(0, 0.08), st.integers(0, 100), st.booleans())
 def test_no_member_of_the_set_is_below_what_is_proven(away: float, turn: float, seed: int, moving: bool) -> None:
     motions = {"low": Motion.steady([0.0, 0.03], 4.0)} if moving else {}
@@ -71,3 +71,16 @@ def test_what_robots_may_differ_by_more_is_taken_off() -> None:
 def test_nothing_left_to_do_is_proven() -> None:
     assert certify_set(PROBLEM.with_(task=Known(0.2)), CONTROLS, 0.01, 0.01).proven
     assert not certify_set(PROBLEM.with_(task=Known(-0.2)), CONTROLS, 0.01, 0.01).proven
+
+
+def test_a_turn_that_leads_into_an_obstacle_is_not_proven() -> None:
+    turned = PROBLEM.with_(fleet=replace(FLEET, heading=FLEET.heading - 0.5))
+    assert replay(turned, CONTROLS, members=5, substeps=8).violating.any()
+    assert certify_set(PROBLEM, CONTROLS, 0.0, 0.0).proven
+    assert not certify_set(PROBLEM, CONTROLS, 0.0, 0.5).proven
+
+
+def test_a_start_that_leads_into_an_obstacle_is_not_proven() -> None:
+    moved = PROBLEM.with_(fleet=replace(FLEET, position=np.array([0.0, -0.5])))
+    assert replay(moved, CONTROLS, members=5, substeps=8).violating.any()
+    assert not certify_set(PROBLEM, CONTROLS, 0.5, 0.0).proven

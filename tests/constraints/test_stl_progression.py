@@ -58,7 +58,7 @@ def whole_value(formula: Formula, data: StateSignals) -> float:
         raise
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(random_formulas, st.integers(0, 1000), st.integers(0, 20))
 def test_the_rest_of_the_formula_over_the_rest_of_the_signal_is_the_whole(
     formula: Formula, seed: int, past: int

@@ -24,7 +24,7 @@ def cost(program: Quadratic, z: np.ndarray) -> float:
     return float(0.5 * z @ program.H @ z + program.g @ z + program.price * short)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 8), st.integers(0, 12))
 def test_no_other_solver_finds_a_lower_cost(seed: int, n: int, m: int) -> None:
     q = random_program(seed, n, m)

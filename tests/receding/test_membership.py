@@ -55,7 +55,7 @@ def bounded(rng: np.random.Generator, bound: float, size: tuple[int, ...] | int 
     return np.asarray(np.clip(rng.uniform(-1.5, 1.5, size), -1, 1) * (bound - 1e-4))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     st.integers(0, 10_000),
     st.sampled_from(SYSTEMS),

@@ -154,7 +154,7 @@ def test_states_that_run_away_or_are_too_stiff() -> None:
         fleet.trajectories(np.zeros((20, 1)), fleet.corners, 0.2)
     system.answer = lambda x, psi: [-1e7 * (x[0] - x[1]), 0 * x[1]]
     with pytest.raises(ProblemError, match=r"too stiff|expected finite states"):
-        fleet.trajectories(np.zeros((3, 1)), fleet.corners, 1.0)
+        fleet.trajectories(np.zeros((1, 1)), fleet.corners, 1.0)
 
 
 @pytest.mark.parametrize(

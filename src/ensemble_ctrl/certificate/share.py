@@ -39,7 +39,7 @@ def boxes(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance) -> I
     """
     axes = [_values(law, k in fleet.bent, len(fleet.bent)) for k, law in enumerate(fleet.parameters.values())]
     shape = tuple(map(len, axes))
-    members = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    members = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
     value = _value(problem, controls, fleet, chance, members).reshape(shape) - float(np.linalg.norm(fleet.shift))
     seen: set[tuple[tuple[int, int], ...]] = set()
     for spare in SPARE:
@@ -144,4 +144,4 @@ def weighed(problem: Problem, laws: Mapping[str, Law]) -> Fleet:
     """The fleet with the laws that a certificate is about; a cloud stands for its own laws only."""
     fleet = problem.fleet
     same = all(laws[name] is law for name, law in fleet.parameters.items())
-    return fleet if same else replace(fleet, parameters=laws, cloud=None)
+    return fleet if same else replace(fleet, parameters=dict(laws), cloud=None)

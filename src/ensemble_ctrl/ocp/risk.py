@@ -67,7 +67,7 @@ def risk_rows(
         Which of them count.
     """
     risk = problem.objective.cvar
-    if risk is None:
+    if risk is None or not risk.weight:
         return None
     members = problem.fleet.representatives(MEMBERS[risk.of])
     seen = truncation.evaluation(_scaled(problem, members))
