@@ -68,6 +68,17 @@ def test_members_are_in_every_view_where_the_controls_bring_them(kind: str) -> N
             assert view[..., k] == pytest.approx(slope * coordinates[name] + level, abs=0.11)
 
 
+def test_a_failure_is_marked_when_it_happens() -> None:
+    """Where time runs along x: between the start's disk and the members, which are drawn at the end."""
+    plan = ode_made("line")
+    reader = Reader(report_html(plan, ""))
+    (start,), end, (mark, *_) = reader.all("start"), reader.all("member")[0], reader.all("mark")
+    begin, finish, found = (float(a["cx"] or 0) for a in (start, end, mark))
+    time = plan.conflicts()[0].time
+    assert 1.5 <= time < 2.0
+    assert found == pytest.approx(begin + time / 2.0 * (finish - begin), abs=0.2)
+
+
 @pytest.mark.parametrize("kind", ODE_KINDS)
 def test_the_worst_of_every_value_is_the_replays(kind: str) -> None:
     """Against the replay, which goes through the task another way; with several parameters the worst of the others."""
