@@ -147,7 +147,7 @@ def ode_made(kind: str) -> Plan:
     else:
         law = {"mass": Interval(0.8, 1.2), "drag": Interval(0.0, 0.2)} if kind == "line" else {}
         regions = {"goal": Polyhedron.box([[1.5, 2.0]]), "track": Polyhedron.box([[-0.5, 4.0]])}
-        task = parse("F[1.5, 2] in(goal) and G in(track) and G v <= 3")
+        task = parse(f"F[1, {1.5 if law else 2}] in(goal) and G in(track) and G v <= 3")
         verify = VerifyOptions(members=50, certificate=False)
         problem = OdeProblem("line", OdeFleet(Cart(), law, {}), 2.0, 20, task, regions, verify=verify)
         command = [1.0]
