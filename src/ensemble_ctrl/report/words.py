@@ -96,7 +96,8 @@ def _bounds(certificate: Certificate) -> Iterator[str]:
         if not part.covered:
             yield f"{part.part}: outside what the proof can bound."
         elif part.share is not None and part.proven >= 0:
-            yield f"{part.part}: done by {_percent(part.share)} of the fleet with at least {length(part.proven)} to spare."
+            share = _percent(part.share)
+            yield f"{part.part}: done by {share} of the fleet with at least {length(part.proven)} to spare."
         elif part.proven >= 0:
             yield f"{part.part}: done with at least {length(part.proven)} to spare."
         else:
