@@ -154,6 +154,14 @@ def test_mistakes_are_told(old: str, new: str, wanted: str) -> None:
     assert wanted in str(error.value)
 
 
+def test_the_deadline_of_a_passage_reads_like_a_time() -> None:
+    problem = load(CONFIGS / "earliest_passage.yaml")
+    goal = goal_of(problem)
+    assert isinstance(goal, Passage)
+    texts = [str(goal.at(k * problem.step).task) for k in range(20, problem.steps)]
+    assert max(len(text.split(" and ")[-1]) for text in texts) <= len("F[0,9.9] in(checkpoint)")
+
+
 def test_bounds_from_python_are_checked() -> None:
     with pytest.raises(ProblemError, match="expected at_least from 0 s up to at_most, 8 s, got 9 s"):
         load(CONFIGS / "minimum_time.yaml").with_(duration=8.0, least_duration=9.0)

@@ -257,5 +257,12 @@ def test_every_command_has_help_that_fits_80_columns(command: Command) -> None:
     assert "Exit codes:" in command("small.yaml", "--help").out
 
 
+@pytest.mark.parametrize(
+    "name", ["run", "check", "show", "report", "plot", "animate", "verify", "compare", "widest", "export", "online"]
+)
+def test_consent_can_be_given_wherever_it_may_be_asked_for(command: Command, name: str) -> None:
+    assert "--trust" in command(name, "--help").out
+
+
 def test_version(command: Command) -> None:
     assert command("--version").out == f"ensemble-plan {ec.__version__}\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from math import floor
 from shlex import quote
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -51,6 +52,8 @@ class PlanLike(Protocol):
         """What fails."""
 
 
+WIDTH = 120
+"""Characters of a line."""
 NOT_COVERED = "not covered for this model: replay only"
 """What is proven of a fleet that follows a differential equation."""
 STATUS_WORDS = {
@@ -86,7 +89,13 @@ def verdict(plan: PlanLike) -> str:
 def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     """The summary, a line each."""
     rows = summary_rows(plan) + ([("files", files)] if files else [])
-    return [f"{plan.problem.name}: {verdict(plan)}", *(f"  {label:<11}{text}" for label, text in rows)]
+    return [f"{plan.problem.name}: {verdict(plan)}", *(line for row in rows for line in _lines(*row))]
+
+
+def _lines(label: str, text: str) -> list[str]:
+    """One row; what is proven and the task, which may be as long as they like, are wrapped."""
+    texts = wrap(text, WIDTH - 13, break_long_words=False) if label in ("task", "proven") else [text]
+    return [f"  {'' if i else label:<11}{text}" for i, text in enumerate(texts)]
 
 
 def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
