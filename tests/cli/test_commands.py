@@ -183,6 +183,9 @@ def test_examples(command: Command, place: Path) -> None:
     names = [line.split()[0] for line in listed.out.splitlines()]
     assert "five_obstacles" in names
     assert all(len(line.split(maxsplit=1)) == 2 for line in listed.out.splitlines())
+    titles = [line.split(maxsplit=1)[1] for line in listed.out.splitlines()]
+    assert max(map(len, titles)) <= 120, "first sentences, none of them cut off"
+    assert titles[names.index("minimum_time")].endswith("as soon as the slowest robot can")
     configs = Path(__file__).parents[2] / "configs"
     assert names == sorted(path.stem for path in configs.rglob("*.yaml"))
     assert ec.load_text(command("examples", "five_obstacles").out).name == "five_obstacles"
