@@ -211,6 +211,16 @@ def test_what_is_said_of_a_share_beside_what_everybody_does() -> None:
     assert [text.startswith("UNDECIDED for ") and ": only " in text for _, text in undecided] == [True, True]
 
 
+def test_boxes_end_within_the_range_whatever_its_ends() -> None:
+    rng = np.random.default_rng(7)
+    problem = load_text(SIGNPOST)
+    for low, width in rng.uniform([0.1, 0.01], [1.0, 1.0], (50, 2)):
+        fleet = replace(problem.fleet, parameters={"traction": Interval(low, low + width)})
+        for box in ranges(problem.with_(fleet=fleet)):
+            assert box is not None
+            assert all(-1 <= a < b <= 1 for a, b in box)
+
+
 def test_boxes_have_the_mass_and_none_is_larger_than_it_must_be() -> None:
     problem = load(CONFIG)
     fleet = problem.fleet
