@@ -59,6 +59,14 @@ Output = Annotated[
     Path | None,
     typer.Option("-o", "--output", help="Results folder [default: plans/<name>].", metavar="DIR"),
 ]
+ComparedIn = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Results folder [default: plans/<name>-compare].", metavar="DIR"),
+]
+LoggedIn = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Results folder [default: plans/<name>-online].", metavar="DIR"),
+]
 Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", help="Change a field: a dotted key and a YAML value; repeatable.", metavar="KEY=VALUE"),
@@ -314,12 +322,13 @@ def verify(
 )
 def compare(
     config: Config,
-    output: Output = None,
+    output: ComparedIn = None,
     overrides: Overrides = None,
     json: Json = False,
     quiet: Quiet = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figure.")] = False,
     overwrite: Overwrite = False,
+    trust: Trust = False,
 ) -> None:
     """Plan with each guarantee and compare the plans."""
     from ensemble_ctrl.cli.compare import compare_guarantees
@@ -342,6 +351,7 @@ def widest(
     ] = None,
     json: Json = False,
     quiet: Quiet = False,
+    trust: Trust = False,
 ) -> None:
     """Find the widest parameter range with a certified plan."""
     from ensemble_ctrl.cli.widest import find_widest
@@ -421,7 +431,7 @@ def export(
 )
 def online(
     config: Config,
-    output: Output = None,
+    output: LoggedIn = None,
     overrides: Overrides = None,
     traction: Annotated[
         float | None, typer.Option(help="The robot's true traction (online.robot.traction).", metavar="X", min=1e-3)
@@ -433,6 +443,7 @@ def online(
     quiet: Quiet = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
     overwrite: Overwrite = False,
+    trust: Trust = False,
 ) -> None:
     """Measure, learn, plan again, apply, on a simulated robot."""
     from ensemble_ctrl.cli.online import OnlineRun, run_online
