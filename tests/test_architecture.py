@@ -77,6 +77,16 @@ def test_every_room_has_a_layer() -> None:
     assert {room_of(path) for path in FILES} - set(LEVEL) == set(), "give the new room a layer in LAYERS"
 
 
+def test_the_page_has_the_same_rooms_and_layers() -> None:
+    page = (ROOT.parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
+    drawn = page.partition("## Arrows")[2].split("```")[1].removeprefix("text\n").strip().splitlines()
+    assert [frozenset(line.split(", ")) for line in drawn] == list(LAYERS)
+    table = page.partition("## Rooms")[2].partition("## Arrows")[0]
+    first = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    rooms = {name.strip(" `/") for cell in first for name in cell.split(",")}
+    assert rooms == set(LEVEL) - {"_version"}
+
+
 def test_rooms_import_only_from_earlier_layers() -> None:
     wrong = []
     for room, module, place in arrows():

@@ -13,11 +13,11 @@ import ensemble_ctrl
 from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config import meanings
+from ensemble_ctrl.config import online as o
 from ensemble_ctrl.config.clouds import Cloud
 from ensemble_ctrl.config.fields import Model
 from ensemble_ctrl.config.laws import LawSection, Measured, MixturePart, PartSection
-from ensemble_ctrl.config.motions import MotionSection, Velocity
-from ensemble_ctrl.config.online import OnlineSection
+from ensemble_ctrl.config.motions import Course, MotionSection, Velocity
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.config.targets import Terminal
@@ -44,7 +44,16 @@ UNITS: list[tuple[Any, str]] = [
     (f.Task, "formula"),
     (f.Order, "1 to 50, or `auto`"),
     (f.Routes, "1 to 1000, or `all`"),
-    (f.ModelName, ", ".join(f"`{name}`" for name in SYSTEMS)),
+    (f.ModelName, ", ".join([*(f"`{name}`" for name in SYSTEMS), "or [another](systems.md)"])),
+    (Course, "[[s, [m, m]], ...]"),
+    (o.Turn, "rad, ≥ 0"),
+    (o.SpeedError, "m/s, ≥ 0"),
+    (o.TurnRateError, "rad/s, ≥ 0"),
+    (o.Delay, "s, ≥ 0"),
+    (o.Rate, "number, ≥ 0"),
+    (o.Share, "0 to below 1"),
+    (o.Magnitudes, "[m/s, of the other command]"),
+    (list[o.PatchSection], "list"),
     (f.FolderName, "text"),
     (Measured, "list, or a file's name"),
     (list[MixturePart], "list"),
@@ -85,7 +94,7 @@ def field_table() -> Iterator[str]:
 
 def loop_table() -> Iterator[str]:
     """Every field of the section about loops."""
-    yield from _table("field", fields(OnlineSection, "online."))
+    yield from _table("field", fields(o.OnlineSection, "online."))
 
 
 def area_table() -> Iterator[str]:
@@ -175,10 +184,16 @@ def _default(info: Any, path: str) -> str:
         return "required with `terminal`"
     if path == "objective.cvar.of":
         return "required with `cvar`"
+    if path.startswith("online.robot.drifting."):
+        return "required with `drifting`"
+    if path.startswith("online.robot.noise."):
+        return "as assumed"
+    if path == "online.noise.heading":
+        return "1 deg"
     if info.is_required():
         return "**required**"
-    value = info.default
-    if value is None:
+    value = info.get_default(call_default_factory=True)
+    if value is None or value == []:
         return {"moments.order": "`auto`", "horizon.steps": "10 per s", "name": "file name"}.get(path, "none")
     return (
         f"`{list(value)}`"

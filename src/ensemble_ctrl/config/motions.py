@@ -36,12 +36,15 @@ def _entry(i: int, row: Any) -> Entry:
         raise Wrong(error.message, error.hint, (i,)) from None
 
 
+Course = Annotated[list[Entry] | None, BeforeValidator(_path), WithJsonSchema({"type": "array"})]
+
+
 class MotionSection(f.Model):
     """How an obstacle moves from where it is drawn: with a velocity, or along a path in time."""
 
     velocity: Velocity | None = None
     """Constant velocity `[vx, vy]`, in m/s."""
-    path: Annotated[list[Entry] | None, BeforeValidator(_path), WithJsonSchema({"type": "array"})] = None
+    path: Course = None
     """Displacement over time, `[[time, [x, y]], ...]`, linear in between."""
 
     @model_validator(mode="after")

@@ -40,38 +40,38 @@ class NoiseSection(Model):
     """Largest errors of a measured pose."""
 
     position: f.Margin = Errors.position
-    """Of x and of y."""
+    """Largest error of x and of y."""
     heading: Turn = Errors.heading
-    """Of the heading."""
+    """Largest error of the heading."""
 
 
 class ActuatorSection(Model):
     """Largest errors of the actuators."""
 
     speed: SpeedError = 0.0
-    """Of the speed."""
+    """Largest error of the speed that is carried out."""
     turn_rate: TurnRateError = 0.0
-    """Of the turn rate."""
+    """Largest error of the turn rate that is carried out."""
 
 
 class LostSection(Model):
     """Shares of messages that are lost."""
 
     measurements: Share = 0.0
-    """Of those from the robot."""
+    """Share of the measurements that are lost."""
     commands: Share = 0.0
-    """Of those to the robot."""
+    """Share of the commands that are lost."""
 
 
 class DriftSection(Model):
     """Factors that swing about a middle."""
 
     middle: f.Positive
-    """What they swing about."""
+    """What the factors swing about."""
     amplitude: Rate
-    """By how much."""
+    """By how much they do."""
     period: f.Duration
-    """Once in so many seconds."""
+    """How long one swing takes."""
 
 
 class PatchSection(Model):
