@@ -184,7 +184,7 @@ def _facts(loop: Receding, outcome: Outcome) -> dict[str, object]:
         "ending": outcome.ending,
         "reason": outcome.reason,
         "robustness": outcome.robustness,
-        "assumptions_hold": loop.tracker.holds,
+        "assumptions_hold": loop.holds,
         "ranges": None if last is None else last.ranges,
         "plans": {
             name: sum(s.source == name for s in outcome.steps) for name in ("new", "kept", "stopped", "recovered")
