@@ -392,6 +392,10 @@ class Receding:
         if self.options.horizon == "shrinking":
             robot.advance(min(robot.tracker.now()[0], self.problem.steps))
 
+    def label(self, name: str, parameter: str) -> str:
+        """What a step calls a parameter of a robot."""
+        return parameter if len(self.robots) == 1 else f"{name}.{parameter}"
+
     def _called(self, name: str) -> str:
         """A robot in a sentence."""
         return name if len(self.robots) > 1 else "the robot"
@@ -595,7 +599,7 @@ class Receding:
         """Remember what this step did."""
         poses, certificate = self._now()[1], work.certificate
         ranges = {
-            (parameter if len(self.robots) == 1 else f"{name}.{parameter}"): (float(low), float(high))
+            self.label(name, parameter): (float(low), float(high))
             for name, tracker in self.trackers.items()
             for parameter, (low, high) in zip(tracker.sets.names, tracker.ranges, strict=True)
         }

@@ -14,7 +14,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import new_figure
 from ensemble_ctrl.report.figures import draw_map, map_size
-from ensemble_ctrl.report.palette import TWIN
+from ensemble_ctrl.report.palette import LINES, TWIN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,8 +37,8 @@ class Told:
     ----------
     time : float
         When its commands begin, seconds.
-    path : ndarray, shape (times, 2)
-        Where the robot is expected to go from its last measurement on, metres.
+    paths : mapping of str to ndarray of shape (times, 2)
+        Where each robot is expected to go from the last measurement on, metres.
     ranges : mapping of str to (float, float)
         What was known of the parameters.
     seconds : float
@@ -48,7 +48,7 @@ class Told:
     """
 
     time: float
-    path: Floats
+    paths: Mapping[str, Floats]
     ranges: Mapping[str, tuple[float, float]]
     seconds: float
     source: str
@@ -64,10 +64,10 @@ class Run:
     first : ndarray, shape (steps, n_u)
         The plan that it began with.
     told : sequence of Told
-    measured : ndarray, shape (times, 2)
-        Estimated places, metres.
-    driven : ndarray, shape (times, 2)
-        True places of a simulated robot; empty if nobody knows them.
+    measured : mapping of str to ndarray of shape (times, 2)
+        Estimated places of each robot, metres.
+    driven : mapping of str to ndarray of shape (times, 2)
+        True places of simulated robots; empty if nobody knows them.
     seconds : float
         From the first to the last of `driven`.
     deadline : float
@@ -83,8 +83,8 @@ class Run:
     problem: Problem
     first: Floats
     told: Sequence[Told]
-    measured: Floats
-    driven: Floats
+    measured: Mapping[str, Floats]
+    driven: Mapping[str, Floats]
     seconds: float
     deadline: float
     truth: Mapping[str, float] = field(default_factory=dict)
@@ -106,32 +106,43 @@ def draw_run(run: Run) -> Figure:
 def write_run(run: Run, folder: Path, animated: bool = True) -> list[str]:
     """Write ``online.png`` and, if `animated`, ``online.gif`` into `folder`; returns their names."""
     draw_run(run).savefig(folder / "online.png", dpi=150)
-    if not animated or len(_shown(run)) < 2:
+    if not animated or min((len(path) for path in _shown(run).values()), default=0) < 2:
         return ["online.png"]
     _animate(run, folder / "online.gif")
     return ["online.png", "online.gif"]
 
 
-def _shown(run: Run) -> Floats:
-    """The path that the robot took, as well as it is known."""
-    return run.driven if len(run.driven) else run.measured
+def _shown(run: Run) -> Mapping[str, Floats]:
+    """The path that each robot took, as well as it is known."""
+    return run.driven or run.measured
+
+
+def _colours(run: Run) -> dict[str, str]:
+    """A colour for each robot."""
+    names = list(_shown(run))
+    return {name: DRIVEN if len(names) == 1 else LINES[k % len(LINES)] for k, name in enumerate(names)}
 
 
 def _draw_paths(run: Run, ax: Axes) -> None:
     """The map with the fleet under the first plan, every plan, and what was driven."""
     problem = run.problem
     fleet = trajectories(problem, run.first, problem.fleet.spread(MEMBERS), 2)
-    draw_map(problem, ax, [*fleet, _shown(run)])
+    shown, colours = _shown(run), _colours(run)
+    draw_map(problem, ax, [*fleet, *shown.values()])
     for i, path in enumerate(fleet):
         ax.plot(path[:, 0], path[:, 1], color=FIRST, linewidth=0.5, label=None if i else "fleet, first plan")
     if run.twin is not None:
         middle = trajectories(problem, run.twin, problem.fleet.center[None], 2)[0]
         ax.plot(middle[:, 0], middle[:, 1], "--", color=TWIN, linewidth=0.9, label="unconstrained")
     for i, step in enumerate(run.told):
-        ax.plot(*step.path.T, color=PLANNED, linewidth=0.7, alpha=0.6, label=None if i else "plans")
-        ax.plot(*step.path[:1].T, ".", color=PLANNED, markersize=4)
-    ax.plot(*_shown(run).T, color=DRIVEN, linewidth=1.8, label="driven" if len(run.driven) else "measured")
-    ax.plot(*_shown(run)[-1:].T, "o", color=DRIVEN, markersize=5)
+        for k, path in enumerate(step.paths.values()):
+            ax.plot(*path.T, color=PLANNED, linewidth=0.7, alpha=0.6, label=None if i or k else "plans")
+            ax.plot(*path[:1].T, ".", color=PLANNED, markersize=4)
+    how = "driven" if run.driven else "measured"
+    for name, path in shown.items():
+        label = how if len(shown) == 1 else f"{name}, {how}"
+        ax.plot(*path.T, color=colours[name], linewidth=1.8, label=label)
+        ax.plot(*path[-1:].T, "o", color=colours[name], markersize=5)
     ax.legend(loc="best", fontsize=8)
     ax.set_title(run.title, fontsize=10, wrap=True)
 
@@ -141,7 +152,7 @@ def _draw_ranges(run: Run, ax: Axes) -> None:
     times = [step.time for step in run.told]
     for k, name in enumerate(run.told[0].ranges if run.told else ()):
         ends = np.array([step.ranges[name] for step in run.told])
-        colour = f"C{k}"
+        colour = f"C{k}" if len(_shown(run)) == 1 else LINES[k % len(LINES)]
         ax.fill_between(
             times, ends[:, 0], ends[:, 1], step="post", alpha=0.3, color=colour, label=f"{name}: known range"
         )
@@ -169,28 +180,32 @@ def _draw_seconds(run: Run, ax: Axes) -> None:
 
 
 def _animate(run: Run, path: Path) -> None:
-    """The robot and its newest plan, moving over the map."""
+    """The robots and their newest plan, moving over the map."""
     from matplotlib.animation import FuncAnimation, PillowWriter
 
-    driven = _shown(run)
+    shown, colours = _shown(run), _colours(run)
+    count = min(len(path) for path in shown.values())
     width, height = map_size(run.problem, run.first)
     figure = new_figure((0.75 * width, 0.75 * height))
     ax: Any = figure.subplots()
-    draw_map(run.problem, ax, [driven])
-    (trail,) = ax.plot([], [], color=DRIVEN, linewidth=1.8)
-    (plan,) = ax.plot([], [], color=PLANNED, linewidth=1.2)
-    (robot,) = ax.plot([], [], "o", color=DRIVEN, markersize=6)
+    draw_map(run.problem, ax, list(shown.values()))
+    trails = {name: ax.plot([], [], color=colours[name], linewidth=1.8)[0] for name in shown}
+    plans = {name: ax.plot([], [], color=PLANNED, linewidth=1.2)[0] for name in shown}
+    robots = {name: ax.plot([], [], "o", color=colours[name], markersize=6, label=name)[0] for name in shown}
+    if len(shown) > 1:
+        ax.legend(loc="best", fontsize=8)
     starts = np.array([step.time for step in run.told])
-    frames = np.unique(np.linspace(0, len(driven) - 1, FRAMES).astype(int))
+    frames = np.unique(np.linspace(0, count - 1, FRAMES).astype(int))
 
     def show(k: int) -> tuple[Any, ...]:
-        now = run.seconds * k / (len(driven) - 1)
+        now = run.seconds * k / (count - 1)
         newest = int(np.searchsorted(starts, now + 1e-9)) - 1
-        trail.set_data(*driven[: k + 1].T)
-        robot.set_data(*driven[k : k + 1].T)
-        plan.set_data(*(run.told[newest].path.T if newest >= 0 else ([], [])))
+        for name, path in shown.items():
+            trails[name].set_data(*path[: k + 1].T)
+            robots[name].set_data(*path[k : k + 1].T)
+            plans[name].set_data(*(run.told[newest].paths[name].T if newest >= 0 else ([], [])))
         ax.set_title(f"{run.problem.name}, t = {now:.1f} s", fontsize=10)
-        return trail, plan, robot
+        return (*trails.values(), *plans.values(), *robots.values())
 
     film = FuncAnimation(figure, show, frames=frames.tolist(), interval=PAUSE, blit=False)
     film.save(path, writer=PillowWriter(fps=round(1000 / PAUSE)), dpi=80)
