@@ -173,7 +173,7 @@ def _draw(
 
 def _truth(loop: Receding, fleet: SimulatedFleet) -> dict[str, float]:
     """True parameters, where they stay the same, by the names that a step has for them."""
-    truth = {}
+    truth: dict[str, float] = {}
     for name, robot in fleet.robots.items():
         if isinstance(robot.factors, Fixed):
             speed, turn_rate = robot.factors.speed, robot.factors.turn_rate

@@ -152,7 +152,7 @@ class _Drive:
     def _look(self) -> None:
         """Take a measurement, on the loop's own time."""
         for name, seen in self.loop.named(self.robot.read()).items():
-            if not seen.time < self.start - 1e-9:
+            if not seen.time <= self.start + 1e-9:  # until then it stood, as it was seen first
                 self.loop.observe({name: replace(seen, time=seen.time - self.start)})
 
     def _plan(self, lead: int) -> None:

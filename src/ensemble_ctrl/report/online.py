@@ -149,16 +149,24 @@ def _draw_paths(run: Run, ax: Axes) -> None:
 
 def _draw_ranges(run: Run, ax: Axes) -> None:
     """What is known of each parameter over time."""
-    times = [step.time for step in run.told]
+    times, alone = [step.time for step in run.told], len(_shown(run)) == 1
     for k, name in enumerate(run.told[0].ranges if run.told else ()):
         ends = np.array([step.ranges[name] for step in run.told])
-        colour = f"C{k}" if len(_shown(run)) == 1 else LINES[k % len(LINES)]
+        colour = f"C{k}" if alone else LINES[k % len(LINES)]
         ax.fill_between(
-            times, ends[:, 0], ends[:, 1], step="post", alpha=0.3, color=colour, label=f"{name}: known range"
+            times,
+            ends[:, 0],
+            ends[:, 1],
+            step="post",
+            alpha=0.3,
+            color=colour,
+            label=f"{name}: known range" if alone else name,
         )
         if name in run.truth:
-            ax.axhline(run.truth[name], linestyle="--", linewidth=1.0, color=colour, label=f"{name}: true")
-    ax.set(xlabel="t [s]", ylabel="parameter")
+            ax.axhline(
+                run.truth[name], linestyle="--", linewidth=1.0, color=colour, label=f"{name}: true" if alone else None
+            )
+    ax.set(xlabel="t [s]", ylabel="parameter" if alone else "known range, true value")
     ax.grid(alpha=0.3)
     if run.told and run.told[0].ranges:
         ax.legend(loc="best", fontsize=8)
@@ -189,6 +197,9 @@ def _animate(run: Run, path: Path) -> None:
     figure = new_figure((0.75 * width, 0.75 * height))
     ax: Any = figure.subplots()
     draw_map(run.problem, ax, list(shown.values()))
+    for way in [*shown.values(), *(way for step in run.told for way in step.paths.values())]:
+        ax.update_datalim(way)
+    ax.autoscale_view()
     trails = {name: ax.plot([], [], color=colours[name], linewidth=1.8)[0] for name in shown}
     plans = {name: ax.plot([], [], color=PLANNED, linewidth=1.2)[0] for name in shown}
     robots = {name: ax.plot([], [], "o", color=colours[name], markersize=6, label=name)[0] for name in shown}
