@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.remaining import SetCertificate, together
+from ensemble_ctrl.constraints import Polyhedron
+from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.receding.driver import Outcome, drive
 from ensemble_ctrl.receding.loop import Receding, Step
@@ -89,32 +91,53 @@ def silenced(driven: SimulatedFleet, name: str, at: float) -> SimulatedFleet:
     return driven
 
 
-def run_silenced() -> tuple[SimulatedFleet, Receding, Outcome, list[float]]:
-    """Green falls silent on the way; how large its set was at each step after that."""
+def run_silenced() -> tuple[SimulatedFleet, Receding, Outcome, list[PoseSet]]:
+    """Green falls silent on the way; its sets from then on, each of which has to hold it."""
     driven = silenced(fleet(), "green", 2.5)
     loop = loop_of(driven, silence=1.0)
-    sizes: list[float] = []
+    sets: list[PoseSet] = []
+    began = loop.options.lead(SHORT.step)
 
     def look(step: Step, controls: Floats) -> None:
-        poses = loop._now()[1]
+        at, poses = loop._now()
         if driven.now() > 2.5:
-            sizes.append(poses["green"].away)
+            sets.append(poses["green"])
+            assert held(poses["green"], driven.robots["green"].track[(began + at) * FINE])
 
-    return driven, loop, drive(loop, driven, driven, listener=look), sizes
+    return driven, loop, drive(loop, driven, driven, listener=look), sets
 
 
 def test_the_set_of_a_silent_robot_grows_and_then_all_stop() -> None:
-    driven, loop, outcome, sizes = run_silenced()
+    driven, loop, outcome, sets = run_silenced()
+    sizes = [pose.away for pose in sets]
     assert outcome.ending == "stopped"
     assert outcome.reason.startswith("green has said nothing for")
     assert len(sizes) >= 2
     assert (np.diff(sizes) >= -1e-12).all()
+    assert sizes[-1] > sizes[0]
     assert loop.trackers["red"].time > loop.trackers["green"].time + 0.5
     there = {name: each.pose.copy() for name, each in driven.robots.items()}
     driven.wait(driven.now() + 2.0)
     for name, each in driven.robots.items():
         assert (each.pose == there[name]).all()
         assert clearance(SHORT, each) > 0
+
+
+def test_a_receding_horizon_takes_them_where_they_are_to_stay() -> None:
+    problem = SHORT.with_(
+        task=parse("G in(goal) and G avoid(obstacles)"),
+        regions={"goal": Polyhedron.box([[-1.0, 3.0], [-1.0, 1.0]])},
+        duration=2.0,
+        steps=20,
+    )
+    driven = SimulatedFleet({"red": robot(0.95, 1), "blue": robot(1.08, 2, delay=0.3)})
+    changes = options(horizon="receding", run_for=5.0, deadline=0.5)
+    loop = Receding(problem, changes, timer=process_time, robots=tuple(driven.robots))
+    outcome = drive(loop, driven, driven)
+    assert outcome.ending == "success"
+    for each in driven.robots.values():
+        assert clearance(problem, each) > 0
+        assert np.linalg.norm(each.pose[:2] - [2.4, 0.0]) < 0.4
 
 
 def test_what_is_proven_of_all_is_proven_of_each() -> None:
