@@ -155,6 +155,30 @@ def test_what_is_proven_of_all_is_proven_of_each() -> None:
     assert spoilt.least == loop._certified(loop.plan, at, {"green": astray["green"]}).least
 
 
+def test_plans_are_for_the_members_of_all() -> None:
+    """Side by side, each robot's with its own place, ranges and past, to which a silent one's is carried along."""
+    loop = loop_of(fleet())
+    places = {name: np.array([0.005 * k, -0.005 * k]) for k, name in enumerate(TRACTIONS)}
+    loop.step({name: Measurement(0.0, *map(float, place), 0.0) for name, place in places.items()})
+    loop.trackers["blue"].sets.ranges = np.array([[1.05, 1.1]])
+    start = loop._present(loop.plan)
+    for k, name in enumerate(TRACTIONS):
+        rows = start.drives.reshape(3, -1, 5)[k]
+        np.testing.assert_allclose(rows[:, 3:], np.tile(places[name], (len(rows), 1)), atol=1e-3)
+        low, high = loop.trackers[name].ranges[0]
+        assert ((rows[:, 0] > low) & (rows[:, 0] < high)).all()
+    way = SHORT.fleet.system.positions(loop.plan, SHORT.fleet.drives(np.array([[1.0]])), SHORT.step)[0]
+    loop.observe({name: Measurement(0.8, *map(float, way[8]), headed(loop.plan, 8)) for name in ("red", "green")})
+    later = loop._present(loop.plan)
+    assert (later.at, later.path.shape) == (8, (8, 3, 2))
+    np.testing.assert_allclose(later.path[:, 2], places["blue"] + 1.075 * way[:8], atol=0.02)
+
+
+def headed(controls: Floats, steps: int) -> float:
+    """Where a robot that began at heading 0 is headed after some steps."""
+    return SHORT.step * float(controls[:steps, 1].sum())
+
+
 BOUNDS = st.floats(-1.0, 1.0)
 CERTIFICATES = st.builds(
     lambda a, b: SetCertificate(a >= 0 and b >= 0, a, b, "a part", 0.1),
