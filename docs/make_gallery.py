@@ -21,6 +21,7 @@ from PIL import Image
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.certificate import certify
+from ensemble_ctrl.cli.examples import title
 
 DOCS = Path(__file__).resolve().parent
 CONFIGS = DOCS.parent / "configs"
@@ -130,10 +131,10 @@ def page(facts: dict[str, Any]) -> Iterator[str]:
         numbers = ("–" if found[key] is None else f"{found[key]:.4f}" for key in ("clearance", "robustness"))
         name = f"[`{path.relative_to(CONFIGS.parent)}`](#{path.stem})"
         yield f"| {name} | {found['proven']} | {' | '.join(numbers)} | {found['exit']} |"
-    for folder, title in SECTIONS.items():
+    for folder, heading in SECTIONS.items():
         here = [path for path in shown if path.parent.name == (folder or CONFIGS.name)]
         if here:
-            yield from ("", f"## {title}")
+            yield from ("", f"## {heading}")
         for path in here:
             yield from entry(path)
 
@@ -141,9 +142,8 @@ def page(facts: dict[str, Any]) -> Iterator[str]:
 def entry(path: Path) -> Iterator[str]:
     """One problem: its own words, its task and its picture."""
     task = " ".join(str(ec.load(path).task).split())
-    lines = path.read_text(encoding="utf-8").splitlines()
-    words = next(line for line in lines if not line.startswith("# yaml-language-server")).removeprefix("# ")
-    yield from ("", f"### {path.stem}", "", words, "", f"`{task}`", "")
+    words = title(path.read_text(encoding="utf-8"))
+    yield from ("", f"### {path.stem}", "", f"{words}.", "", f"`{task}`", "")
     if (PICTURES / f"{path.stem}.png").exists():
         yield f"![{path.stem}](_static/gallery/{path.stem}.png)"
 

@@ -176,13 +176,20 @@ def test_the_command_plans_saves_shows_and_verifies(tmp_path: Path, capsys: pyte
     facts = json.loads(capsys.readouterr().out)
     assert (facts["status"], facts["certificate"]) == ("planned", None)
     names = {file.name for file in target.iterdir()}
-    assert {"own_system.py", "plan.npz", "trajectories.png", "controls.png", "spread.png"} <= names
+    assert {"own_system.py", "plan.npz", "trajectories.png", "controls.png", "spread.png", "report.html"} <= names
+    assert "no proof covers this model (cart_pole)" in (target / "report.html").read_text()
     assert invoke(["show", str(target)]) == 2
     assert "expected your consent to run own_system.py" in capsys.readouterr().err
     assert invoke(["show", str(target), "--trust"]) == 0
     assert "not covered for this model" in capsys.readouterr().out
     assert invoke(["verify", str(target), "--trust"]) == 4
     assert "NOT COVERED" in capsys.readouterr().out
+    assert invoke(["report", str(target)]) == 2
+    for command in (["report"], ["animate", "--seconds", "0.2"], ["plot", "trajectories"], ["export"]):
+        verb, *rest = command
+        more = ["--to", "csv", "-o", str(target / "controls.csv"), "--overwrite"] if verb == "export" else []
+        assert invoke([verb, str(target), *rest, *more, "--trust"]) == 0
+    capsys.readouterr()
     ResultsFolder(target, overwrite=True).discard()
     plan = ec.Plan.load(target, trust=True)
     assert plan.problem.steps == 20

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import certify
+from ensemble_ctrl.certificate.task import TaskBound
 from ensemble_ctrl.config import load, load_text
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Share, parse
@@ -22,6 +24,7 @@ from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.report.text import measured, proven
+from ensemble_ctrl.report.words import certificate_words
 from ensemble_ctrl.systems import Unicycle
 
 Floats = NDArray[np.float64]
@@ -181,9 +184,41 @@ def test_fleets_of_no_and_of_several_parameters(parameters: str) -> None:
 def test_what_is_said_of_a_share() -> None:
     problem = load_text(SIGNPOST)
     controls = solve(problem).controls
-    rows = dict(measured(replay(problem, controls)) + proven(certify(problem, controls)))
+    certificate = certify(problem, controls)
+    rows = dict(measured(replay(problem, controls)) + proven(certificate))
     assert "% do what 60 % have to (" in rows["replay"]
-    assert "of the fleet do share(0.6, G[2.8,3] in(goal) and G avoid(o)) with >= 0.0" in rows["proven"]
+    assert "worst member" not in rows["robustness"]
+    assert "% of the fleet, every instant: their part of the task >= 0.0" in rows["proven"]
+    words = certificate_words(problem, certificate)
+    assert "every robot" not in words.lead
+    assert words.lead.startswith("Proven: at least ")
+    assert "% of the robots with traction from 0.8 to 1.2, at every instant of the 3 s, do what" in words.lead
+    assert " % of the fleet with at least " in words.bounds[0]
+
+
+def test_what_is_said_of_a_share_beside_what_everybody_does() -> None:
+    part = TaskBound("share(0.6, F in(a))", 0.02, np.inf, {}, share=0.612399)
+    rest = TaskBound("F in(b)", 0.03, 0.04, {"traction": 0.9})
+    problem = load_text(SIGNPOST)
+    certificate = replace(certify(problem, np.zeros((30, 2))), proven="yes", parts=(part, rest), counter_example=None)
+    (first, text), (second, share) = proven(certificate)
+    assert (first, second) == ("proven", "")
+    assert text == "for every traction 0.8..1.2, every instant: rest of the task >= 0.0300 m"
+    assert share.startswith("for 61.23 % of the fleet, every instant: their part of the task >= 0.0200 m (")
+    lead = certificate_words(problem, certificate).lead
+    assert "does the rest of the task, and at least 61.23 % of them do what is asked of a share" in lead
+    undecided = proven(replace(certificate, proven="undecided"))
+    assert [text.startswith("UNDECIDED for ") and ": only " in text for _, text in undecided] == [True, True]
+
+
+def test_boxes_end_within_the_range_whatever_its_ends() -> None:
+    rng = np.random.default_rng(7)
+    problem = load_text(SIGNPOST)
+    for low, width in rng.uniform([0.1, 0.01], [1.0, 1.0], (50, 2)):
+        fleet = replace(problem.fleet, parameters={"traction": Interval(low, low + width)})
+        for box in ranges(problem.with_(fleet=fleet)):
+            assert box is not None
+            assert all(-1 <= a < b <= 1 for a, b in box)
 
 
 def test_boxes_have_the_mass_and_none_is_larger_than_it_must_be() -> None:

@@ -140,7 +140,7 @@ def test_configs_load_without_a_warning_and_are_written_again(name: str) -> None
     ("old", "new", "wanted"),
     [
         ("at_most: 8 s", "at_least: 8 s", "horizon.duration: expected at_most, the longest that the plan may take"),
-        ("at_most: 8 s", "at_most: 8 s, least: 2", "expected at_most and at_least, got 'least'"),
+        ("at_most: 8 s", "at_most: 8 s, least: 2", "horizon.duration.least: unknown field"),
         ("at_most: 8 s", "at_most: 8 m", "expected a time in s, ms, min or h, got '8 m', which is a length"),
         ("at_most: 8 s", "at_most: 8 s, at_least: 9 s", "expected at_least up to at_most, got 9 s and 8 s"),
         ("at_most: 8 s", "at_most: 1 s", "drives 1.8 m by 1 s"),
@@ -152,6 +152,14 @@ def test_mistakes_are_told(old: str, new: str, wanted: str) -> None:
     with pytest.raises(ConfigError) as error:
         load_text(STRAIGHT.replace(old, new))
     assert wanted in str(error.value)
+
+
+def test_the_deadline_of_a_passage_reads_like_a_time() -> None:
+    problem = load(CONFIGS / "earliest_passage.yaml")
+    goal = goal_of(problem)
+    assert isinstance(goal, Passage)
+    texts = [str(goal.at(k * problem.step).task) for k in range(20, problem.steps)]
+    assert max(len(text.split(" and ")[-1]) for text in texts) <= len("F[0,9.9] in(checkpoint)")
 
 
 def test_bounds_from_python_are_checked() -> None:

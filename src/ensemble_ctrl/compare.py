@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ensemble_ctrl.api import Plan, plan
-from ensemble_ctrl.errors import UnsupportedError
+from ensemble_ctrl.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.planner import Progress
 from ensemble_ctrl.problem import Guarantee, Method, OdeProblem, Problem
 
@@ -61,6 +61,8 @@ def compare(
 ) -> tuple[Compared, ...]:
     """Plan `problem` once in each of the `VARIANTS` named, without certified tightening, and replay the plans.
 
+    Variants that are not for the problem (`left_out`) have no row.
+
     Raises
     ------
     UnsupportedError
@@ -72,23 +74,39 @@ def compare(
     """
     if isinstance(problem, OdeProblem):
         raise UnsupportedError(f"compare: expected robots on arcs, got the {problem.fleet.system.name}")
-    return tuple(_compared(problem, name, progress) for name in variants)
+    without = left_out(problem, variants)
+    return tuple(_compared(problem, name, progress) for name in variants if name not in without)
+
+
+def left_out(problem: Problem, variants: Sequence[str] = tuple(VARIANTS)) -> dict[str, str]:
+    """The variants that are not for a problem, and why: moving obstacles, say, are not for ``minlp``."""
+    found = {}
+    for name in variants:
+        try:
+            _variant(problem, name)
+        except ProblemError as error:
+            found[name] = str(error)
+    return found
+
+
+def _variant(problem: Problem, name: str) -> Problem:
+    """The problem of one row."""
+    guarantee, method = VARIANTS[name]
+    return problem.with_(
+        solve=replace(problem.solve, guarantee=guarantee, method=method),
+        verify=replace(problem.verify, certificate=False, substeps=SUBSTEPS),
+    )
 
 
 def _compared(problem: Problem, name: str, progress: Progress | None) -> Compared:
     """One row."""
-    guarantee, method = VARIANTS[name]
-    variant = problem.with_(
-        solve=replace(problem.solve, guarantee=guarantee, method=method),
-        verify=replace(problem.verify, certificate=False, substeps=SUBSTEPS),
-    )
-    found = plan(variant, progress=progress, check=False)
+    found = plan(_variant(problem, name), progress=progress, check=False)
     run = found.replayed
     assert run is not None
     shortest = min([run.worst[0], *(c.distance for c in run.clearances)])
     return Compared(
         name,
-        guarantee,
+        VARIANTS[name][0],
         found,
         sum(found.details["seconds"].values()),
         found.details["iterations"],

@@ -156,7 +156,7 @@ class Passage:
 
     def at(self, value: float) -> Problem:
         """The task with a visit up to a deadline."""
-        visit = Eventually(Inside(self.region), 0.0, value)
+        visit = Eventually(Inside(self.region), 0.0, round(value, 9))  # 0.6, not the rounded sum of steps
         objective = replace(self.problem.objective, earliest=None)
         return self.problem.with_(task=And((*conjuncts(self.problem.task), visit)), objective=objective)
 

@@ -183,6 +183,9 @@ def test_examples(command: Command, place: Path) -> None:
     names = [line.split()[0] for line in listed.out.splitlines()]
     assert "five_obstacles" in names
     assert all(len(line.split(maxsplit=1)) == 2 for line in listed.out.splitlines())
+    titles = [line.split(maxsplit=1)[1] for line in listed.out.splitlines()]
+    assert max(map(len, titles)) <= 120, "first sentences, none of them cut off"
+    assert titles[names.index("minimum_time")].endswith("as soon as the slowest robot can")
     configs = Path(__file__).parents[2] / "configs"
     assert names == sorted(path.stem for path in configs.rglob("*.yaml"))
     assert ec.load_text(command("examples", "five_obstacles").out).name == "five_obstacles"
@@ -255,6 +258,13 @@ def test_every_command_has_help_that_fits_80_columns(command: Command) -> None:
         )
     assert "Exit codes:" in command("run", "--help").out
     assert "Exit codes:" in command("small.yaml", "--help").out
+
+
+@pytest.mark.parametrize(
+    "name", ["run", "check", "show", "report", "plot", "animate", "verify", "compare", "widest", "export", "online"]
+)
+def test_consent_can_be_given_wherever_it_may_be_asked_for(command: Command, name: str) -> None:
+    assert "--trust" in command(name, "--help").out
 
 
 def test_version(command: Command) -> None:

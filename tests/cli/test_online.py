@@ -97,6 +97,32 @@ def test_the_defaults_do_without_a_section(command: Command, place: Path) -> Non
     assert done.code == 0, done.err
 
 
+FREE = SMALL.replace("duration: 4 s", "duration: {at_most: 4 s}").replace("F[3, 4]", "F")
+UNFIT = [
+    (FREE, "unfit.yaml:6:21: error: horizon.duration: a free duration is not for a loop"),
+    (SMALL + "objective: {earliest: goal}\n", "objective.earliest: the earliest passage is not for a loop"),
+    (SMALL.replace("F[3, 4] in(goal)", "share(0.9, F[3, 4] in(goal))"), "task: a loop drives one robot"),
+    (
+        "fleet: {model: double_integrator, start: {position: [0, 0]}}\nhorizon: {duration: 1 s}\ntask: F x >= 0\n",
+        "unfit.yaml:1:16: error: fleet.model: a loop drives robots on arcs, and this is a double_integrator",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), UNFIT)
+def test_what_is_not_for_a_loop_is_told_with_its_place(command: Command, place: Path, text: str, message: str) -> None:
+    (place / "unfit.yaml").write_text(text)
+    done = command("online", "unfit.yaml")
+    assert (done.code, done.out) == (2, "")
+    assert message in done.err
+    assert not (place / "plans").exists()
+    assert command("check", "unfit.yaml").code == 0
+    (place / "unfit.yaml").write_text(text + "online: {deadline: 0.1 s}\n")
+    checked = command("check", "unfit.yaml")
+    assert checked.code == 2
+    assert message in checked.err
+
+
 def test_without_a_plan_nothing_is_driven(command: Command, place: Path) -> None:
     done = command("online", "walled.yaml")
     assert done.code == 3

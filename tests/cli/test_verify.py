@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from .conftest import Command
+from .tools import SMALL
 
 
 def test_a_run_writes_its_certificate_and_says_what_is_proven(results: Path) -> None:
@@ -122,6 +123,17 @@ def test_compare_prints_one_row_a_guarantee(command: Command, place: Path) -> No
     assert [row["guarantee"] for row in data["rows"]] == ["moment", "moment", "nodes", "hull", "hull"]
     assert [row["method"] for row in data["rows"]] == ["nlp", "minlp", "nlp", "nlp", "minlp"]
     assert [row["violating"] for row in data["rows"][3:]] == [0, 0]
+
+
+def test_compare_leaves_out_what_is_not_for_the_problem(command: Command, place: Path) -> None:
+    (place / "moving.yaml").write_text(SMALL + "motions: {block: {velocity: [0, -0.1]}}\n")
+    outcome = command("compare", "moving.yaml", "-q", "--no-plots")
+    assert outcome.code == 0, outcome.err
+    rows = outcome.out.splitlines()
+    assert [row.split()[0] for row in rows[2:5]] == ["moment", "nodes", "hull"]
+    assert rows[5].startswith("moment, minlp  left out: solve.method: minlp is for obstacles that stand still")
+    data = json.loads((place / "plans" / "small-compare" / "compare.json").read_text())
+    assert list(data["left_out"]) == ["moment, minlp", "hull, minlp"]
 
 
 def test_widest_names_the_range_and_what_blocks(command: Command, place: Path) -> None:

@@ -156,6 +156,7 @@ MISTAKES = [
     ("{moments: [], weights: [1]}", ".moments", "expected a list of [x, y], got []"),
     ("{mean: [1, 2]}", "", "expected mean and covariance, but covariance is missing"),
     ("{mean: [1, 2], covariance: [[1, 2], [2, 1]]}", ".covariance", "expected a symmetric covariance without negative"),
+    ("{mean: [1, 2], covarience: [[1, 2], [2, 1]]}", ".covarience", "unknown field"),
     ("{mean: [1, 2], covariance: [[1, 2]]}", ".covariance", "expected [[a, b], [b, c]]"),
     (
         "{mean: [1, 2], covariance: [[1e-4, 0], [0, 1]]}",

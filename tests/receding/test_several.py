@@ -159,7 +159,7 @@ def test_plans_are_for_the_members_of_all() -> None:
     """Side by side, each robot's with its own place, ranges and past, to which a silent one's is carried along."""
     loop = loop_of(fleet())
     places = {name: np.array([0.005 * k, -0.005 * k]) for k, name in enumerate(TRACTIONS)}
-    loop.step({name: Measurement(0.0, *map(float, place), 0.0) for name, place in places.items()})
+    loop.step({name: Measurement(0.0, float(place[0]), float(place[1]), 0.0) for name, place in places.items()})
     loop.trackers["blue"].sets.ranges = np.array([[1.05, 1.1]])
     start = loop._present(loop.plan)
     for k, name in enumerate(TRACTIONS):
@@ -168,7 +168,8 @@ def test_plans_are_for_the_members_of_all() -> None:
         low, high = loop.trackers[name].ranges[0]
         assert ((rows[:, 0] > low) & (rows[:, 0] < high)).all()
     way = SHORT.fleet.system.positions(loop.plan, SHORT.fleet.drives(np.array([[1.0]])), SHORT.step)[0]
-    loop.observe({name: Measurement(0.8, *map(float, way[8]), headed(loop.plan, 8)) for name in ("red", "green")})
+    seen = Measurement(0.8, float(way[8, 0]), float(way[8, 1]), headed(loop.plan, 8))
+    loop.observe(dict.fromkeys(("red", "green"), seen))
     later = loop._present(loop.plan)
     assert (later.at, later.path.shape) == (8, (8, 3, 2))
     np.testing.assert_allclose(later.path[:, 2], places["blue"] + 1.075 * way[:8], atol=0.02)

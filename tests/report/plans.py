@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 
 from ensemble_ctrl.api import Plan, checked
 from ensemble_ctrl.config import load_text
+from ensemble_ctrl.constraints import Polyhedron
+from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.ode_fleet import OdeFleet
+from ensemble_ctrl.problem import OdeProblem, VerifyOptions
+from ensemble_ctrl.systems import OdeSystem
 
 UNICYCLE = "fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}\n"
 HORIZON = "horizon: {duration: 4 s, steps: 40}\n"
@@ -88,3 +97,59 @@ def made(kind: str) -> Plan:
     controls = np.tile([0.7, 0.05], (problem.steps, 1))
     plan = Plan(problem, controls, "infeasible" if kind == "hit" else "planned")
     return checked(plan, plan.replay(), plan.certify() if problem.verify.certificate else None)
+
+
+class Cart(OdeSystem):
+    """A system of one's own whose position is a line."""
+
+    name, states, positions = "cart", ("x", "v"), ("x",)
+    controls, control_units, input_bounds = ("force",), ("N",), ((-5.0, 5.0),)
+    parameters = {"mass": 1.0, "drag": 0.0}  # noqa: RUF012
+
+    def xdot(self, x: Any, u: Any, psi: Any) -> list[Any]:
+        """Newton's law."""
+        return [x[1], u[0] / psi["mass"] - psi["drag"] * x[1]]
+
+
+ODE_PROBLEMS = {
+    "plane": """
+fleet: {model: double_integrator, parameters: {mass: {range: [0.8, 1.2]}}, start: {position: [0, 0], vx: 0.5}}
+horizon: {duration: 4 s, steps: 20}
+regions: {goal: {box: [[3, 7], [-1, 1]]}}
+obstacles: {post: {box: [[1, 1.6], [0.4, 1.2]]}}
+task: F[3, 4] in(goal) and G avoid(obstacles) and G vx <= 3
+verify: {members: 50}
+""",
+    "space": """
+fleet:
+  model: quadrotor
+  parameters: {payload: {range: [0, 0.1]}, start_vx: {range: [0.9, 1.1]}}
+  start: {position: [0, 0, 1]}
+  radius: 0.1
+horizon: {duration: 1 s, steps: 10}
+regions: {goal: {box: [[0.5, 2], [-0.5, 0.5], [0, 2]]}}
+obstacles: {wall: [{box: [[0.4, 0.6], [0.5, 1], [0, 2]]}, {box: [[0.4, 0.6], [-1, -0.5], [0, 2]]}],
+            ground: {box: [[-1, 2], [-1, 1], [-0.5, 0]]}}
+task: F[0.8, 1] in(goal) and G avoid(obstacles) and G qx <= 0.1
+verify: {members: 20}
+""",
+}
+"""Problem files of fleets that follow a differential equation."""
+ODE_KINDS = ("plane", "space", "line", "equal line")
+
+
+@cache
+def ode_made(kind: str) -> Plan:
+    """A replayed plan of such a fleet: pushed on steadily, or hovering with some speed; ``line`` fails its task."""
+    if kind in ODE_PROBLEMS:
+        problem = load_text(ODE_PROBLEMS[kind], name=kind)
+        command = [0.4, 0.05] if kind == "plane" else problem.fleet.rest(problem.fleet.center)  # type: ignore[attr-defined]
+    else:
+        law = {"mass": Interval(0.8, 1.2), "drag": Interval(0.0, 0.2)} if kind == "line" else {}
+        regions = {"goal": Polyhedron.box([[1.5, 2.0]]), "track": Polyhedron.box([[-0.5, 4.0]])}
+        task = parse(f"F[1, {1.5 if law else 2}] in(goal) and G in(track) and G v <= 3")
+        verify = VerifyOptions(members=50, certificate=False)
+        problem = OdeProblem("line", OdeFleet(Cart(), law, {}), 2.0, 20, task, regions, verify=verify)
+        command = [1.0]
+    plan = Plan(problem, np.tile(command, (problem.steps, 1)), "infeasible" if kind == "line" else "planned")
+    return checked(plan, plan.replay(), None)

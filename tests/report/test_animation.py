@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ensemble_ctrl.folder import RESULT_FILES
-from ensemble_ctrl.report.animation import FORMATS, HEAD, WIDTH, AnimationError
-from ensemble_ctrl.report.view import Canvas, ways, window
+from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.report.animation import WIDTH
+from ensemble_ctrl.report.film import FORMATS, AnimationError
+from ensemble_ctrl.report.scene import scenes
+from ensemble_ctrl.report.stage import HEAD
+from ensemble_ctrl.report.view import Canvas
 
 from .plans import made
 
@@ -37,9 +41,9 @@ def test_robots_are_where_they_are_at_the_time(tmp_path: Path) -> None:
     """The foremost of what differs from the first picture is the robot, against its exact position."""
     plan = made("equal")
     path = plan.animate(tmp_path / "a.gif", seconds=4.0)
-    way = ways(plan.problem, plan.controls, np.zeros((1, 0)), 2)
-    low, size = window(plan.problem, list(way))
-    canvas = Canvas.around(low, size, WIDTH["gif"], top=HEAD)
+    way = trajectories(plan.problem, plan.controls, np.zeros((1, 0)), 2)
+    (scene,) = scenes(plan.problem, way)
+    canvas = scene.canvas(WIDTH["gif"], top=HEAD)
     with Image.open(path) as picture:
         first = _map(picture, 0, canvas)
         for frame in (10, 25, 40):

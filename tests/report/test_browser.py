@@ -13,7 +13,7 @@ from PIL import Image
 from ensemble_ctrl.report.html import report_html
 
 from .browser import Page, chromium, executable
-from .plans import PROBLEMS, made
+from .plans import PROBLEMS, made, ode_made
 
 BROWSER = executable()
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no headless Chromium here")
@@ -109,4 +109,23 @@ def test_a_phone_needs_no_scrolling_sideways(tab: Page, tmp_path: Path, kind: st
         ".map(r => Math.max(r.width, r.height))"
     )
     assert min(sizes) > 7
+    assert tab.complaints == []
+
+
+@pytest.mark.parametrize("width", [1200, 390])
+def test_the_slider_moves_the_fleet_in_every_view(tab: Page, tmp_path: Path, width: int) -> None:
+    tab.complaints.clear()
+    tab.screen(width, 900)
+    path = tmp_path / "space.html"
+    path.write_text(report_html(ode_made("space"), ""), encoding="utf-8")
+    tab.open(path)
+    end = np.array(tab.run(PLACES))
+    tab.run(MOVE.format(0))
+    start = np.array(tab.run(PLACES))
+    assert len(start) == 30
+    assert np.ptp(start[:15], axis=0).max() < 0.2
+    assert np.ptp(start[15:], axis=0).max() < 0.2
+    assert (end[:, 0] - start[:, 0]).min() > 100
+    assert end[:15, 0] == pytest.approx(end[15:, 0], abs=0.2)  # both views have one scale
+    assert tab.run("document.documentElement.scrollWidth") <= width
     assert tab.complaints == []

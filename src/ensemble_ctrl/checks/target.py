@@ -67,10 +67,11 @@ def _formation(problem: Problem, target: Formation) -> Iterator[Finding]:
         for value, place in zip(target.values, target.places, strict=True)
         if law.lower - SLACK <= value <= law.upper + SLACK
     ]
-    for value, place in inside:
-        yield from _reach(problem, target, value, place)
-    for (value, place), (other, there) in combinations(inside, 2):
-        yield from _apart(problem, target, (value, place), (other, there))
+    far = [finding for value, place in inside for finding in _reach(problem, target, value, place)]
+    yield from far
+    if not far:
+        for (value, place), (other, there) in combinations(inside, 2):
+            yield from _apart(problem, target, (value, place), (other, there))
 
 
 def _reach(problem: Problem, target: Formation, value: float, place: NDArray[np.float64]) -> Iterator[Finding]:

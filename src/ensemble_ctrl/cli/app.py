@@ -59,6 +59,14 @@ Output = Annotated[
     Path | None,
     typer.Option("-o", "--output", help="Results folder [default: plans/<name>].", metavar="DIR"),
 ]
+ComparedIn = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Results folder [default: plans/<name>-compare].", metavar="DIR"),
+]
+LoggedIn = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Results folder [default: plans/<name>-online].", metavar="DIR"),
+]
 Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", help="Change a field: a dotted key and a YAML value; repeatable.", metavar="KEY=VALUE"),
@@ -219,6 +227,7 @@ def report(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="The file [default: report.html beside it].", metavar="FILE")
     ] = None,
+    trust: Trust = False,
 ) -> None:
     """Write a saved plan's report.html again."""
     from ensemble_ctrl.cli.report import report_plan
@@ -253,6 +262,7 @@ def plot(
     format: Annotated[
         str | None, typer.Option("--format", help="png, pdf or svg [default: as FILE ends, or png].", metavar="FORMAT")
     ] = None,
+    trust: Trust = False,
 ) -> None:
     """Draw a saved plan for a paper, a column wide."""
     from ensemble_ctrl.cli.plot import plot_plan
@@ -273,6 +283,7 @@ def animate(
         typer.Option("-o", "--output", help="A .gif or .mp4 [default: animation.gif beside it].", metavar="FILE"),
     ] = None,
     seconds: Annotated[float, typer.Option(help="How long it runs.", metavar="N")] = 6.0,
+    trust: Trust = False,
 ) -> None:
     """Show a saved plan's fleet on its way."""
     from ensemble_ctrl.cli.animate import animate_plan
@@ -311,12 +322,13 @@ def verify(
 )
 def compare(
     config: Config,
-    output: Output = None,
+    output: ComparedIn = None,
     overrides: Overrides = None,
     json: Json = False,
     quiet: Quiet = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figure.")] = False,
     overwrite: Overwrite = False,
+    trust: Trust = False,
 ) -> None:
     """Plan with each guarantee and compare the plans."""
     from ensemble_ctrl.cli.compare import compare_guarantees
@@ -339,6 +351,7 @@ def widest(
     ] = None,
     json: Json = False,
     quiet: Quiet = False,
+    trust: Trust = False,
 ) -> None:
     """Find the widest parameter range with a certified plan."""
     from ensemble_ctrl.cli.widest import find_widest
@@ -401,6 +414,7 @@ def export(
         typer.Option(help="Members whose paths are written [default: csv 0, json 5, rosbag 5].", metavar="N", min=0),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+    trust: Trust = False,
 ) -> None:
     """Write a saved plan for other programs."""
     from ensemble_ctrl.cli.exporting import export_plan
@@ -417,7 +431,7 @@ def export(
 )
 def online(
     config: Config,
-    output: Output = None,
+    output: LoggedIn = None,
     overrides: Overrides = None,
     traction: Annotated[
         float | None,
@@ -430,6 +444,7 @@ def online(
     quiet: Quiet = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
     overwrite: Overwrite = False,
+    trust: Trust = False,
 ) -> None:
     """Measure, learn, plan again, apply, on a simulated robot."""
     from ensemble_ctrl.cli.online import OnlineRun, run_online

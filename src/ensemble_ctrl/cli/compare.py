@@ -7,7 +7,7 @@ from pathlib import Path
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.compare import Compared, compare, table
+from ensemble_ctrl.compare import Compared, compare, left_out, table
 from ensemble_ctrl.config import read
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.results import SCHEMA, to_json
@@ -25,7 +25,14 @@ def compare_guarantees(
             rows = compare(problem, progress=progress)
             if progress.stop_signal is not None:
                 return codes.INTERRUPTED
-            text = to_json({"schema": SCHEMA, "name": problem.name, "rows": [_as_data(row) for row in rows]}, indent=2)
+            without = left_out(problem)
+            data = {
+                "schema": SCHEMA,
+                "name": problem.name,
+                "rows": [_as_data(row) for row in rows],
+                "left_out": without,
+            }
+            text = to_json(data, indent=2)
             (folder.working / "compare.json").write_text(text + "\n", encoding="utf-8")
             if plots:
                 from ensemble_ctrl.report.figures import draw_comparison
@@ -36,7 +43,8 @@ def compare_guarantees(
     finally:
         folder.discard()
     progress.finish()
-    say(text if as_json else "\n".join([problem.name, *table(rows), f"written to {placed}"]))
+    notes = [f"{name:<15}left out: {why}" for name, why in without.items()]
+    say(text if as_json else "\n".join([problem.name, *table(rows), *notes, f"written to {placed}"]))
     return codes.OK
 
 

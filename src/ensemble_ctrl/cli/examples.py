@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from itertools import takewhile
 from pathlib import Path
 
 from ensemble_ctrl.cli.newfile import without_editor_line, write_new
@@ -59,7 +60,7 @@ def list_or_print(name: str | None, copy: bool) -> None:
             raise EnsembleError(f"examples: --copy needs a name, one of {', '.join(examples)}")
         width = max(map(len, examples), default=0) + 2
         for key, (text, _) in examples.items():
-            say(f"{key:<{width}}{_title(text)}")
+            say(f"{key:<{width}}{title(text)}")
     elif name not in examples:
         hint = suggestion(name, examples)
         known = f"expected one of {', '.join(examples)}, got {name!r}"
@@ -83,7 +84,7 @@ def _copy(name: str, example: Example) -> None:
     say(f"wrote {', '.join([str(target), *others])}; now run: ensemble-plan {target}")
 
 
-def _title(text: str) -> str:
-    """The first comment of an example."""
-    comments = (line for line in text.splitlines() if line.startswith("# "))
-    return next(comments, "# ").removeprefix("# ")
+def title(text: str) -> str:
+    """The first sentence of an example's opening comment."""
+    lines = takewhile(lambda line: line.startswith("# "), without_editor_line(text).splitlines())
+    return " ".join(line.removeprefix("# ") for line in lines).partition(". ")[0].removesuffix(".")

@@ -51,7 +51,7 @@ def run_online(options: OnlineRun) -> int:
     """Plan, run the loop, write the folder, print the summary; returns the exit code."""
     progress = Progress(options.quiet)
     progress("check", None)
-    loaded = read(options.config, options.overrides)
+    loaded = read(options.config, options.overrides, loop=True)
     for warning in loaded.warnings:
         progress.note(str(warning))
     settings = (loaded.online or OnlineSettings()).with_robots(options.traction, options.seed)

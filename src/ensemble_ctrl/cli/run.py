@@ -14,7 +14,6 @@ from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
 from ensemble_ctrl.folder import ResultsFolder
-from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.report import route_lines, summary_lines
 from ensemble_ctrl.results import controls_csv, summary, to_json, write_report, write_results
 
@@ -55,17 +54,13 @@ def run(options: RunOptions) -> int:
     """Plan, write the results folder, print the summary; returns the exit code."""
     progress = Progress(options.quiet, options.verbose)
     if options.animation is not None:
-        from ensemble_ctrl.report.animation import require
+        from ensemble_ctrl.report.film import require
 
         require(f"--animate {options.animation}", options.animation)
     progress("check", None)
     loaded = read(options.config, options.overrides)
     for warning in loaded.warnings:
         progress.note(str(warning))
-    if options.animation is not None:
-        from ensemble_ctrl.report.view import require_map
-
-        require_map(loaded.problem, f"--animate {options.animation}")
     guess = Plan.load(options.guess) if options.guess else None
     folder = ResultsFolder(options.output, loaded.problem.name, options.overwrite)
 
@@ -136,8 +131,7 @@ def _draw(found: Plan, folder: Path, options: RunOptions) -> str:
     try:
         if options.plots:
             write_figures(found.problem, found.controls, folder, found.twin, found.details["routes"])
-            if not isinstance(found.problem, OdeProblem):
-                write_report(found, folder / REPORT, folder)
+            write_report(found, folder / REPORT, folder)
         if options.animation is not None:
             found.animate(folder / f"animation.{options.animation}")
     except Exception as error:

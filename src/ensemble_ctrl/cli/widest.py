@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from math import floor
+
+from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import read
@@ -37,15 +41,24 @@ def find_widest(
         certificate = found.plan.certificate if found.plan else None
         say(f"{problem.name}: widest certified {name} {found.interval.lower:.4f}..{found.interval.upper:.4f}")
         if certificate is not None:
-            say(
-                f"  proven     clearance >= {certificate.clearance:.4f} m, robustness >= {certificate.robustness:.4f} m"
-            )
+            say(f"  proven     {', '.join(_bounds(certificate))}")
     if found.beyond is not None:
         say(f"  beyond     {name} {found.beyond.lower:.4f}..{found.beyond.upper:.4f}: no certified plan was found")
         for text in blocked:
             say(f"  blocked    {text}")
     say(f"  tried      {found.tried} ranges; that no wider plan exists is not proven")
     return code
+
+
+def _bounds(certificate: Certificate) -> Iterator[str]:
+    """What is proven of the widest fleet."""
+    if certificate.clearances:
+        yield f"clearance >= {certificate.clearance:.4f} m"
+    if certificate.parts:
+        yield f"robustness >= {certificate.robustness:.4f} m"
+    for part in certificate.parts:
+        if part.share is not None:
+            yield f"by >= {floor(1e4 * part.share) / 100:.4g} % of the fleet"
 
 
 def _as_data(found: Widest) -> dict[str, object]:

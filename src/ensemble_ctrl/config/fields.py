@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Wit
 
 from ensemble_ctrl.checks import ALL_OBSTACLES
 from ensemble_ctrl.config.units import pattern, quantity
-from ensemble_ctrl.config.wrong import Wrong, show, suggestion
+from ensemble_ctrl.config.wrong import Wrong, only, show, suggestion
 from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.constraints.stl.leaves import RESERVED
 from ensemble_ctrl.problem import MAX_ORDER
@@ -106,9 +106,7 @@ def free_duration(value: Any) -> float | tuple[float, float]:
     seconds, least = quantity("time", above=0), quantity("time", 0)
     if not isinstance(value, dict):
         return seconds(value)
-    for key in value:
-        if key not in ("at_most", "at_least"):
-            raise Wrong(f"expected at_most and at_least, got {show(key)}", path=(key,))
+    only(value, ("at_most", "at_least"))
     if "at_most" not in value:
         raise Wrong("expected at_most, the longest that the plan may take, but it is missing")
     bounds = []

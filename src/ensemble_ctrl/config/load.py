@@ -24,6 +24,7 @@ from ensemble_ctrl.config.tree import TextError, Tree
 from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.errors import ConfigError, ProblemError
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.receding.remaining import loop_findings
 from ensemble_ctrl.receding.settings import OnlineSettings
 
 
@@ -93,13 +94,16 @@ def load_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *,
     return read_text(text, name, overrides, trust=trust).problem
 
 
-def read(source: Source, overrides: Iterable[str] = (), *, trust: bool = False) -> Loaded:
-    """Read a problem file, and keep its warnings and its text; see `load`."""
+def read(source: Source, overrides: Iterable[str] = (), *, trust: bool = False, loop: bool = False) -> Loaded:
+    """Read a problem file, and keep its warnings and its text; see `load`.
+
+    With `loop`, as with a section ``online``, what is not for a loop is an error too.
+    """
     try:
         text = read_source(source)
     except TextError as error:
         _refuse([_unplaced(error, name_of(source))], name_of(source))
-    return _read(text, overrides, trust)
+    return _read(text, overrides, trust, loop)
 
 
 def read_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *, trust: bool = False) -> Loaded:
@@ -107,7 +111,7 @@ def read_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *,
     return _read(Text(name, text, FilePath(name).parent if trust or CONSENT.get() else FilePath()), overrides, trust)
 
 
-def _read(text: Text, overrides: Iterable[str], trust: bool = False) -> Loaded:
+def _read(text: Text, overrides: Iterable[str], trust: bool = False, loop: bool = False) -> Loaded:
     """All steps."""
     tree = _tree(text)
     changes = _overrides(overrides, text.name)
@@ -119,6 +123,10 @@ def _read(text: Text, overrides: Iterable[str], trust: bool = False) -> Loaded:
             text.name,
         )
     problem, online = _problem(text, data, locate, trust)
+    if loop or online is not None:
+        wrong = [locate(finding) for finding in loop_findings(problem)]
+        if wrong:
+            _refuse(sorted(wrong, key=locate.order), text.name)
     warnings = [locate(finding) for finding in findings(problem)]
     return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content, online)
 

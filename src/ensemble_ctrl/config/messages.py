@@ -101,7 +101,8 @@ def _finding(detail: Any, root: type[BaseModel]) -> Finding:
     kind, value = detail["type"], detail["input"]
     match kind:
         case "value_error":
-            return replace(_raised(path, detail["ctx"]["error"]), on_key=on_key)
+            found = _raised(path, detail["ctx"]["error"])
+            return replace(found, on_key=on_key or found.on_key)
         case "missing":
             hint = f"for example  {EXAMPLES[path]}" if path in EXAMPLES else ""
             return Finding(path, "this is required, but missing", hint)
@@ -119,7 +120,7 @@ def _finding(detail: Any, root: type[BaseModel]) -> Finding:
 def _raised(path: Path, error: Exception) -> Finding:
     """What a validator of ours raised."""
     if isinstance(error, Wrong):
-        return Finding((*path, *error.path), error.message, error.hint, offset=error.offset)
+        return Finding((*path, *error.path), error.message, error.hint, offset=error.offset, on_key=error.on_key)
     if isinstance(error, FormulaError):
         offset = error.column - 1 if error.column else None
         return Finding(path, f"expected {error.expected}, got {error.came}", offset=offset)

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
 from ensemble_ctrl.checks import STATES
 from ensemble_ctrl.config.units import quantity
-from ensemble_ctrl.config.wrong import Wrong, show
+from ensemble_ctrl.config.wrong import Wrong, only, show
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target
 
@@ -36,13 +36,13 @@ def target(value: Any, info: ValidationInfo) -> tuple[float, ...] | Target:
         return tuple(_one(one, (i,), _LENGTH) for i, one in enumerate(value))
     keys = set(value)
     if "moments" in keys:
-        _only(keys, {"moments", "weights"})
+        only(keys, {"moments", "weights"})
         weights = value.get("weights")
         rows = np.array(_rows(value["moments"], ("moments",), "[x, y]"))
         given = None if weights is None else np.array(_numbers(weights, ("weights",)))
         return _built(lambda: MomentTarget(rows, given), ("moments",))
     if keys & {"mean", "covariance"}:
-        _only(keys, {"mean", "covariance"})
+        only(keys, {"mean", "covariance"})
         for name in ("mean", "covariance"):
             if name not in keys:
                 raise Wrong(f"expected mean and covariance, but {name} is missing")
@@ -97,13 +97,6 @@ def _built(make: Callable[[], Made], path: Place) -> Made:
         return make()
     except ProblemError as error:
         raise Wrong(str(error).partition(": ")[2], path=path) from None
-
-
-def _only(keys: set[Any], allowed: set[str]) -> None:
-    """No other keys."""
-    others = sorted(map(str, keys - allowed))
-    if others:
-        raise Wrong(f"expected {' and '.join(sorted(allowed))}, got {others[0]!r} too", path=(others[0],))
 
 
 def _matrix(value: Any) -> Floats:

@@ -21,13 +21,20 @@ class Wrong(ValueError):
         Keys from the place at which it was raised to the value that is wrong.
     offset : int, optional
         0-based place of the mistake within the value's text.
+    on_key : bool
+        Whether it is about the last key of the path, not about its value.
     """
 
     def __init__(
-        self, message: str, hint: str = "", path: tuple[str | int, ...] = (), offset: int | None = None
+        self,
+        message: str,
+        hint: str = "",
+        path: tuple[str | int, ...] = (),
+        offset: int | None = None,
+        on_key: bool = False,
     ) -> None:
         super().__init__(message)
-        self.message, self.hint, self.path, self.offset = message, hint, path, offset
+        self.message, self.hint, self.path, self.offset, self.on_key = message, hint, path, offset, on_key
 
 
 def show(value: Any) -> str:
@@ -45,6 +52,20 @@ def show(value: Any) -> str:
         return ".nan" if math.isnan(value) else f"{'-' if value < 0 else ''}.inf"
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def only(keys: Iterable[Any], known: Iterable[str], path: tuple[str | int, ...] = ()) -> None:
+    """No other keys than those known in a section at `path`.
+
+    Raises
+    ------
+    Wrong
+        About the first other one.
+    """
+    known = sorted(known)
+    for key in sorted(str(key) for key in keys if key not in known):
+        hint = suggestion(key, known) or f"known here: {', '.join(known)}"
+        raise Wrong("unknown field", hint, (*path, key), on_key=True)
 
 
 def suggestion(word: Any, known: Iterable[str]) -> str:

@@ -79,7 +79,8 @@ def _box(problem: Problem, sides: Sides, share: float) -> Range:
         few, many = (few, mass) if fleet.mass(*ends(mass)) >= share else (mass, many)
     ends(many)
     pairs = zip(fleet.bent, fleet.bent_laws, strict=True)
-    return tuple((float(law.to_scaled(lower[k])), float(law.to_scaled(upper[k]))) for k, law in pairs)
+    scaled = ([float(np.clip(law.to_scaled(end[k]), -1.0, 1.0)) for end in (lower, upper)] for k, law in pairs)
+    return tuple((low, high) for low, high in scaled)
 
 
 def members_within(scaled: Floats, within: Range) -> Floats:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import (
     Always,
@@ -39,18 +40,32 @@ EVERYWHERE = Known(float("inf"))
 """The task of a robot that has nothing left to do."""
 
 
+def loop_findings(problem: Problem) -> Iterator[Finding]:
+    """What of a problem is not for a loop, which drives one robot on arcs for a time that is given."""
+    if isinstance(problem, OdeProblem):
+        message = f"a loop drives robots on arcs, and this is a {problem.fleet.system.name}"
+        yield Finding(("fleet", "model"), message, "use unicycle or bicycle")
+    if reads_fleet(problem.task):
+        message = f"a loop drives one robot, and this speaks of the whole fleet: {problem.task}"
+        yield Finding(("task",), message, "say what the robot has to do")
+    if problem.least_duration is not None:
+        yield Finding(("horizon", "duration"), "a free duration is not for a loop", "give one, 16 s say")
+    if problem.objective.earliest is not None:
+        message = "the earliest passage is not for a loop"
+        yield Finding(("objective", "earliest"), message, "give the visit a window in the task")
+
+
 def of_one_robot(problem: Problem) -> Problem:
     """The problem without parameters of the start, which is measured, and without a cloud.
 
     Raises
     ------
     UnsupportedError
-        For a task that speaks of the fleet as a whole, and for robots that don't move on arcs.
+        For what is not for a loop (`loop_findings`).
     """
-    if isinstance(problem, OdeProblem):
-        raise UnsupportedError(f"fleet: a loop drives robots on arcs, and this is a {problem.fleet.system.name}")
-    if reads_fleet(problem.task):
-        raise UnsupportedError(f"task: a loop drives one robot, and this speaks of the whole fleet: {problem.task}")
+    wrong = next(loop_findings(problem), None)
+    if wrong is not None:
+        raise UnsupportedError(str(wrong))
     fleet = problem.fleet
     laws = {name: law for name, law in fleet.parameters.items() if name in fleet.system.parameters}
     laws = {name: Interval(law.lower, law.upper) for name, law in laws.items()}

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.report.text import parameter_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,6 +53,23 @@ def place_axes(ax: Axes, left: float, right: float, bottom: float, top: float) -
     assert figure is not None
     width, height = figure.get_size_inches().tolist()
     ax.set_position((left / width, bottom / height, 1 - (left + right) / width, 1 - (bottom + top) / height))
+
+
+def draw_scale(problem: Problem, ax: Axes) -> None:
+    """Which colour is which value of the first parameter, beside the map; nothing where all are equal."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    fleet = problem.fleet
+    if not fleet.names or fleet.upper[0] <= fleet.lower[0]:
+        return
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    colours = ScalarMappable(Normalize(fleet.lower[0], fleet.upper[0]), "viridis")
+    place = ax.inset_axes((1.03, 0.0, 0.035, 1.0))
+    place.set_title("", y=1.0)
+    bar = figure.colorbar(colours, cax=place)
+    bar.set_label(parameter_label(problem, fleet.names[0]))
 
 
 def shown_axes(size: tuple[float, float]) -> Axes:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.drawing import highest, outlines, target_lines
 from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.report.canvas import new_figure, placed_axes, save, shown_axes
+from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, REGION, TWIN, shades
-from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet, sheet_size
-from ensemble_ctrl.report.text import ranges_text, unit_of
-from ensemble_ctrl.report.view import ways
+from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet
+from ensemble_ctrl.report.text import ranges_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,6 +31,8 @@ GHOSTS = 6
 """Times at which a moving obstacle is outlined."""
 MARGINS = (0.62, 0.95, 0.5, 0.45)
 """Inches at the left, right, below and above a map."""
+VIEW_MARGINS = (0.78, 1.15, 0.5, 0.45)
+"""The same for views of fleets that follow a differential equation."""
 
 
 def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
@@ -132,46 +134,28 @@ def draw_trajectories(
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
     substeps = max(1, POINTS // problem.steps)
-    paths = ways(problem, controls, members, substeps)
+    paths = trajectories(problem, controls, members, substeps)
     ax = shown_axes(map_size(problem, controls, twin_controls)) if ax is None else ax
     draw_map(problem, ax, list(paths))
     if twin_controls is not None:
-        _draw_twin(ways(problem, twin_controls, members[::2], substeps), ax)
+        _draw_twin(trajectories(problem, twin_controls, members[::2], substeps), ax)
     shade = shades(fleet, members)
     lines = LineCollection(list(paths), array=shade, cmap="viridis", linewidths=0.9, alpha=0.9, zorder=2)
     lines.set_clim(0.0, 1.0)
     ax.add_collection(lines)
     ax.scatter(paths[:, -1, 0], paths[:, -1, 1], c=shade, cmap="viridis", vmin=0, vmax=1, s=9, zorder=4)
     ax.autoscale_view()
-    if fleet.names and fleet.upper[0] > fleet.lower[0]:
-        _draw_scale(problem, ax)
+    draw_scale(problem, ax)
     ax.set_title(f"{problem.name}: one control, {ranges_text(fleet)}", wrap=True, y=1.0)
     return ax
 
 
-def _draw_scale(problem: Problem, ax: Axes) -> None:
-    """Which colour is which value of the first parameter, beside the map and as high as it."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    fleet = problem.fleet
-    figure = ax.get_figure(root=True)
-    assert figure is not None
-    colours = ScalarMappable(Normalize(fleet.lower[0], fleet.upper[0]), "viridis")
-    place = ax.inset_axes((1.03, 0.0, 0.035, 1.0))
-    place.set_title("", y=1.0)
-    bar = figure.colorbar(colours, cax=place)
-    unit = unit_of(fleet.names[0]).strip() or "-"
-    bar.set_label(f"{fleet.names[0]} [{unit}]")
-
-
 def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
-    """Projections of a fleet that follows a differential equation; on given axes the first of them."""
+    """Views of a fleet that follows a differential equation; on given axes the first of them."""
     if ax is None:
         import matplotlib.pyplot as plt
 
-        figure = plt.figure(figsize=sheet_size(problem, controls), layout="compressed")
-        axes = sheet(problem, figure)
+        axes = sheet(problem, controls, plt.figure(), 7.2, VIEW_MARGINS)
     else:
         axes = [ax]
     draw_paths(problem, controls, axes)
@@ -180,12 +164,12 @@ def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
 
 
 def _ode_figures(problem: OdeProblem, controls: Floats) -> dict[str, Figure]:
-    """Projections and spread of a fleet that follows a differential equation."""
-    paths, spread = new_figure(sheet_size(problem, controls)), new_figure((7.2, 4.2))
-    axes = sheet(problem, paths)
+    """Views and spread of a fleet that follows a differential equation."""
+    paths, spread = new_figure((7.2, 4.2)), new_figure((7.2, 4.2))
+    axes = sheet(problem, controls, paths, 7.2, VIEW_MARGINS)
     draw_paths(problem, controls, axes)
     axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
-    draw_spread(problem, controls, spread.subplots())
+    draw_spread(problem, controls, placed_axes(spread, 0.75, 0.2, 0.55, 0.45))
     return {"trajectories.png": paths, "spread.png": spread}
 
 
@@ -249,7 +233,7 @@ def map_size(
 ) -> tuple[float, float]:
     """Inches for a map of its own proportions, with `margins` for labels and the colour bar."""
     drawn = [controls] if twin_controls is None else [controls, twin_controls]
-    ends = np.concatenate([ways(problem, c, problem.fleet.corners) for c in drawn])
+    ends = np.concatenate([trajectories(problem, c, problem.fleet.corners) for c in drawn])
     shapes = [*outlines(problem, list(ends)).values(), *(piece.vertices for _, piece in problem.pieces)]
     across, up = np.ptp(np.concatenate([*ends, *shapes]), axis=0)
     ratio = float(np.clip(up / max(across, 1e-9), 0.4, 1.1))

@@ -24,10 +24,10 @@ from ensemble_ctrl.report.convergence import Descent, descents
 from ensemble_ctrl.report.pagecharts import Axes, Curve, chart
 from ensemble_ctrl.report.pagemap import map_and_motion
 from ensemble_ctrl.report.palette import hexadecimal, viridis
-from ensemble_ctrl.report.series import by_parameter, over_time
-from ensemble_ctrl.report.text import PlanLike, conflict_text, summary_rows, unit_of, verdict
+from ensemble_ctrl.report.series import by_parameter, distance_label, over_time
+from ensemble_ctrl.report.text import PlanLike, parameter_label, summary_rows, unit_of, verdict
 from ensemble_ctrl.report.tube import Ribbon, tube
-from ensemble_ctrl.report.view import conflict_places, require_map
+from ensemble_ctrl.report.view import conflict_places
 from ensemble_ctrl.report.words import certificate_words
 
 Floats = NDArray[np.float64]
@@ -54,16 +54,10 @@ def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any]
     -------
     str
         HTML that loads nothing.
-
-    Raises
-    ------
-    UnsupportedError
-        For a fleet that follows a differential equation.
     """
     problem, controls = plan.problem, plan.controls
-    require_map(problem, "report.html")
     ribbons = tube(problem, controls)
-    marks = [(conflict_text(conflict), place) for conflict, place in conflict_places(plan)]
+    marks = conflict_places(plan)
     drawing, motion = map_and_motion(problem, controls, ribbons, marks)
     style, script = (_asset(f"page.{kind}") for kind in ("css", "js"))
     sections = [
@@ -123,11 +117,16 @@ def _map(problem: Problem, drawing: str, ribbons: Sequence[Ribbon], marked: bool
         '<input id="time" type="range" min="0" max="1000" step="1" value="1000" aria-label="time">'
         f'<output id="clock" for="time">t = {problem.duration:.2f} s</output></div>'
     )
+    count = len(problem.fleet.places)
     note = "Lines: ways of some robots; dots: where they are at the time shown."
+    if count == 1:
+        note = "The position over time. Lines: some robots; dots: where they are at the time shown."
+    if count == 3:
+        note = f"From above and from the side; dotted: obstacles beside the ways. {note}"
     if ribbons:
         note = f"Shaded: where every robot is proven to be (its centre), at some time of the plan. {note}"
     note += " Red rings: where the task fails worst." if marked else ""
-    return f'{drawing}{player}{_scale(problem)}<p class="note">{note}</p>'
+    return f'<div class="maps">{drawing}</div>{player}{_scale(problem)}<p class="note">{note}</p>'
 
 
 def _scale(problem: Problem) -> str:
@@ -170,7 +169,7 @@ def _robustness(problem: Problem, controls: Floats) -> str:
     if not series:
         return ""
     curves = [Curve(s.name, times, s.low, k, s.high, bold=(s.begin, s.end)) for k, s in enumerate(series)]
-    axes = Axes("t [s]", "distance from failing [m]", ((0.0, "zero"),), time=True)
+    axes = Axes("t [s]", distance_label(problem), ((0.0, "zero"),), time=True)
     note = "Line: the worst robot; shaded: up to the best one; thick: while the task asks for it. Below 0: not so then."
     return chart(axes, curves, "Robustness over time") + f'<p class="note">{note}</p>'
 
@@ -184,17 +183,12 @@ def _clearance(plan: PlanLike) -> str:
     certificate = plan.certificate
     bounds = [] if certificate is None else [certificate.clearance, certificate.robustness]
     levels = tuple((float(b), "proven") for b in bounds if np.isfinite(b))
-    label = f"{profile.parameter}{_in(unit_of(profile.parameter))}" if profile.parameter else "(all robots are equal)"
-    axes = Axes(label, "distance from failing [m]", ((0.0, "zero"), *levels))
+    label = parameter_label(plan.problem, profile.parameter) if profile.parameter else "(all robots are equal)"
+    axes = Axes(label, distance_label(plan.problem), ((0.0, "zero"), *levels))
     others = " The worst of the other parameters." if len(plan.problem.fleet.names) > 1 else ""
     others += f" Farther away: {escape(', '.join(profile.far))}." if profile.far else ""
     proven = " Dashed level: what is proven for all." if levels else ""
     return chart(axes, curves, "Clearance over the parameter") + f'<p class="note">Least over time.{others}{proven}</p>'
-
-
-def _in(unit: str) -> str:
-    """A unit in brackets; numbers that have none say so."""
-    return f" [{unit.strip()}]" if unit else " [-]"
 
 
 def _convergence(solves: Sequence[Descent]) -> str:

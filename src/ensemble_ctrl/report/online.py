@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
-from ensemble_ctrl.report.canvas import new_figure
-from ensemble_ctrl.report.figures import draw_map, map_size
+from ensemble_ctrl.report.canvas import new_figure, placed_axes, save
+from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
+from ensemble_ctrl.report.film import write_gif
 from ensemble_ctrl.report.palette import LINES, TWIN
+from ensemble_ctrl.report.stage import FINE, NARROW, Stage
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from PIL import Image, ImageDraw
 
 Floats = NDArray[np.float64]
 
 DRIVEN, PLANNED, FIRST = "#08306b", "#ef8a62", "#9aa5b1"
 MEMBERS = 15
 """Members drawn under the first plan."""
-FRAMES, PAUSE = 80, 80
-"""Frames of the animation at most, and milliseconds for each."""
+FRAMES = 80
+"""Frames of the animation at most."""
+SIDE = 4.2
+"""Inches beside the map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,21 +99,23 @@ class Run:
 
 def draw_run(run: Run) -> Figure:
     """The map with planned and driven paths, the learnt ranges, and the time that each plan took."""
+    left, _, below, above = MARGINS
     width, height = map_size(run.problem, run.first)
-    figure = new_figure((width + 4.2, max(height, 4.4)))
-    grid = figure.add_gridspec(2, 2, width_ratios=(width, 4.2))
-    _draw_paths(run, figure.add_subplot(grid[:, 0]))
-    _draw_ranges(run, figure.add_subplot(grid[0, 1]))
-    _draw_seconds(run, figure.add_subplot(grid[1, 1]))
+    height = max(height, 4.4)
+    figure = new_figure((width + SIDE, height))
+    half = (height - 2 * below - above) / 2
+    _draw_paths(run, placed_axes(figure, left, SIDE + 0.2, below, above))
+    _draw_ranges(run, placed_axes(figure, width + 0.6, 0.2, 2 * below + half, above))
+    _draw_seconds(run, placed_axes(figure, width + 0.6, 0.2, below, above + below + half))
     return figure
 
 
 def write_run(run: Run, folder: Path, animated: bool = True) -> list[str]:
     """Write ``online.png`` and, if `animated`, ``online.gif`` into `folder`; returns their names."""
-    draw_run(run).savefig(folder / "online.png", dpi=150)
+    save(draw_run(run), folder / "online.png")
     if not animated or min((len(path) for path in _shown(run).values()), default=0) < 2:
         return ["online.png"]
-    _animate(run, folder / "online.gif")
+    write_gif(_frames(run), folder / "online.gif", (*_colours(run).values(), PLANNED))
     return ["online.png", "online.gif"]
 
 
@@ -187,36 +194,42 @@ def _draw_seconds(run: Run, ax: Axes) -> None:
     ax.grid(alpha=0.3)
 
 
-def _animate(run: Run, path: Path) -> None:
+def _frames(run: Run) -> Iterator[Image.Image]:
     """The robots and their newest plan, moving over the map."""
-    from matplotlib.animation import FuncAnimation, PillowWriter
+    from PIL import ImageDraw
 
-    shown, colours = _shown(run), _colours(run)
+    shown, colours = _shown(run), list(_colours(run).values())
     count = min(len(path) for path in shown.values())
-    width, height = map_size(run.problem, run.first)
-    figure = new_figure((0.75 * width, 0.75 * height))
-    ax: Any = figure.subplots()
-    draw_map(run.problem, ax, list(shown.values()))
-    for way in [*shown.values(), *(way for step in run.told for way in step.paths.values())]:
-        ax.update_datalim(way)
-    ax.autoscale_view()
-    trails = {name: ax.plot([], [], color=colours[name], linewidth=1.8)[0] for name in shown}
-    plans = {name: ax.plot([], [], color=PLANNED, linewidth=1.2)[0] for name in shown}
-    robots = {name: ax.plot([], [], "o", color=colours[name], markersize=6, label=name)[0] for name in shown}
+    driven = np.stack([path[:count] for path in shown.values()])
+    planned = [path for step in run.told for path in step.paths.values()]
+    stage = Stage.of(run.problem, driven, NARROW, False, planned)
+    (panel,) = stage.panels
+    ground = stage.ground()
     if len(shown) > 1:
-        ax.legend(loc="best", fontsize=8)
+        _draw_names(stage, ImageDraw.Draw(ground), _colours(run))
     starts = np.array([step.time for step in run.told])
-    frames = np.unique(np.linspace(0, count - 1, FRAMES).astype(int))
-
-    def show(k: int) -> tuple[Any, ...]:
+    thick = round(1.5 * FINE)
+    before = 0
+    for k in np.unique(np.linspace(0, count - 1, FRAMES).astype(int)).tolist():
         now = run.seconds * k / (count - 1)
         newest = int(np.searchsorted(starts, now + 1e-9)) - 1
-        for name, path in shown.items():
-            trails[name].set_data(*path[: k + 1].T)
-            robots[name].set_data(*path[k : k + 1].T)
-            plans[name].set_data(*(run.told[newest].paths[name].T if newest >= 0 else ([], [])))
-        ax.set_title(f"{run.problem.name}, t = {now:.1f} s", fontsize=10)
-        return (*trails.values(), *plans.values(), *robots.values())
+        for path, colour in zip(driven, colours, strict=True):
+            ImageDraw.Draw(ground).line(panel.points(path[before : k + 1]), colour, thick, "curve")
+        before = k
+        frame = ground.copy()
+        pen = ImageDraw.Draw(frame)
+        for plan in run.told[newest].paths.values() if newest >= 0 else ():
+            pen.line(panel.points(plan), PLANNED, thick, "curve")
+        stage.draw_now(pen, now)
+        for path, colour in zip(driven, colours, strict=True):
+            panel.robot(pen, path[k], colour)
+        yield frame.reduce(FINE)
 
-    film = FuncAnimation(figure, show, frames=frames.tolist(), interval=PAUSE, blit=False)
-    film.save(path, writer=PillowWriter(fps=round(1000 / PAUSE)), dpi=80)
+
+def _draw_names(stage: Stage, pen: ImageDraw.ImageDraw, colours: Mapping[str, str]) -> None:
+    """Whose colour is which, below the map."""
+    panel = stage.panels[0]
+    x, y = 8 * panel.unit, stage.size[1] - 12 * panel.unit
+    for name, colour in colours.items():
+        pen.text((x, y), name, colour, panel.font, anchor="lm")
+        x += pen.textlength(f"{name}  ", panel.font)

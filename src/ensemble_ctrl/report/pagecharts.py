@@ -10,6 +10,8 @@ from math import ceil, floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.report.text import short
+
 Floats = NDArray[np.float64]
 
 WIDTH, HEIGHT = 460, 250
@@ -22,6 +24,8 @@ SMALLEST = 1e-10
 """What a logarithmic axis shows of zero."""
 POINTS = 600
 """Points of a curve at most."""
+LONGEST = 80
+"""Letters of a name in a legend; all of it is its title."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +212,7 @@ def _legend(curves: Sequence[Curve]) -> str:
     named = [c for c in curves if c.name]
     entries = [
         f'<li><svg viewBox="0 0 30 10"><path class="line c{c.colour % COLOURS}" d="M1 5H29"/></svg>'
-        f"{escape(c.name)}</li>"
+        f'<span title="{escape(c.name)}">{escape(short(c.name, LONGEST))}</span></li>'
         for c in named
     ]
     return f'<ul class="legend">{"".join(entries)}</ul>' if entries else ""

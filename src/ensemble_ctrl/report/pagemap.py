@@ -10,18 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import highest, outlines, target_lines
+from ensemble_ctrl.conflicts import Conflict
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
+from ensemble_ctrl.report.scene import Scene, scenes
+from ensemble_ctrl.report.text import conflict_text
 from ensemble_ctrl.report.tube import Ribbon
-from ensemble_ctrl.report.view import Canvas, some, ways, window
+from ensemble_ctrl.report.view import Canvas, some
 
 Floats = NDArray[np.float64]
 
 WIDTH = 560
 """Width of the map in its own units; the page scales it."""
-MARGIN = (46, 34)
+MARGIN = (46, 40)
 """Room for numbers at the left and below."""
 MEMBERS = 15
 """Members drawn."""
@@ -32,9 +35,12 @@ FRAMES = 200
 
 
 def map_and_motion(
-    problem: Problem, controls: Floats, ribbons: Sequence[Ribbon], marks: Sequence[tuple[str, Floats]] = ()
+    problem: Problem,
+    controls: Floats,
+    ribbons: Sequence[Ribbon],
+    marks: Sequence[tuple[Conflict, Floats]] = (),
 ) -> tuple[str, str]:
-    """The map as an ``<svg>`` element, and what moves on it as JSON for the page's script.
+    """The map as ``<svg>`` elements, one for each view, and what moves on them as JSON for the page's script.
 
     Parameters
     ----------
@@ -44,34 +50,59 @@ def map_and_motion(
         Broadcast commands.
     ribbons : sequence of Ribbon
         The tube, if there is one.
-    marks : sequence of (str, ndarray of shape (2,))
+    marks : sequence of (Conflict, ndarray of shape (d,))
         What goes wrong, and where.
     """
     members = problem.fleet.spread(MEMBERS if problem.fleet.names else 1)
-    paths = ways(problem, controls, members, 2)
+    paths = trajectories(problem, controls, members, 2)
     shown = some(paths.shape[1], POINTS)
-    paths, times = paths[:, shown], np.linspace(0.0, problem.duration, paths.shape[1])[shown]
-    areas = [outline for ribbon in ribbons for outline in ribbon.outlines]
-    canvas = Canvas.around(*window(problem, [*paths, *areas]), WIDTH - MARGIN[0], MARGIN[0])
+    times = np.linspace(0.0, problem.duration, paths.shape[1])[shown]
     colours = [hexadecimal(c) for c in viridis(shades(problem.fleet, members))]
-    parts = [*_grid(canvas), *_places(problem, canvas, paths), *_tube(ribbons, canvas)]
+    areas = [outline for ribbon in ribbons for outline in ribbon.outlines]
+    drawings, tracks, offsets = [], [], dict[str, Any]()
+    keep = some(len(shown), FRAMES)
+    for scene in scenes(problem, paths):
+        canvas = scene.canvas(WIDTH - MARGIN[0], MARGIN[0], more=areas)
+        ways = scene.paths[:, shown]
+        drawings.append(_svg(scene, canvas, ways, colours, ribbons, marks))
+        tracks += np.rint(10 * canvas.at(ways[:, keep])).astype(int).tolist()
+        for shape in scene.obstacles:
+            if shape.motion is not None:
+                moved = 10 * canvas.scale * shape.motion.at(times[keep]) * [1, -1]
+                offsets[shape.name] = np.rint(moved).astype(int).tolist()
+    data: dict[str, Any] = {"duration": problem.duration, "times": times[keep].round(4).tolist()}
+    data |= {"members": tracks, "obstacles": offsets}
+    return "".join(drawings), json.dumps(data, separators=(",", ":")).replace("<", "\u003c")
+
+
+def _svg(
+    scene: Scene,
+    canvas: Canvas,
+    paths: Floats,
+    colours: Sequence[str],
+    ribbons: Sequence[Ribbon],
+    marks: Sequence[tuple[Conflict, Floats]],
+) -> str:
+    """One view of the map."""
+    parts = [*_grid(scene, canvas), *_places(scene, canvas), *_tube(ribbons, canvas)]
     parts += [
         f'<polyline class="path" points="{_text(canvas, path)}" stroke="{colour}"/>'
         for path, colour in zip(paths, colours, strict=True)
     ]
-    parts += [*_obstacles(problem, canvas), *_names(problem, canvas, paths), *_start(problem, canvas)]
-    radius = max(4.0, problem.fleet.radius * canvas.scale)
+    parts += [*_obstacles(scene, canvas), *_names(scene, canvas), *_start(scene, canvas)]
+    radius = max(4.0, scene.radius * canvas.scale)
     kind = "member" if radius < 8 else "member large"
     for path, colour in zip(paths, colours, strict=True):
         x, y = canvas.at(path[-1]).tolist()
         parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{colour}"/>')
-    for text, place in marks:
-        x, y = canvas.at(place).tolist()
-        parts.append(f'<circle class="mark" cx="{x:.1f}" cy="{y:.1f}" r="9"><title>{escape(text)}</title></circle>')
+    for conflict, place in marks:
+        x, y = canvas.at(scene.at(place, conflict.time)).tolist()
+        title = f"<title>{escape(conflict_text(conflict))}</title>"
+        parts.append(f'<circle class="mark" cx="{x:.1f}" cy="{y:.1f}" r="9">{title}</circle>')
     size = f'viewBox="0 0 {WIDTH} {canvas.height + MARGIN[1]:.0f}"'
-    label = escape(f"Map of {problem.name} with the ways of {len(members)} robots")
-    svg = f'<svg id="map" {size} role="img" aria-label="{label}">{"".join(parts)}</svg>'
-    return svg, _motion(problem, canvas, paths, times)
+    seen = f", seen along {scene.hidden}" if scene.hidden else ""
+    label = escape(f"Map of {scene.problem.name} with the ways of {len(paths)} robots{seen}")
+    return f'<svg class="map" {size} role="img" aria-label="{label}">{"".join(parts)}</svg>'
 
 
 def _text(canvas: Canvas, points: Floats) -> str:
@@ -79,57 +110,44 @@ def _text(canvas: Canvas, points: Floats) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in canvas.at(points).tolist())
 
 
-def _motion(problem: Problem, canvas: Canvas, paths: Floats, times: Floats) -> str:
-    """Duration, and tenths of a unit for every member and moving obstacle at every frame."""
-    keep = some(paths.shape[1], FRAMES)
-    paths, times = paths[:, keep], times[keep]
-    members = np.rint(10 * canvas.at(paths)).astype(int)
-    offsets = {
-        name: np.rint(10 * canvas.scale * motion.at(times) * [1, -1]).astype(int).tolist()
-        for name, motion in problem.motions.items()
-    }
-    data: dict[str, Any] = {"duration": problem.duration, "times": times.round(4).tolist()}
-    data |= {"members": members.tolist(), "obstacles": offsets}
-    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
-
-
-def _grid(canvas: Canvas) -> list[str]:
-    """Lines every so many metres, with their numbers."""
-    high = canvas.low + np.array([WIDTH - MARGIN[0], canvas.height]) / canvas.scale
+def _grid(scene: Scene, canvas: Canvas) -> list[str]:
+    """Lines every so many metres or seconds, with their numbers and labels."""
+    high = canvas.low + np.array([(WIDTH - MARGIN[0]) / canvas.across, canvas.height / canvas.scale])
     parts = []
     for value in ticks(float(canvas.low[0]), float(high[0]), 6):
         x = canvas.at(np.array([value, 0.0]))[0]
         parts.append(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{canvas.height:.1f}"/>')
-        parts.append(f'<text class="mid" x="{x:.1f}" y="{canvas.height + 15:.1f}">{value:g}</text>')
+        parts.append(f'<text class="mid" x="{x:.1f}" y="{canvas.height + 16:.1f}">{value:g}</text>')
     for value in ticks(float(canvas.low[1]), float(high[1]), 6):
         y = canvas.at(np.array([0.0, value]))[1]
         parts.append(f'<line class="grid" x1="{MARGIN[0]}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>')
         parts.append(f'<text class="end" x="{MARGIN[0] - 6}" y="{y + 4:.1f}">{value:g}</text>')
-    parts.append(f'<text class="mid" x="{(WIDTH + MARGIN[0]) / 2}" y="{canvas.height + 31:.1f}">x [m]</text>')
-    parts.append(f'<text class="mid" transform="translate(12 {canvas.height / 2:.1f}) rotate(-90)">y [m]</text>')
+    across, up = map(escape, scene.labels)
+    parts.append(f'<text class="mid" x="{(WIDTH + MARGIN[0]) / 2}" y="{canvas.height + 34:.1f}">{across}</text>')
+    parts.append(f'<text class="mid" transform="translate(12 {canvas.height / 2:.1f}) rotate(-90)">{up}</text>')
     return parts
 
 
-def _places(problem: Problem, canvas: Canvas, paths: Floats) -> list[str]:
+def _places(scene: Scene, canvas: Canvas) -> list[str]:
     """Regions and the target."""
     parts = []
-    for name, corners in outlines(problem, list(paths)).items():
+    for name, corners in scene.regions.items():
         points = _text(canvas, corners)
         parts.append(f'<polygon class="region" points="{points}"><title>{escape(name)}</title></polygon>')
-    parts += [f'<polyline class="target" points="{_text(canvas, line)}"/>' for line in target_lines(problem)]
-    if problem.objective.place is not None:
-        x, y = canvas.at(problem.objective.place).tolist()
+    parts += [f'<polyline class="target" points="{_text(canvas, line)}"/>' for line in scene.lines]
+    if scene.target is not None:
+        x, y = canvas.at(scene.target).tolist()
         parts.append(
             f'<path class="target" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"><title>target</title></path>'
         )
     return parts
 
 
-def _names(problem: Problem, canvas: Canvas, paths: Floats) -> list[str]:
+def _names(scene: Scene, canvas: Canvas) -> list[str]:
     """Names of regions above them, drawn over everything that lies still."""
     parts = []
-    for name, corners in outlines(problem, list(paths)).items():
-        x, y = canvas.at(highest(corners)).tolist()
+    for name, place in scene.tags.items():
+        x, y = canvas.at(place).tolist()
         parts.append(f'<text class="mid name" x="{x:.1f}" y="{max(y - 4, 12):.1f}">{escape(name)}</text>')
     return parts
 
@@ -144,26 +162,32 @@ def _tube(ribbons: Sequence[Ribbon], canvas: Canvas) -> list[str]:
     ]
 
 
-def _obstacles(problem: Problem, canvas: Canvas) -> list[str]:
+def _obstacles(scene: Scene, canvas: Canvas) -> list[str]:
     """Obstacles with their names; those that move are groups that the script moves, with their way dotted."""
     parts = []
-    for name, pieces in problem.obstacles.items():
-        motion = problem.motions.get(name)
-        if motion is not None:
-            way = pieces[0].vertices.mean(axis=0) + motion.at(np.linspace(0.0, problem.duration, 61))
+    for shape in scene.obstacles:
+        name, moves = escape(shape.name), ""
+        if shape.motion is not None:
+            times = np.linspace(0.0, scene.problem.duration, 61)
+            way = shape.pieces[0].mean(axis=0) + shape.motion.at(times)
             parts.append(f'<polyline class="way" points="{_text(canvas, way)}"/>')
-        moves = "" if motion is None else f' data-moves="{escape(name)}"'
-        shapes = "".join(f'<polygon points="{_text(canvas, piece.vertices)}"/>' for piece in pieces)
-        largest = max(pieces, key=lambda piece: float(np.ptp(piece.vertices, axis=0).prod()))
-        x, y = canvas.at(largest.vertices.mean(axis=0)).tolist()
-        room = float(np.ptp(largest.vertices, axis=0).min()) * canvas.scale > 16
-        text = f'<text class="mid" x="{x:.1f}" y="{y + 4:.1f}">{escape(name)}</text>' if room else ""
-        parts.append(f'<g class="obstacle"{moves}><title>{escape(name)}</title>{shapes}{text}</g>')
+            moves = f' data-moves="{name}"'
+        kinds = (' class="beside"' if beside else "" for beside in shape.beside)
+        polygons = "".join(
+            f'<polygon{kind} points="{_text(canvas, corners)}"/>'
+            for corners, kind in zip(shape.pieces, kinds, strict=True)
+        )
+        x, y = canvas.at(shape.largest.mean(axis=0)).tolist()
+        room = float(np.ptp(shape.largest, axis=0).min()) * canvas.scale > 16 and not all(shape.beside)
+        text = f'<text class="mid" x="{x:.1f}" y="{y + 4:.1f}">{name}</text>' if room else ""
+        parts.append(f'<g class="obstacle"{moves}><title>{name}</title>{polygons}{text}</g>')
     return parts
 
 
-def _start(problem: Problem, canvas: Canvas) -> list[str]:
-    """An arrow head at the start, in the direction of the heading."""
-    x, y = canvas.at(problem.fleet.position).tolist()
-    turn = f'transform="translate({x:.1f} {y:.1f}) rotate({-np.degrees(problem.fleet.heading):.1f})"'
+def _start(scene: Scene, canvas: Canvas) -> list[str]:
+    """An arrow head at the start, in the direction of the heading; a disk where there is none."""
+    x, y = canvas.at(scene.start).tolist()
+    if scene.heading is None:
+        return [f'<circle class="start" cx="{x:.1f}" cy="{y:.1f}" r="5"><title>start</title></circle>']
+    turn = f'transform="translate({x:.1f} {y:.1f}) rotate({-np.degrees(scene.heading):.1f})"'
     return [f'<path class="start" {turn} d="M9 0L-6 6L-3 0L-6 -6Z"><title>start</title></path>']

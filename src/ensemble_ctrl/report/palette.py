@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.ensemble import Ensemble
 
 Floats = NDArray[np.float64]
 
 OBSTACLE, OBSTACLE_EDGE, REGION, TWIN = "#8a8f98", "#5a5f68", "#2166ac", "#b2182b"
+OUTLINE, INSIDE = "#33373d", "#dfe8f2"
+"""Of robots, and of regions that are filled."""
+GRID, SOFT = "#e2e5ea", "#5b6470"
+"""Of lines behind what is drawn, and of their numbers."""
 LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 """Okabe and Ito's colours, for lines that stand for different things; pair them with `DASHES`."""
 DASHES = ("", "6 3", "2 2", "8 2 2 2", "10 4", "4 1", "1 3")
@@ -51,7 +55,7 @@ def hexadecimal(colour: NDArray[np.uint8]) -> str:
     return "#" + "".join(f"{int(c):02x}" for c in colour)
 
 
-def shades(fleet: Fleet, members: Floats) -> Floats:
+def shades(fleet: Ensemble, members: Floats) -> Floats:
     """Where members are in the range of the fleet's first parameter, 0 to 1, shape (members,); 0.3 if there is none."""
     if not fleet.names or fleet.upper[0] <= fleet.lower[0]:
         return np.full(len(members), 0.3)

@@ -8,27 +8,31 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, place_axes, placed_axes, save, shown_axes
 from ensemble_ctrl.report.figures import draw_trajectories, map_size
 from ensemble_ctrl.report.kinds.panels import legend_shape
+from ensemble_ctrl.report.projections import draw_paths, sheet
 from ensemble_ctrl.report.text import PlanLike
-from ensemble_ctrl.report.view import require_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 KINDS = ("trajectories", "controls", "moments", "robustness", "clearance", "certificate")
 """Names of the kinds of pictures."""
-SIZES = {"controls": 2.9, "moments": 3.2, "certificate": 2.3}
+SIZES = {"moments": 3.2, "certificate": 2.3}
 """Heights in inches at paper column width; else `HEIGHT`."""
 HEIGHT = 2.4
+COMMAND = 1.2
+"""Inches for each command of ``controls``."""
 MARGINS = {
     "trajectories": (0.5, 0.8, 0.42, 0.12),
+    "views": (0.62, 0.9, 0.42, 0.2),
+    "moments": (0.66, 0.12, 0.42, 0.12),
     "certificate": (1.35, 0.12, 0.42, 0.12),
 }
-"""Inches at the left, right, below and above; else `AROUND`."""
+"""Inches at the left, right, below and above; else `AROUND`. ``views`` are several drawings of one map."""
 LEGENDS, LEGEND_ROW = ("robustness", "clearance"), 0.16
 """Kinds with a legend above, and the inches that each of its rows takes."""
 AROUND = (0.56, 0.12, 0.42, 0.12)
@@ -36,7 +40,7 @@ AROUND = (0.56, 0.12, 0.42, 0.12)
 
 def kinds_of(problem: Problem) -> tuple[str, ...]:
     """The kinds that there are of a problem's plans."""
-    return KINDS[:2] if isinstance(problem, OdeProblem) else KINDS
+    return KINDS[:-1] if isinstance(problem, OdeProblem) else KINDS
 
 
 class Drawable(PlanLike, Protocol):
@@ -69,14 +73,15 @@ def draw(plan: Drawable, kind: str, ax: Axes | None = None) -> Axes:
     ProblemError
         For another kind, and for the certificate of a plan without one.
     UnsupportedError
-        For a kind other than trajectories and controls of a fleet that follows a differential equation.
+        For the certificate of a fleet that follows a differential equation: there is none.
     """
     if kind not in KINDS:
         raise ProblemError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
     if kind == "trajectories":
         return draw_trajectories(plan.problem, plan.controls, ax, plan.twin)
     if kind not in kinds_of(plan.problem):
-        require_map(plan.problem, f"the picture {kind!r}")
+        name = plan.problem.fleet.system.name
+        raise UnsupportedError(f"the picture {kind!r}: no proof covers the {name}, its plans are replayed only")
     certificate = plan.certificate
     if kind == "certificate" and certificate is None:
         raise ProblemError("kind: expected a plan with a certificate, got one without; see Plan.certify")
@@ -120,11 +125,13 @@ def write_plot(plan: Drawable, kind: str, path: Path, format: str = "png") -> Pa
 
     with rc_context(PAPER):
         margins = MARGINS.get(kind, AROUND)
-        height = SIZES.get(kind, HEIGHT)
-        if kind == "trajectories" and not isinstance(plan.problem, OdeProblem):
-            height = map_size(plan.problem, plan.controls, plan.twin, COLUMN, margins)[1]
-        figure = new_figure((COLUMN, height), dpi=300)
-        ax = draw(plan, kind, placed_axes(figure, *margins))
+        figure = new_figure((COLUMN, height := _height(plan, kind, margins)), dpi=300)
+        if kind == "trajectories" and isinstance(plan.problem, OdeProblem):
+            axes = sheet(plan.problem, plan.controls, figure, COLUMN, MARGINS["views"])
+            draw_paths(plan.problem, plan.controls, axes)
+            ax = axes[0]
+        else:
+            ax = draw(plan, kind, placed_axes(figure, *margins))
         ax.set_title("")
         if kind in LEGENDS:
             _, rows = legend_shape(ax.get_legend_handles_labels()[1])
@@ -133,3 +140,12 @@ def write_plot(plan: Drawable, kind: str, path: Path, format: str = "png") -> Pa
             place_axes(ax, *margins[:3], margins[3] + room)
         save(figure, path, format)
     return path
+
+
+def _height(plan: Drawable, kind: str, margins: tuple[float, float, float, float]) -> float:
+    """Inches, without a legend's."""
+    if kind == "trajectories" and not isinstance(plan.problem, OdeProblem):
+        return map_size(plan.problem, plan.controls, plan.twin, COLUMN, margins)[1]
+    if kind == "controls":
+        return 0.5 + COMMAND * len(plan.problem.fleet.system.controls)
+    return SIZES.get(kind, HEIGHT)

@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import shadow
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.replay import trajectories
-from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION
+from ensemble_ctrl.report.canvas import draw_scale, placed_axes
+from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION, shades, viridis
+from ensemble_ctrl.report.scene import OVER_TIME, Scene, scenes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
-View = tuple[int, int]
 
 MEMBERS = 21
 """Members drawn."""
 LOOKS = 4
 """Times in a step at which they are drawn."""
-VIEWS: dict[int, tuple[View, ...]] = {2: ((0, 1),), 3: ((0, 1), (0, 2))}
-"""Pairs of coordinates that are drawn, for so many: the plane, or space from above and from the side."""
+GAP = 0.1
+"""Inches between views, besides the margin."""
 
 
 def draw_paths(problem: OdeProblem, controls: Floats, axes: Sequence[Axes]) -> None:
@@ -36,72 +36,41 @@ def draw_paths(problem: OdeProblem, controls: Floats, axes: Sequence[Axes]) -> N
     problem : OdeProblem
     controls : ndarray, shape (steps, n_u)
     axes : sequence of matplotlib Axes
-        One for each of `VIEWS`, or one for a position of one coordinate, which is drawn over time; where fewer are
-        given, so many views are drawn.
+        One for each of `ensemble_ctrl.report.scene.scenes`; where fewer are given, so many views are drawn.
     """
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
-    paths = trajectories(problem, controls, members, LOOKS)
-    shade = members[:, 0] if fleet.names else np.zeros(len(members))
-    colours = ScalarMappable(Normalize(shade.min(), shade.max()), "viridis")
-    views = VIEWS.get(len(fleet.places), ())
-    for ax, view in zip(axes, views or [None], strict=False):
-        if view is None:
-            _draw_bands(problem, ax)
-        else:
-            _draw_shapes(problem, ax, view, paths)
-        for value, path in zip(shade, paths, strict=True):
-            colour = colours.to_rgba(np.array(value))
-            x, y = (_times(problem, path), path[:, 0]) if view is None else path[:, list(view)].T
-            ax.plot(x, y, color=colour, linewidth=0.9, alpha=0.9)
-            ax.plot(x[-1], y[-1], "o", color=colour, markersize=3, zorder=4)
-        ax.margins(0.08)
-    if fleet.names:
-        bar = axes[0].get_figure().colorbar(colours, ax=list(axes), fraction=0.05, pad=0.02)  # type: ignore[union-attr]
-        bar.set_label(fleet.names[0])
+    colours = viridis(shades(fleet, members)) / 255
+    for ax, scene in zip(axes, scenes(problem, trajectories(problem, controls, members, LOOKS)), strict=False):
+        _draw_shapes(scene, ax)
+        for colour, path in zip(colours, scene.paths, strict=True):
+            ax.plot(*path.T, color=colour, linewidth=0.9, alpha=0.9)
+            ax.plot(*path[-1:].T, "o", color=colour, markersize=3, zorder=4)
+        ax.margins(0.06, 0.16)
+        draw_scale(problem, ax)
 
 
-def _draw_shapes(problem: OdeProblem, ax: Axes, view: View, paths: Floats) -> None:
-    """Obstacles and regions seen along the coordinates that are not drawn.
-
-    What lies beside the fleet's way there, so that it would hide the way, is outlined only.
-    """
+def _draw_shapes(scene: Scene, ax: Axes) -> None:
+    """Obstacles, regions and the start of one view; what lies beside the fleet's way is outlined only."""
     from matplotlib.patches import Polygon
 
-    hidden = [k for k in range(paths.shape[2]) if k not in view]
-    low, high = paths[..., hidden].min(axis=(0, 1)), paths[..., hidden].max(axis=(0, 1))
-    for _, piece in problem.pieces:
-        corners = piece.vertices
-        met = (corners[:, hidden].min(axis=0) <= high).all() and (corners[:, hidden].max(axis=0) >= low).all()
-        look: dict[str, Any] = {"facecolor": OBSTACLE} if met else {"fill": False, "linestyle": ":", "zorder": 0.5}
-        ax.add_patch(Polygon(shadow(corners, view), closed=True, edgecolor=OBSTACLE_EDGE, linewidth=0.9, **look))
-    for name, region in problem.regions.items():
-        if region.is_bounded:
-            corners = shadow(region.vertices, view)
-            ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
-            top = (corners[:, 0].mean(), corners[:, 1].max())
-            ax.annotate(name, top, (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
-    start = problem.fleet.position[list(view)]
-    ax.plot(*start, "ko", markersize=5, zorder=5)
-    ax.annotate("start", (start[0], start[1]), (0, -12), textcoords="offset points", fontsize=8, ha="center")
-    names = [problem.fleet.places[k] for k in view]
-    if hidden:
-        seen = f"along {problem.fleet.places[hidden[0]]}; dotted: beside the way"
-        ax.annotate(seen, (0, 1), (4, -4), xycoords="axes fraction", textcoords="offset points", va="top", fontsize=7)
-    ax.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", aspect="equal")
-
-
-def _draw_bands(problem: OdeProblem, ax: Axes) -> None:
-    """Regions of the line as bands over time."""
-    for name, region in problem.regions.items():
-        if region.is_bounded:
-            low, high = region.vertices[:, 0]
-            ax.axhspan(low, high, color=REGION, alpha=0.15)
-            ax.annotate(name, (0, high), (3, -10), textcoords="offset points", fontsize=8, color=REGION)
-    ax.set(xlabel="t [s]", ylabel=f"{problem.fleet.places[0]} [m]")
+    for shape in scene.obstacles:
+        for corners, beside in zip(shape.pieces, shape.beside, strict=True):
+            look: dict[str, Any] = (
+                {"fill": False, "linestyle": ":", "zorder": 0.5} if beside else {"facecolor": OBSTACLE}
+            )
+            ax.add_patch(Polygon(corners, closed=True, edgecolor=OBSTACLE_EDGE, linewidth=0.9, **look))
+    for corners in scene.regions.values():
+        ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
+    for name, (x, y) in scene.tags.items():
+        ax.annotate(name, (x, y), (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
+    ax.plot(*scene.start, "ko", markersize=5, zorder=5)
+    if scene.view is not None:
+        ax.set_aspect("equal")
+        ax.annotate("start", tuple(scene.start), (0, -12), textcoords="offset points", fontsize=8, ha="center")
+    across, up = scene.labels
+    seen = f" (seen along {scene.hidden}; dotted: beside the way)" if scene.hidden else ""
+    ax.set(xlabel=f"{across}{seen}", ylabel=up)
 
 
 def _times(problem: OdeProblem, path: Floats) -> Floats:
@@ -121,21 +90,42 @@ def draw_spread(problem: OdeProblem, controls: Floats, ax: Axes) -> None:
     ax.legend(loc="upper left", fontsize=8)
 
 
-def sheet(problem: OdeProblem, figure: Figure) -> list[Axes]:
-    """Axes for every view on a figure, below each other."""
-    count = max(1, len(VIEWS.get(len(problem.fleet.places), ())))
-    axes: Any = figure.subplots(count, 1, squeeze=False)[:, 0]
-    return list(axes)
+def sheet(
+    problem: OdeProblem, controls: Floats, figure: Figure, width: float, margins: tuple[float, float, float, float]
+) -> list[Axes]:
+    """Axes for every view below each other, in its own proportions, on a figure that is made as high as they need.
+
+    Parameters
+    ----------
+    problem : OdeProblem
+    controls : ndarray, shape (steps, n_u)
+    figure : matplotlib Figure
+    width : float
+        Of the figure, inches.
+    margins : tuple of float
+        Inches at the left, right, below and above; every view has as much below it.
+    """
+    left, right, below, above = margins
+    inner = width - left - right
+    heights = [inner * ratio for ratio in _ratios(problem, controls)]
+    height = above + sum(heights) + len(heights) * below + (len(heights) - 1) * GAP
+    figure.set_size_inches(width, height)
+    made, top = [], above
+    for each in heights:
+        made.append(placed_axes(figure, left, right, height - top - each, top))
+        top += each + below + GAP
+    return made
 
 
-def sheet_size(problem: OdeProblem, controls: Floats) -> tuple[float, float]:
-    """Inches for all views of the map in its own proportions."""
-    views = VIEWS.get(len(problem.fleet.places), ())
-    if not views:
-        return 7.2, 4.2
-    paths = trajectories(problem, controls, problem.fleet.corners)
-    corners = [piece.vertices for _, piece in problem.pieces]
-    corners += [region.vertices for region in problem.regions.values() if region.is_bounded]
-    size = np.ptp(np.concatenate([paths.reshape(-1, paths.shape[2]), *corners]), axis=0)
-    ratios = [float(np.clip(size[j] / max(size[i], 1e-9), 0.3, 1.3)) for i, j in views]
-    return 7.2, 0.9 + sum(5.6 * ratio + 0.4 for ratio in ratios)
+def _ratios(problem: OdeProblem, controls: Floats) -> list[float]:
+    """Heights of all views, in widths."""
+    found = []
+    for scene in scenes(problem, trajectories(problem, controls, problem.fleet.corners)):
+        across, up = np.ptp(np.concatenate([*scene.paths, *_shapes(scene)]), axis=0)
+        found.append(float(np.clip(up / max(across, 1e-9), 0.3, 1.3)) if scene.view else OVER_TIME)
+    return found
+
+
+def _shapes(scene: Scene) -> list[Floats]:
+    """Corners of everything that is drawn."""
+    return [*scene.regions.values(), *(corners for shape in scene.obstacles for corners in shape.pieces)]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes
 from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
-from ensemble_ctrl.report.view import ways
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +64,7 @@ def draw_routes(problem: Problem, controls: Floats, routes: Sequence[Tried]) -> 
     figure = new_figure((width, height + LEGEND))
     ax = placed_axes(figure, left, right, bottom + LEGEND, top)
     lines = [np.array(route["corners"], dtype=float) for route in routes]
-    plan = ways(problem, controls, problem.fleet.center[None], 4)[0]
+    plan = trajectories(problem, controls, problem.fleet.center[None], 4)[0]
     draw_map(problem, ax, [*lines, plan])
     for kind, style in STYLES.items():
         chosen = [line for line, route in zip(lines, routes, strict=True) if _kind(route) == kind]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, leaves, member_robustness
 from ensemble_ctrl.duties import Duty, duties, grounded, other_parts, window_of
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.replay import states
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Series:
     name : str
         A place or predicate of the task, or ``closest obstacle``.
     low, high : ndarray, shape (times,)
-        Worst and best member's distance from failing it, metres; NaN where nothing is asked.
+        Worst and best member's distance from failing it, metres or the unit of the state; NaN where it is not asked.
     begin, end : float
         The window that asks for it, seconds.
     """
@@ -83,6 +83,12 @@ class Profile:
         return dict(both[:CURVES])
 
 
+def distance_label(problem: Problem) -> str:
+    """What charts of robustness measure: metres, where a task can speak of nothing but the position."""
+    unit = "m" if problem.fleet.states == problem.fleet.places else "SI"
+    return f"distance from failing [{unit}]"
+
+
 def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series, ...]]:
     """Seconds, shape (times,), and a series for every place that the task speaks of, most critical first.
 
@@ -91,9 +97,9 @@ def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series,
     *Guarantee*: exact for `MEMBERS` members at the grid times, corners of the ranges included; for pictures, no proof.
     """
     members = np.concatenate([problem.fleet.spread(MEMBERS), problem.fleet.corners])
-    paths = trajectories(problem, controls, members)
-    times = np.linspace(0.0, problem.duration, paths.shape[1])
-    found = [*_kept_out(problem, paths, times), *_asked(problem, paths)]
+    whole = states(problem, controls, members)
+    times = np.linspace(0.0, problem.duration, whole.shape[1])
+    found = [*_kept_out(problem, whole[..., problem.fleet.place_columns], times), *_asked(problem, whole)]
     return times, tuple(sorted(found, key=_worst)[:CURVES])
 
 
@@ -106,7 +112,8 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
     """
     fleet = problem.fleet
     members = fleet.grid(VALUES if len(fleet.names) < 2 else GRID)
-    paths = trajectories(problem, controls, members, LOOKS)
+    whole = states(problem, controls, members, LOOKS)
+    paths = whole[..., fleet.place_columns]
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     column = members[:, 0] if fleet.names else np.zeros(len(members))
     values, groups = np.unique(column, return_inverse=True)
@@ -120,7 +127,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
     for duty in duties(problem):
         closest = least(_distances(duty, paths, times).min(axis=1, initial=np.inf))
         clearances[duty.name] = np.minimum(clearances.get(duty.name, np.inf), closest)
-    signals = StateSignals(paths[:, ::LOOKS], ("x", "y"), problem.step)
+    signals = StateSignals(whole[:, ::LOOKS], fleet.states, problem.step)
     parts = {
         str(part): least(np.asarray(member_robustness(grounded(problem, part), signals, ExactOps()))[:, 0])
         for part in other_parts(problem)
@@ -158,9 +165,9 @@ def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series
     yield Series("closest obstacle", least.min(axis=0), least.max(axis=0), *window)
 
 
-def _asked(problem: Problem, paths: Floats) -> Iterator[Series]:
+def _asked(problem: Problem, whole: Floats) -> Iterator[Series]:
     """The other places and predicates of the task, once each."""
-    signals = StateSignals(paths, ("x", "y"), problem.step)
+    signals = StateSignals(whole, problem.fleet.states, problem.step)
     seen: set[str] = set()
     for part in other_parts(problem):
         window = window_of(problem, part)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from math import floor
 from shlex import quote
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -51,6 +52,8 @@ class PlanLike(Protocol):
         """What fails."""
 
 
+WIDTH = 120
+"""Characters of a line."""
 NOT_COVERED = "not covered for this model: replay only"
 """What is proven of a fleet that follows a differential equation."""
 STATUS_WORDS = {
@@ -86,7 +89,13 @@ def verdict(plan: PlanLike) -> str:
 def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     """The summary, a line each."""
     rows = summary_rows(plan) + ([("files", files)] if files else [])
-    return [f"{plan.problem.name}: {verdict(plan)}", *(f"  {label:<11}{text}" for label, text in rows)]
+    return [f"{plan.problem.name}: {verdict(plan)}", *(line for row in rows for line in _lines(*row))]
+
+
+def _lines(label: str, text: str) -> list[str]:
+    """One row; what is proven and the task, which may be as long as they like, are wrapped."""
+    texts = wrap(text, WIDTH - 13, break_long_words=False) if label in ("task", "proven") else [text]
+    return [f"  {'' if i else label:<11}{text}" for i, text in enumerate(texts)]
 
 
 def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
@@ -161,12 +170,24 @@ def unit_of(name: str) -> str:
     return " rad" if name == "start_heading" else " m" if name in START else ""
 
 
+def short(text: str, most: int = 34) -> str:
+    """A text of so many letters at most."""
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def parameter_label(problem: Problem, name: str) -> str:
+    """A parameter and its unit for an axis; of a differential equation's own parameters the unit is not known."""
+    unit = unit_of(name).strip() or ("SI units" if isinstance(problem, OdeProblem) else "-")
+    return f"{name} [{unit}]"
+
+
 def measured(run: Replay | None) -> list[tuple[str, str]]:
     """What the replay found."""
     if run is None:
         return []
     value, worst = run.worst
-    rows = [("robustness", f"{value:.4f} m for the worst member ({member_text(worst)})")]
+    who = "of the task, shares as asked" if run.shares else f"for the worst member ({member_text(worst)})"
+    rows = [("robustness", f"{value:.4f} m {who}")]
     if run.clearances:
         c = min(run.clearances, key=lambda c: c.distance)
         rows.append(
@@ -224,24 +245,25 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
         return [("proven", NOT_COVERED)]
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
     scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
-    bounds = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
-    bounds += [_proven_share(b) for b in c.parts if b.share is not None]
+    claims = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
     rest = min((b.proven for b in c.parts if b.share is None), default=None)
-    bounds += [] if rest is None else [f"rest of the task >= {rest:.4f} m"]
-    work = f"({c.seconds:.2f} s)"
-    if c.proven == "yes":
-        return [("proven", f"for {scope}: {', '.join(bounds)} {work}")]
-    if c.counter_example is None:
-        return [("proven", f"UNDECIDED for {scope}: only {', '.join(bounds)} {work}")]
-    found = c.counter_example
-    when = "" if found.time is None else f" at t = {found.time:.2f} s"
-    return [("proven", f"NO: {member_text(found.parameters)} violates {found.what} by {found.amount:.3g} m{when}")]
+    claims += [] if rest is None else [f"rest of the task >= {rest:.4f} m"]
+    texts = [f"for {scope}: {', '.join(claims)}"] if claims else []
+    texts += [_proven_share(b) for b in c.parts if b.share is not None]
+    if c.counter_example is not None:
+        found = c.counter_example
+        when = "" if found.time is None else f" at t = {found.time:.2f} s"
+        return [("proven", f"NO: {member_text(found.parameters)} violates {found.what} by {found.amount:.3g} m{when}")]
+    if c.proven != "yes":
+        texts = [f"UNDECIDED {text.replace(': ', ': only ', 1)}" for text in texts]
+    texts[-1] += f" ({c.seconds:.2f} s)"
+    return [("" if i else "proven", text) for i, text in enumerate(texts)]
 
 
 def _proven_share(bound: TaskBound) -> str:
-    """A share in percent, rounded down."""
+    """What a share of the fleet does, the share in percent and rounded down."""
     share = 100 * floor(1e4 * (bound.share or 0.0)) / 1e4
-    return f"{share:.4g} % of the fleet do {bound.part} with >= {bound.proven:.4f} m"
+    return f"for {share:.4g} % of the fleet, every instant: their part of the task >= {bound.proven:.4f} m"
 
 
 def _percent(share: float) -> str:

@@ -7,12 +7,17 @@ from dataclasses import dataclass
 from math import floor, isfinite, log10
 
 from ensemble_ctrl.certificate import Certificate
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.report.text import member_text, unit_of
 
 LIMITS = (
     "It is about robots that follow the model exactly. Not covered: sensor noise, model error, rounding in the robot, "
     "and robots that meet each other. It does not say that the plan is the best one."
+)
+
+REPLAYED = (
+    "What this page says is about the robots that were replayed, at the times that were looked at, and not about the "
+    "others."
 )
 
 
@@ -27,21 +32,41 @@ class Words:
 
 def certificate_words(problem: Problem, certificate: Certificate | None) -> Words:
     """What a certificate says."""
+    if isinstance(problem, OdeProblem):
+        lead = f"None: no proof covers this model ({problem.fleet.system.name}). Its plans are replayed only."
+        return Words(lead, (), REPLAYED)
     if certificate is None:
         lead = "No certificate was asked for: nothing is claimed beyond the robots that were replayed."
         hint = "Set verify.certificate: true in the problem file, or run ensemble-plan verify on the results."
         return Words(lead, (), hint)
     bounds = tuple(_bounds(certificate))
-    who = f"every robot{_ranges(certificate)}, at every instant of the {problem.duration:g} s"
+    ranges, when = _ranges(certificate), f"at every instant of the {problem.duration:g} s"
+    who = f"every robot{ranges}, {when}"
     if certificate.proven == "yes":
-        return Words(f"Proven: {who}, does the whole task.", bounds, LIMITS)
+        return Words(f"Proven: {_claim(certificate, who, f'{ranges}, {when}')}.", bounds, LIMITS)
     if certificate.counter_example is not None:
         c = certificate.counter_example
-        when = "" if c.time is None else f" at t = {c.time:.2f} s"
-        lead = f"Refuted: the robot with {member_text(c.parameters)} breaks {c.what} by {length(c.amount)}{when}."
+        moment = "" if c.time is None else f" at t = {c.time:.2f} s"
+        lead = f"Refuted: the robot with {member_text(c.parameters)} breaks {c.what} by {length(c.amount)}{moment}."
         return Words(lead, bounds, "Replay that robot to see it: plan.replay(parameters=[...]).")
     lead = f"Undecided: no robot was found that breaks the task, but it could not be proven for {who}."
     return Words(lead, bounds, "A narrower range of the parameters, or more margin (solve.margin), is easier to prove.")
+
+
+def _claim(certificate: Certificate, who: str, scope: str) -> str:
+    """What is proven: of everybody, of a share of the fleet, or of both."""
+    shares = [f"at least {_percent(part.share)}" for part in certificate.parts if part.share is not None]
+    if not shares:
+        return f"{who}, does the whole task"
+    some = " and ".join(shares)
+    if len(certificate.parts) > len(shares) or certificate.clearances:
+        return f"{who}, does the rest of the task, and {some} of them do what is asked of a share"
+    return f"{some} of the robots{scope}, do what is asked of a share"
+
+
+def _percent(share: float) -> str:
+    """A share in percent, rounded down."""
+    return f"{floor(1e4 * share) / 100:.4g} %"
 
 
 def length(metres: float) -> str:
@@ -78,6 +103,9 @@ def _bounds(certificate: Certificate) -> Iterator[str]:
     for part in certificate.parts:
         if not part.covered:
             yield f"{part.part}: outside what the proof can bound."
+        elif part.share is not None and part.proven >= 0:
+            share = _percent(part.share)
+            yield f"{part.part}: done by {share} of the fleet with at least {length(part.proven)} to spare."
         elif part.proven >= 0:
             yield f"{part.part}: done with at least {length(part.proven)} to spare."
         else:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ensemble_ctrl.certificate import Certificate
-from ensemble_ctrl.report.kinds.panels import short
 from ensemble_ctrl.report.palette import LINES, TWIN
+from ensemble_ctrl.report.text import short
 from ensemble_ctrl.report.words import length
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ensemble_ctrl.report.figures import line_style
-from ensemble_ctrl.report.kinds.panels import short, title_and_legend
-from ensemble_ctrl.report.series import by_parameter
-from ensemble_ctrl.report.text import PlanLike, unit_of
+from ensemble_ctrl.report.kinds.panels import title_and_legend
+from ensemble_ctrl.report.series import by_parameter, distance_label
+from ensemble_ctrl.report.text import PlanLike, parameter_label, short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,11 +29,11 @@ def draw_clearance(plan: PlanLike, ax: Axes) -> Axes:
     for k, bound in enumerate(b for b in bounds if np.isfinite(b)):
         ax.axhline(bound, color=PROVEN, linestyle=":", linewidth=1.2, label=None if k else "proven for all")
     ax.axhline(0.0, color="black", linewidth=0.8)
-    unit = unit_of(profile.parameter).strip() or "-"
-    ax.set(xlabel=f"{profile.parameter} [{unit}]" if profile.parameter else "(all robots are equal)")
+    label = parameter_label(plan.problem, profile.parameter) if profile.parameter else "(all robots are equal)"
+    ax.set_xlabel(label)
     if not profile.parameter:
         ax.set_xticks([])
-    ax.set_ylabel("distance from failing [m]")
+    ax.set_ylabel(distance_label(plan.problem))
     ax.grid(alpha=0.3)
     title_and_legend(ax, f"{plan.problem.name}: least over time")
     return ax

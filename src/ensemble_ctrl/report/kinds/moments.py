@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.moments import TensorBasis
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.kinds.panels import panels
 from ensemble_ctrl.report.palette import LINES
-from ensemble_ctrl.report.view import ways
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,9 +24,12 @@ ORDER = 3
 COUNT = 24
 """Points of the rule that integrates over the parameter; a quarter as many for each of several."""
 
+DASHES = ("-", "--", ":")
+"""Of the coordinates."""
+
 
 def moments(problem: Problem, controls: Floats) -> Iterator[tuple[str, Floats]]:
-    """Moments of position by name, each of shape (steps + 1, 2), metres, the lowest first.
+    """Moments of position by name, each of shape (steps + 1, d), metres, the lowest first.
 
     Notes
     -----
@@ -37,7 +40,7 @@ def moments(problem: Problem, controls: Floats) -> Iterator[tuple[str, Floats]]:
     laws = fleet.bent_laws
     order = ORDER if len(laws) == 1 else 1
     nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
-    paths = ways(problem, controls, fleet.bent_members(nodes))
+    paths = trajectories(problem, controls, fleet.bent_members(nodes))
     basis = TensorBasis(tuple(law.basis(order) for law in laws))
     phi = basis.evaluate(nodes)
     for column, index in enumerate(basis.indices):
@@ -47,13 +50,14 @@ def moments(problem: Problem, controls: Floats) -> Iterator[tuple[str, Floats]]:
 
 
 def draw_moments(problem: Problem, controls: Floats, ax: Axes) -> Axes:
-    """The lowest moment in a panel of its own above the others, which are smaller; x solid, y dashed."""
+    """The lowest moment in a panel of its own above the others, which are smaller; x solid, y dashed, z dotted."""
+    axes = problem.fleet.places
     lowest, *others = moments(problem, controls)
     top, *below = panels(ax, 2 if others else 1)
-    for axis, column, dashes in zip("xy", lowest[1].T, ("-", "--"), strict=True):
+    for axis, column, dashes in zip(axes, lowest[1].T, DASHES, strict=False):
         top.plot(problem.times, column, dashes, label=f"{axis}, ${lowest[0]}$", color=LINES[0], linewidth=1.1)
     for k, (name, values) in enumerate(others, start=1):
-        for axis, column, dashes in zip("xy", values.T, ("-", "--"), strict=True):
+        for axis, column, dashes in zip(axes, values.T, DASHES, strict=False):
             below[0].plot(problem.times, column, dashes, label=f"{axis}, ${name}$", color=LINES[k], linewidth=1.1)
     for panel in (top, *below):
         panel.set(ylabel="moment [m]", xlim=(0, problem.duration))

@@ -32,11 +32,6 @@ def legend_shape(names: Sequence[str]) -> tuple[int, int]:
     return columns, -(-len(names) // columns)
 
 
-def short(text: str, most: int = 34) -> str:
-    """A text of so many letters at most."""
-    return text if len(text) <= most else text[: most - 1] + "…"
-
-
 def title_and_legend(ax: Axes, title: str) -> None:
     """The legend above the axes, where it hides nothing, and the title above the legend."""
     handles, names = ax.get_legend_handles_labels()

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.figures import line_style
-from ensemble_ctrl.report.kinds.panels import short, title_and_legend
-from ensemble_ctrl.report.series import over_time
+from ensemble_ctrl.report.kinds.panels import title_and_legend
+from ensemble_ctrl.report.series import distance_label, over_time
+from ensemble_ctrl.report.text import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +27,7 @@ def draw_robustness(problem: Problem, controls: NDArray[np.float64], ax: Axes) -
         asked = (times >= one.begin - 1e-9) & (times <= one.end + 1e-9)
         ax.plot(times[asked], one.low[asked], color=style["color"], linewidth=2.6, alpha=0.7)
     ax.axhline(0.0, color="black", linewidth=0.8)
-    ax.set(xlabel="t [s]", ylabel="distance from failing [m]", xlim=(0, problem.duration))
+    ax.set(xlabel="t [s]", ylabel=distance_label(problem), xlim=(0, problem.duration))
     ax.grid(alpha=0.3)
     title_and_legend(ax, f"{problem.name}: worst robot (line) to best")
     return ax

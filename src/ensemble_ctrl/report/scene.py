@@ -1,0 +1,184 @@
+"""What a map shows, in two coordinates: the plane, space from above and from the side, or a line over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.drawing import frame, highest, outlines, shadow, target_lines
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.motion import Motion
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.report.view import Canvas
+
+Floats = NDArray[np.float64]
+View = tuple[int, int]
+
+VIEWS: dict[int, tuple[View, ...]] = {2: ((0, 1),), 3: ((0, 1), (0, 2))}
+"""Pairs of coordinates that are drawn, for so many: the plane, or space from above and from the side. A line has none:
+it is drawn over time."""
+OVER_TIME = 0.55
+"""Height of a line over time, in widths."""
+LOOKS = 21
+"""Times at which moving obstacles count for what a map has to show."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """An obstacle as it is drawn.
+
+    Attributes
+    ----------
+    name : str
+    pieces : tuple of ndarray, shape (corners, 2)
+    beside : tuple of bool
+        Which pieces lie beside the fleet's way along the coordinates that are not drawn, so that they would only hide
+        it.
+    motion : Motion or None
+        How it moves.
+    """
+
+    name: str
+    pieces: tuple[Floats, ...]
+    beside: tuple[bool, ...]
+    motion: Motion | None = None
+
+    @property
+    def largest(self) -> Floats:
+        """The piece that has most room for a name, of those in the way if there are any."""
+        met = [piece for piece, beside in zip(self.pieces, self.beside, strict=True) if not beside]
+        return max(met or self.pieces, key=lambda corners: float(np.ptp(corners, axis=0).prod()))
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One drawing of a map.
+
+    Attributes
+    ----------
+    problem : Problem
+        Whose map.
+    view : (int, int) or None
+        The coordinates of the position that are drawn; None for a line over time.
+    paths : ndarray, shape (members, times, 2)
+        Ways of members.
+    obstacles : tuple of Shape
+    regions : dict of str to ndarray, shape (corners, 2)
+    """
+
+    problem: Problem
+    view: View | None
+    paths: Floats
+    obstacles: tuple[Shape, ...]
+    regions: dict[str, Floats]
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """What runs along both axes, with units."""
+        if self.view is None:
+            return "t [s]", f"{self.problem.fleet.places[0]} [m]"
+        across, up = (f"{self.problem.fleet.places[k]} [m]" for k in self.view)
+        return across, up
+
+    @property
+    def hidden(self) -> str:
+        """The coordinate along which space is seen; empty in the plane."""
+        others = [n for k, n in enumerate(self.problem.fleet.places) if self.view and k not in self.view]
+        return ", ".join(others)
+
+    @property
+    def heading(self) -> float | None:
+        """Of the fleet at the start, radians; None for robots that have none."""
+        return self.problem.fleet.heading if isinstance(self.problem.fleet, Fleet) else None
+
+    @property
+    def tags(self) -> dict[str, Floats]:
+        """Above which point the name of each region belongs, shape (2,); beside each other over time."""
+        if self.view is not None:
+            return {name: highest(corners) for name, corners in self.regions.items()}
+        each = self.problem.duration / max(len(self.regions), 1)
+        return {n: np.array([(k + 0.5) * each, c[:, 1].max()]) for k, (n, c) in enumerate(self.regions.items())}
+
+    @property
+    def start(self) -> Floats:
+        """Where the fleet starts, shape (2,)."""
+        return self.at(self.problem.fleet.position, 0.0)
+
+    @property
+    def target(self) -> Floats | None:
+        """The one place where the fleet should end, shape (2,), if there is one."""
+        place = self.problem.objective.place
+        return None if place is None else self.at(np.asarray(place, dtype=float), self.problem.duration)
+
+    @property
+    def lines(self) -> list[Floats]:
+        """Other targets, as lines of shape (points, 2)."""
+        return target_lines(self.problem)
+
+    @property
+    def radius(self) -> float:
+        """Of a robot, metres; zero over time, where a disk would mean nothing."""
+        return 0.0 if self.view is None else self.problem.fleet.radius
+
+    def at(self, place: Floats, time: float) -> Floats:
+        """A place at a time in the drawing's coordinates, shape (2,)."""
+        return np.array([time, place[0]]) if self.view is None else place[list(self.view)]
+
+    def canvas(self, width: float, left: float = 0.0, top: float = 0.0, more: Sequence[Floats] = ()) -> Canvas:
+        """A drawing so wide that shows all of it, wherever obstacles go, and more shapes of shape (points, 2)."""
+        shapes = [self.start[None, :], *self.paths]
+        for obstacle in self.obstacles:
+            times = np.linspace(0.0, self.problem.duration, LOOKS)
+            offsets = np.zeros((1, 2)) if obstacle.motion is None else obstacle.motion.at(times)
+            shapes += [corners + offset for corners in obstacle.pieces for offset in offsets]
+        shapes += [*self.regions.values(), *self.lines, *more]
+        if self.view is not None:
+            return Canvas.around(*frame(shapes), width, left, top)
+        points = np.concatenate(shapes)
+        low, size = points.min(axis=0), np.ptp(points, axis=0)
+        border = np.array([0.03, 0.08]) * np.maximum(size, 1e-3)
+        return Canvas.around(low - border, size + 2 * border, width, left, top, OVER_TIME)
+
+
+def scenes(problem: Problem, paths: Floats) -> tuple[Scene, ...]:
+    """The drawings that show all of a map.
+
+    Parameters
+    ----------
+    problem : Problem
+    paths : ndarray, shape (members, times, d)
+        Positions of members at times that are evenly spread over the horizon, or in the plane at any.
+    """
+    return tuple(_scene(problem, paths, view) for view in VIEWS.get(len(problem.fleet.places), (None,)))
+
+
+def _scene(problem: Problem, paths: Floats, view: View | None) -> Scene:
+    """One of them."""
+    if view is None:
+        times = np.broadcast_to(np.linspace(0.0, problem.duration, paths.shape[1]), paths.shape[:2])
+        return Scene(problem, None, np.stack([times, paths[..., 0]], axis=-1), (), dict(_bands(problem)))
+    obstacles = []
+    for name, pieces in problem.obstacles.items():
+        shadows = tuple(shadow(piece.vertices, view) for piece in pieces)
+        beside = tuple(_beside(piece.vertices, view, paths) for piece in pieces)
+        obstacles.append(Shape(name, shadows, beside, problem.motions.get(name)))
+    regions = {name: shadow(corners, view) for name, corners in outlines(problem, list(paths)).items()}
+    return Scene(problem, view, paths[..., list(view)], tuple(obstacles), regions)
+
+
+def _bands(problem: Problem) -> Iterator[tuple[str, Floats]]:
+    """Bounded regions of a line over the whole time."""
+    for name, region in problem.regions.items():
+        if region.is_bounded:
+            low, high, end = float(region.vertices.min()), float(region.vertices.max()), problem.duration
+            yield name, np.array([[0.0, low], [end, low], [end, high], [0.0, high]])
+
+
+def _beside(corners: Floats, view: View, paths: Floats) -> bool:
+    """Whether no way is as far along the coordinates that are not drawn."""
+    hidden = [k for k in range(corners.shape[1]) if k not in view]
+    low, high = paths[..., hidden].min(axis=(0, 1)), paths[..., hidden].max(axis=(0, 1))
+    return bool((corners[:, hidden].min(axis=0) > high).any() or (corners[:, hidden].max(axis=0) < low).any())
