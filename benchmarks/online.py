@@ -78,7 +78,7 @@ def one(problem: Problem, plan: Floats, loop: Receding, traction: float, seed: i
         (float(blind[0]), float(blind[1])),
         tuple(step.seconds for step in outcome.steps),
         {name: sum(step.source == name for step in outcome.steps) for name in ("new", "kept", "stopped", "recovered")},
-        not loop.tracker.holds,
+        not loop.holds,
     )
 
 

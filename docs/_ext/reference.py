@@ -122,6 +122,8 @@ def fields(model: type[Model], prefix: str = "") -> Iterator[Row]:
             yield path, "a law", "the same for all", said[name]
         elif isinstance(kind, type) and issubclass(kind, Model):
             yield from fields(kind, f"{path}.")
+        elif name == "robots":
+            yield f"{path}.<name>", "a robot", "none", said[name]
         elif name == "motions":
             yield from fields(MotionSection, f"{path}.<name>.")
         elif name in ("regions", "obstacles"):

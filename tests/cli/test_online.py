@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from PIL import Image
 
+from ensemble_ctrl.config import read
 from ensemble_ctrl.receding.measurement import Measurement
 from ensemble_ctrl.receding.simulated import SimulatedRobot
 
@@ -53,6 +54,27 @@ def test_a_run_is_printed_logged_and_drawn(command: Command, small: Path) -> Non
         assert getattr(film, "n_frames", 1) > 20
     facts = json.loads((small / FOLDER / "outcome.json").read_text())
     assert (facts["ending"], facts["assumptions_hold"], facts["plans"]["stopped"]) == ("success", True, 0)
+
+
+def test_several_robots_are_told_and_drawn_by_name(command: Command, place: Path) -> None:
+    robots = "{ada: {traction: 0.95, seed: 7}, ben: {traction: 1.04}}"
+    (place / "small.yaml").write_text(SMALL + f"online: {{deadline: 2 s, robots: {robots}}}\n")
+    done = command("online", "small.yaml", "--json")
+    assert done.code == 0, done.err
+    assert sorted(done.data["ranges"]) == ["ada.traction", "ben.traction"]
+    assert done.data["ranges"]["ada.traction"][0] <= 0.95 <= done.data["ranges"]["ada.traction"][1]
+    assert done.data["ranges"]["ben.traction"][0] <= 1.04 <= done.data["ranges"]["ben.traction"][1]
+    _, *steps, _ = log(place)
+    assert sorted(steps[-1]["measurements"]) == ["ada", "ben"]
+    assert (place / FOLDER / "online.gif").exists()
+
+
+def test_robots_that_are_not_told_apart_draw_noise_of_their_own(place: Path) -> None:
+    (place / "small.yaml").write_text(SMALL + "online: {robots: {ada: {}, ben: {}, cleo: {seed: 9}}}\n")
+    settings = read(str(place / "small.yaml")).online
+    assert settings is not None
+    assert [robot.seed for robot in settings.robots.values()] == [0, 1, 9]
+    assert [robot.seed for robot in settings.with_robots(seed=4).robots.values()] == [4, 5, 6]
 
 
 def test_as_json_one_object(command: Command, small: Path) -> None:
@@ -157,6 +179,9 @@ def test_a_fault_leaves_the_log_up_to_it(command: Command, small: Path, monkeypa
         ("{robot: {drifting: {middle: 1, amplitude: 0.1, period: 9 s}, traction: 1}}", "expected drifting alone"),
         ("{robot: {lost: {commands: 1}}}", "expected a share from 0 to below 1, got 1"),
         ("{robbot: {}}", "robbot"),
+        ("{robot: {traction: 1}, robots: {ada: {}}}", "expected robot, or robots by name, got both"),
+        ("{robots: {2nd: {}}}", "expected a name that starts with a letter"),
+        ("{robots: {ada: {traction: 0}}}", "online.robots.ada.traction: expected"),
         ("{deadline: 9 s}", "online.deadline: expected at most the 2 s of 10 applied steps, got 9 s"),
         ("{robot: {traction: 1, angular_traction: 1}}", "expected traction, or linear_traction and angular_traction"),
     ],

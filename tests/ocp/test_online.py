@@ -34,7 +34,7 @@ def present_at(program: OnlineProgram, controls: Floats, at: int, free: int, gro
     drives = fleet.drives(fleet.bent_members(program.truncation.nodes))
     drives[:, 2] += problem.step * omega[:at].sum()
     drives[:, 3:] = path[at]
-    return Present(at, free, drives, path[: at + 1], np.full(problem.steps + 1, growth), controls)
+    return Present(at, free, drives, path[: at + 1, None], np.full(problem.steps + 1, growth), controls)
 
 
 @pytest.mark.parametrize(
@@ -61,6 +61,30 @@ def test_slopes_are_those_of_finite_differences(system: ArcSystem, laws: dict[st
         ahead, behind = point.moved(change).curve, point.moved(-change).curve
         wanted = ((ahead - behind)[at, which] / 2e-6 * normal).sum(axis=1)
         np.testing.assert_allclose(slopes[:, step, command], wanted, atol=1e-7)
+
+
+def test_several_robots_are_each_of_them_and_cost_their_mean() -> None:
+    """Side by side: curve and slopes are those of each alone, and the smooth cost is the mean of theirs."""
+    problem, controls = five(), planned().controls
+    program = OnlineProgram.of(problem, controls, 2)
+    first = present_at(program, controls, 30, 40)
+    second = replace(first, drives=first.drives + np.array([0.02, 0.02, 0.05, 0.1, -0.1]), path=first.path + 0.1)
+    both = replace(
+        first,
+        drives=np.concatenate([first.drives, second.drives]),
+        path=np.concatenate([first.path, second.path], axis=1),
+    )
+    alone = [_Point(program, present, controls) for present in (first, second)]
+    joint, count = _Point(program, both, controls), alone[0].curve.shape[1]
+    np.testing.assert_allclose(joint.curve, np.concatenate([point.curve for point in alone], axis=1), atol=1e-12)
+    at, normal = np.full(count, 90), np.random.default_rng(0).normal(size=(count, 2))
+    for k, point in enumerate(alone):
+        slopes = joint._slopes(at, k * count + np.arange(count), normal)
+        np.testing.assert_allclose(slopes, point._slopes(at, np.arange(count), normal), atol=1e-9)
+    for i in (0, 1):
+        mean = np.mean([point._smooth_cost()[i] for point in alone], axis=0)
+        np.testing.assert_allclose(joint._smooth_cost()[i], mean, atol=1e-8)
+    assert joint.level_values()[-1] <= min(point.level_values()[-1] for point in alone) + 1e-12
 
 
 def test_groups_of_steps_cover_all_and_grow() -> None:

@@ -113,7 +113,7 @@ def test_a_drift_that_is_told_contradicts_nothing() -> None:
     factors = Drifting(1.0, 0.03, 15.0)
     driven = robot(factors, 4)
     loop, outcome = run(driven, errors=replace(NOISE, drift=factors.fastest), deadline=0.4)
-    assert loop.tracker.holds
+    assert loop.holds
     assert outcome.ending in ("success", "finished")
     assert clearance(SHORT, driven) > 0
 
@@ -154,7 +154,7 @@ def test_a_receding_horizon_goes_on_as_long_as_it_is_told() -> None:
 def test_a_traction_outside_the_range_is_noticed_and_never_a_success(traction: float) -> None:
     driven = robot(traction, 1)
     loop, outcome = run(driven)
-    assert not loop.tracker.holds
+    assert not loop.holds
     assert outcome.ending != "success"
     assert "no parameters in the assumed ranges fit" in events(outcome)
     assert clearance(SHORT, driven) > 0
@@ -206,7 +206,7 @@ def test_a_robot_that_never_says_anything_does_not_start() -> None:
 def test_a_robot_that_was_carried_away_is_noticed() -> None:
     driven = disturbed(robot(1.0, 0), 1.5, lambda r: r.put(0.4, 0.9, 0.5))
     loop, outcome = run(driven)
-    assert not loop.tracker.holds
+    assert not loop.holds
     assert outcome.ending in ("finished", "stopped", "failed")
     assert "it was moved, or measured wrongly" in events(outcome)
     assert clearance(SHORT, driven) > 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from PIL import Image, ImageColor
 
 from ensemble_ctrl.report.online import DRIVEN, PLANNED, Run, Told, write_run
+from ensemble_ctrl.report.palette import LINES
 from ensemble_ctrl.report.scene import scenes
 from ensemble_ctrl.report.stage import HEAD, NARROW
 
@@ -21,24 +23,26 @@ def run() -> Run:
     driven = np.column_stack([np.linspace(0, 4, 81), np.zeros(81)])
     ahead, away = np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[2.0, 0.0], [3.5, -2.0]])
     told = [
-        Told(0.0, ahead, {"traction": (0.9, 1.1)}, 0.1, "new"),
-        Told(2.0, away, {"traction": (1, 1.1)}, 0.2, "kept"),
+        Told(0.0, {"robot": ahead}, {"traction": (0.9, 1.1)}, 0.1, "new"),
+        Told(2.0, {"robot": away}, {"traction": (1, 1.1)}, 0.2, "kept"),
     ]
-    return Run(plan.problem, plan.controls, told, driven, driven, 4.0, 0.2, {"traction": 1.0}, "how it ended")
+    paths = {"robot": driven}
+    return Run(plan.problem, plan.controls, told, paths, paths, 4.0, 0.2, {"traction": 1.0}, "how it ended")
 
 
 def test_the_robot_and_its_newest_plan(tmp_path: Path) -> None:
     done = run()
     assert write_run(done, tmp_path) == ["online.png", "online.gif"]
-    (scene,) = scenes(done.problem, done.driven[None])
-    canvas = scene.canvas(NARROW, top=HEAD, more=[step.path for step in done.told])
+    driven = done.driven["robot"]
+    (scene,) = scenes(done.problem, driven[None])
+    canvas = scene.canvas(NARROW, top=HEAD, more=[path for step in done.told for path in step.paths.values()])
     with Image.open(tmp_path / "online.gif") as film:
         frames = film.n_frames  # type: ignore[attr-defined]
         assert frames == 80
         for k in (10, 30, 60):
             film.seek(k)
             pixels = np.asarray(film.convert("RGB")).astype(int)
-            x = canvas.at(done.driven[int(k * 80 / 79)])[0]
+            x = canvas.at(driven[int(k * 80 / 79)])[0]
             dark = np.abs(pixels - ImageColor.getrgb(DRIVEN)).max(axis=2) < 30
             foremost = np.argwhere(dark[HEAD:-34])[:, 1].max()
             assert foremost == pytest.approx(x + 4, abs=2)  # a robot's dot is 4 wide
@@ -47,6 +51,20 @@ def test_the_robot_and_its_newest_plan(tmp_path: Path) -> None:
             assert (np.abs(near - ImageColor.getrgb(PLANNED)).max(axis=2) < 60).any() == (k == 60)
     with Image.open(tmp_path / "online.png") as figure:
         assert figure.width == round(150 * (7.2 + 4.2))
+
+
+def test_robots_have_colours_of_their_own_and_names(tmp_path: Path) -> None:
+    alone = run()
+    driven = {"ada": alone.driven["robot"], "ben": alone.driven["robot"] + [0.0, 0.5]}
+    told = [replace(step, paths=driven, ranges={"ada.traction": (0.9, 1.1)}) for step in alone.told]
+    write_run(replace(alone, driven=driven, told=told), tmp_path)
+    with Image.open(tmp_path / "online.gif") as film:
+        film.seek(40)
+        pixels = np.asarray(film.convert("RGB")).astype(int)
+    for colour in LINES[:2]:
+        here = np.abs(pixels - ImageColor.getrgb(colour)).max(axis=2) < 30
+        assert here[HEAD:-34].any()
+        assert here[-30:].any()  # its name, below the map
 
 
 def test_without_an_animation_there_is_a_figure(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ without start parameters whose members grow by ``r`` with time; a predicate, bei
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +60,25 @@ class SetCertificate:
     def least(self) -> float:
         """The smaller of both bounds, metres."""
         return min(self.clearance, self.robustness)
+
+
+def together(found: Mapping[str, SetCertificate]) -> SetCertificate:
+    """What is proven of one plan for several sets, by name: no more than of each of them.
+
+    Notes
+    -----
+    *Guarantee*: with `proven`, every robot of every set does the task.
+    """
+    if len(found) == 1:
+        return next(iter(found.values()))
+    name, worst = min(found.items(), key=lambda item: item[1].least)
+    return SetCertificate(
+        all(each.proven for each in found.values()),
+        min(each.clearance for each in found.values()),
+        min(each.robustness for each in found.values()),
+        f"{name}: {worst.worst}",
+        sum(each.seconds for each in found.values()),
+    )
 
 
 def certify_set(

@@ -434,10 +434,11 @@ def online(
     output: LoggedIn = None,
     overrides: Overrides = None,
     traction: Annotated[
-        float | None, typer.Option(help="The robot's true traction (online.robot.traction).", metavar="X", min=1e-3)
+        float | None,
+        typer.Option(help="The true traction of the robots (online.robot.traction).", metavar="X", min=1e-3),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of the robot's noise (online.robot.seed).", metavar="N", min=0)
+        int | None, typer.Option(help="Seed of the robots' noise (online.robot.seed).", metavar="N", min=0)
     ] = None,
     json: Json = False,
     quiet: Quiet = False,

@@ -1,4 +1,4 @@
-"""``ensemble-plan online``: plan, then run the loop on a simulated robot, and write what happened."""
+"""``ensemble-plan online``: plan, then run the loop on simulated robots, and write what happened."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ensemble_ctrl.receding.log import RunLog
 from ensemble_ctrl.receding.loop import Receding, Step
 from ensemble_ctrl.receding.remaining import of_one_robot
 from ensemble_ctrl.receding.settings import OnlineSettings
-from ensemble_ctrl.receding.simulated import FINE, Fixed, SimulatedRobot
+from ensemble_ctrl.receding.simulated import FINE, Fixed, SimulatedFleet
 from ensemble_ctrl.report.online import Run, Told, write_run
 from ensemble_ctrl.results import SCHEMA, to_json
 from ensemble_ctrl.twin import unconstrained
@@ -54,13 +54,13 @@ def run_online(options: OnlineRun) -> int:
     loaded = read(options.config, options.overrides, loop=True)
     for warning in loaded.warnings:
         progress.note(str(warning))
-    settings = (loaded.online or OnlineSettings()).with_robot(options.traction, options.seed)
+    settings = (loaded.online or OnlineSettings()).with_robots(options.traction, options.seed)
     problem = loaded.problem
     folder = ResultsFolder(options.output, f"{problem.name}-online", options.overwrite)
-    robot = settings.simulated(problem)
+    fleet = settings.simulated(problem)
 
     def abandon() -> None:
-        robot.stop()
+        fleet.stop()
         folder.commit()
 
     drawn = ""
@@ -70,16 +70,16 @@ def run_online(options: OnlineRun) -> int:
             if first is None or progress.stop_signal is not None:
                 return _without_plan(problem, progress, options)
             first.save(folder.working / "plan.npz")
-            loop = Receding(problem, settings.options, first.controls)
+            loop = Receding(problem, settings.options, first.controls, robots=tuple(fleet.robots))
             progress("drive", None)
             try:
-                outcome, told = _driven(loop, robot, folder.working / "log.jsonl", progress)
+                outcome, told = _driven(loop, fleet, folder.working / "log.jsonl", progress)
             except BaseException:
                 complain(f"the log up to the fault: {folder.commit() / 'log.jsonl'}")
                 raise
             if options.plots and progress.stop_signal is None:
                 progress("draw", None)
-                drawn = _draw(problem, loop, robot, outcome, told, folder.working)
+                drawn = _draw(problem, loop, fleet, outcome, told, folder.working)
         (folder.working / "outcome.json").write_text(to_json(_facts(loop, outcome), indent=2) + "\n", encoding="utf-8")
         placed = folder.commit()
     finally:
@@ -117,7 +117,7 @@ def _first_plan(problem: Problem, progress: Progress) -> Plan | None:
     return Plan(alone, found.controls, found.status) if found.status == "planned" else None
 
 
-def _driven(loop: Receding, robot: SimulatedRobot, path: Path, progress: Progress) -> tuple[Outcome, list[Told]]:
+def _driven(loop: Receding, fleet: SimulatedFleet, path: Path, progress: Progress) -> tuple[Outcome, list[Told]]:
     """Run the loop with its log."""
     told: list[Told] = []
     with RunLog(path) as log:
@@ -126,12 +126,13 @@ def _driven(loop: Receding, robot: SimulatedRobot, path: Path, progress: Progres
         def listen(step: Step, controls: Floats) -> None:
             log.step(loop, step, controls)
             time = step.begin * loop.problem.step
-            told.append(Told(time, loop.predicted(), step.ranges, step.seconds, step.source))
+            paths = {name: loop.predicted(name) for name in loop.robots}
+            told.append(Told(time, paths, step.ranges, step.seconds, step.source))
             for event in step.events:
                 progress.note(f"t = {time:.1f} s: {event}")
 
         try:
-            outcome = drive(loop, robot, robot, wanted=lambda: progress.stop_signal is not None, listener=listen)
+            outcome = drive(loop, fleet, fleet, wanted=lambda: progress.stop_signal is not None, listener=listen)
         except BaseException as error:
             log.fault(error)
             raise
@@ -140,7 +141,7 @@ def _driven(loop: Receding, robot: SimulatedRobot, path: Path, progress: Progres
 
 
 def _draw(
-    problem: Problem, loop: Receding, robot: SimulatedRobot, outcome: Outcome, told: list[Told], folder: Path
+    problem: Problem, loop: Receding, fleet: SimulatedFleet, outcome: Outcome, told: list[Told], folder: Path
 ) -> str:
     """Draw the pictures; returns why that failed, if it did: the log is worth keeping without them."""
     try:
@@ -148,23 +149,19 @@ def _draw(
         if problem.report.twin:
             found = solve(unconstrained(of_one_robot(problem)))
             twin = found.controls if found.status == "planned" else None
-        truth = {}
-        if isinstance(robot.factors, Fixed):
-            factors = {"traction": robot.factors.speed, "linear_traction": robot.factors.speed}
-            factors["angular_traction"] = robot.factors.turn_rate
-            truth = {name: factors[name] for name in loop.tracker.sets.names}
-        driven = np.array(robot.track)[round(outcome.start / problem.step) * FINE :, :2]
-        seconds = (len(driven) - 1) * problem.step / FINE
+        began = round(outcome.start / problem.step) * FINE
+        driven = {name: np.array(robot.track)[began:, :2] for name, robot in fleet.robots.items()}
+        seconds = (len(next(iter(driven.values()))) - 1) * problem.step / FINE
         title = f"{problem.name}: {outcome.ending}, {outcome.reason}"
         run = Run(
             loop.problem if loop.base == 0 else problem,
             Plan.load(folder / "plan.npz").controls,
             told,
-            outcome.path,
+            outcome.paths,
             driven,
             seconds,
             loop.options.deadline,
-            truth,
+            _truth(loop, fleet),
             title,
             twin,
         )
@@ -172,6 +169,17 @@ def _draw(
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     return ""
+
+
+def _truth(loop: Receding, fleet: SimulatedFleet) -> dict[str, float]:
+    """True parameters, where they stay the same, by the names that a step has for them."""
+    truth: dict[str, float] = {}
+    for name, robot in fleet.robots.items():
+        if isinstance(robot.factors, Fixed):
+            speed, turn_rate = robot.factors.speed, robot.factors.turn_rate
+            factors = {"traction": speed, "linear_traction": speed, "angular_traction": turn_rate}
+            truth |= {loop.label(name, parameter): factors[parameter] for parameter in loop.problem.fleet.names}
+    return truth
 
 
 def _facts(loop: Receding, outcome: Outcome) -> dict[str, object]:
@@ -184,7 +192,7 @@ def _facts(loop: Receding, outcome: Outcome) -> dict[str, object]:
         "ending": outcome.ending,
         "reason": outcome.reason,
         "robustness": outcome.robustness,
-        "assumptions_hold": loop.tracker.holds,
+        "assumptions_hold": loop.holds,
         "ranges": None if last is None else last.ranges,
         "plans": {
             name: sum(s.source == name for s in outcome.steps) for name in ("new", "kept", "stopped", "recovered")

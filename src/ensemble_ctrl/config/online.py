@@ -1,4 +1,4 @@
-"""The section ``online`` of a problem file: how the loop runs, and the simulated robot that it is tried on."""
+"""The section ``online`` of a problem file: how the loop runs, and the simulated robots that it is tried on."""
 
 from __future__ import annotations
 
@@ -125,9 +125,10 @@ class RobotSection(Model):
             raise Wrong("expected traction, or linear_traction and angular_traction, got both", path=("traction",))
         return self
 
-    def settings(self, errors: Errors) -> RobotSettings:
-        """As the loop's simulation takes it."""
-        return RobotSettings(self._factors(), self._flaws(errors), self.seed)
+    def settings(self, errors: Errors, place: int = 0) -> RobotSettings:
+        """As the loop's simulation takes it; among several, seeds that are not told are those of their places."""
+        seed = self.seed if "seed" in self.model_fields_set else place
+        return RobotSettings(self._factors(), self._flaws(errors), seed)
 
     def _factors(self) -> Factors | None:
         """The true factors, if any are told."""
@@ -159,7 +160,7 @@ class RobotSection(Model):
 
 
 class OnlineSection(Model):
-    """How the loop runs, and the robot that it is tried on."""
+    """How the loop runs, and the robots that it is tried on."""
 
     applied_steps: Annotated[int, BeforeValidator(whole(1, 10_000))] = OnlineOptions.applied_steps
     """Control steps that are applied of every plan."""
@@ -189,6 +190,15 @@ class OnlineSection(Model):
     """How often it may."""
     robot: RobotSection = RobotSection()
     """The simulated robot; it need not be like the fleet."""
+    robots: dict[f.Name, RobotSection] = Field(default_factory=dict)
+    """Several robots that hear the same commands, each as `robot`, in its place; seeds are 0, 1, ... if not given."""
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> Self:
+        """Robots told in one way."""
+        if self.robots and "robot" in self.model_fields_set:
+            raise Wrong("expected robot, or robots by name, got both", path=("robots",))
+        return self
 
     @model_validator(mode="after")
     def _how_long(self) -> Self:
@@ -205,6 +215,9 @@ class OnlineSection(Model):
         errors = Errors(noise.position, noise.heading, self.drift, actuators.speed, actuators.turn_rate)
         options = OnlineOptions(
             errors=errors,
-            **self.model_dump(exclude={"noise", "drift", "actuators", "robot"}),
+            **self.model_dump(exclude={"noise", "drift", "actuators", "robot", "robots"}),
         )
-        return OnlineSettings(options, self.robot.settings(errors))
+        robots = self.robots or {"robot": self.robot}
+        return OnlineSettings(
+            options, {name: robot.settings(errors, k) for k, (name, robot) in enumerate(robots.items())}
+        )

@@ -16,6 +16,8 @@ for turning a little more in step l turns everything that follows about the plac
   has been satisfied stays satisfied.
 - *Sent*: from the last measurement on every node robot is carried by the commands that have been sent to the first
   step that can still be changed, so delays are predicted through exactly.
+- *Robots*: several robots under one broadcast are the node robots of each, side by side, and the terminal
+  error is their mean.
 - *Growth*: how much larger the set of states is than the node robots' curve, in metres at each grid time.
 
 Nothing is built between solves, and each starts from the last plan: on the whole horizon's grid that plan stands at the
@@ -28,7 +30,7 @@ of effort and terminal error (Gauss-Newton); a line search on the exact cost gua
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -83,12 +85,12 @@ class Present:
         Grid time of the measurement.
     free : int
         First step whose commands may still be changed.
-    drives : ndarray, shape (nodes, 5)
-        Drives of the node robots at grid time `at`: factors, heading and place.
-    path : ndarray, shape (at + 1 or more, 2)
-        Where the robot has been at the grid times before `at`, metres.
+    drives : ndarray, shape (robots * nodes, 5)
+        Drives of the node robots at grid time `at`, those of one robot after the other: factors, heading and place.
+    path : ndarray, shape (at or more, robots, 2)
+        Where the robots have been at the grid times before `at`, metres.
     growth : ndarray, shape (steps + 1,)
-        Metres by which the set of states is larger than the node robots' curve, at each grid time.
+        Metres by which the sets of states are larger than the node robots' curves, at each grid time.
     controls : ndarray, shape (steps, n_u)
         Commands: those sent before `free`, and a guess from there on.
     shift : float
@@ -208,9 +210,11 @@ class _Point:
         problem, truncation, at = program.problem, program.truncation, present.at
         self.program, self.present, self.controls = program, present, controls
         system = problem.fleet.system
+        self.robots = present.path.shape[1]
+        self.image = np.kron(np.eye(self.robots), truncation.to_points)
         self.nodal = system.positions(controls[at:], present.drives, problem.step)
-        ahead = np.einsum("ij,jtd->tid", truncation.to_points, self.nodal)
-        before = np.repeat(present.path[:at, None], truncation.count, axis=1)
+        ahead = np.einsum("ij,jtd->tid", self.image, self.nodal)
+        before = np.repeat(present.path[:at], truncation.count, axis=1)
         self.curve = np.concatenate([before, ahead])
 
     def moved(self, change: Floats) -> _Point:
@@ -234,8 +238,7 @@ class _Point:
         total = step * float((u**2).sum(axis=0) @ aim.efforts())
         change = np.diff(self._with_last(), axis=0)
         total += aim.smoothness / step * float((change**2).sum())
-        if self.program._terminal is not None:
-            total += float(self.program._terminal(self.curve[-1].T.ravel())[0])
+        total += sum(float(price[0]) for _, price in self._ends()) / self.robots
         shorts = [np.maximum(self._keep(lines) - lines.nearest(self.curve[free:]), 0.0)[lines.active].ravel()]
         if problem.fleet.rate_bounds is not None:
             shorts.append(np.maximum(np.abs(change) - self._rates(), 0.0).ravel())
@@ -297,11 +300,9 @@ class _Point:
         if levels:
             H[n + np.arange(levels), n + np.arange(levels)] = PROXIMAL
             g[-1] = -aim.robustness
-        if self.program._terminal is not None:
-            value = self.program._terminal(self.curve[-1].T.ravel())
-            slope, bend = np.array(value[1]).ravel(), np.array(value[2])
+        for every, price in self._ends():
+            slope, bend = np.array(price[1]).ravel() / self.robots, np.array(price[2]) / self.robots
             eigen, vectors = np.linalg.eigh(bend)
-            every = np.arange(self.curve.shape[1], dtype=np.int64)
             last = np.full_like(every, problem.steps)
             axes = np.repeat(np.eye(2), len(every), axis=0)
             S = self._slopes(np.tile(last, 2), np.tile(every, 2), axes)
@@ -309,6 +310,12 @@ class _Point:
             H[:n, :n] += root.T @ root
             g[:n] += slope @ S
         return H, g
+
+    def _ends(self) -> Iterator[tuple[Ints, Sequence[ca.DM]]]:
+        """The points of each robot, with the price of where they end, its gradient and its Hessian."""
+        if self.program._terminal is not None:
+            for every in np.arange(self.curve.shape[1], dtype=np.int64).reshape(self.robots, -1):
+                yield every, self.program._terminal(self.curve[-1, every].T.ravel())
 
     def _line_rows(self, lines: Lines) -> tuple[Floats, Floats]:
         """Rows of the near points at both ends of each step on the free sides of their lines."""
@@ -338,7 +345,7 @@ class _Point:
         excess = heights - level[task.row_level][:, None]
         used = (excess < 2 * NEAR) & _lowest(excess)
         row, point = np.nonzero(used)
-        weights = self.program.truncation.mean
+        weights = self._mean
         slope = np.zeros((len(row), n))
         later = task.at[row] > free
         own = later & ~task.mean[row]
@@ -392,7 +399,12 @@ class _Point:
         return self.controls[max(self.present.free - 1, 0) :]
 
     def _heights(self) -> Floats:
-        return self.program.levels.heights(self.curve, self.program.truncation.mean, self.present.growth)
+        return self.program.levels.heights(self.curve, self._mean, self.present.growth)
+
+    @property
+    def _mean(self) -> Floats:
+        """Weights of the points in the mean position."""
+        return np.asarray(np.tile(self.program.truncation.mean, self.robots) / self.robots)
 
     def _keep(self, lines: Lines) -> Floats:
         """What ``normal . p`` has to reach for every pair of a side and a step."""
@@ -435,7 +447,7 @@ class _Point:
         """By imaginary steps."""
         problem, present = self.program.problem, self.present
         system, free, at = problem.fleet.system, present.free, present.at
-        image = self.program.truncation.to_points
+        image = self.image
         first, second = self.controls[free:].T
         v, omega = system.rates(first, second)
         ahead = system.rates(*self.controls[at:].T)[1]
@@ -456,7 +468,7 @@ class _Point:
         """Angular factors times places, at the points, shape (steps + 1, points, 2); zero before the present."""
         if not hasattr(self, "_known_levers"):
             weighted = self.present.drives[:, 1, None, None] * self.nodal
-            ahead = np.einsum("ij,jtd->tid", self.program.truncation.to_points, weighted)
+            ahead = np.einsum("ij,jtd->tid", self.image, weighted)
             self._known_levers = np.concatenate([np.zeros((self.present.at, *ahead.shape[1:])), ahead])
         return self._known_levers
 

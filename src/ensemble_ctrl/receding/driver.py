@@ -33,8 +33,8 @@ class Outcome:
         In words.
     robustness : float
         Of the task but for what must be kept out of, metres, from the measurements and no less than their errors.
-    path : ndarray, shape (times, 2)
-        Middles of the sets of places at the grid times, metres.
+    paths : dict of str to ndarray of shape (times, 2)
+        Of each robot, middles of the sets of places at the grid times, metres.
     steps : tuple of Step
         What the loop did.
     start : float
@@ -44,7 +44,7 @@ class Outcome:
     ending: Ending
     reason: str
     robustness: float
-    path: Floats
+    paths: dict[str, Floats]
     steps: tuple[Step, ...]
     start: float = 0.0
 
@@ -69,6 +69,7 @@ def drive(
     loop : Receding
         New.
     robot : Robot
+        One, or all robots of the loop, which hear the same commands; what is measured of several comes by name.
     clock : Clock
         Of the measurements and the commands; a simulated robot is its own.
     wanted : callable
@@ -90,7 +91,7 @@ def drive(
         start = _first_look(loop, robot, clock)
         if start is None:
             loop.stop("there is no measurement")
-            return Outcome("stopped", loop.stopped, -np.inf, np.zeros((0, 2)), ())
+            return Outcome("stopped", loop.stopped, -np.inf, {}, ())
         return _Drive(loop, robot, clock, start, wanted, listener).run()
     finally:
         robot.stop()
@@ -100,9 +101,8 @@ def _first_look(loop: Receding, robot: Robot, clock: Clock) -> float | None:
     """Wait for the first measurement; returns when the plan begins."""
     step, began = loop.problem.step, clock.now()
     while clock.now() - began <= loop.options.silence:
-        seen = robot.read()
-        loop.observe(None if seen is None else replace(seen, time=0.0))
-        if loop.tracker.last is not None:
+        loop.observe({name: replace(seen, time=0.0) for name, seen in loop.named(robot.read()).items()})
+        if loop.seen:
             return (math.ceil(clock.now() / step - 1e-6) + loop.options.lead(step)) * step
         clock.wait(clock.now() + step)
     return None
@@ -151,9 +151,9 @@ class _Drive:
 
     def _look(self) -> None:
         """Take a measurement, on the loop's own time."""
-        seen = self.robot.read()
-        if seen is not None and not seen.time < self.start - 1e-9:
-            self.loop.observe(replace(seen, time=seen.time - self.start))
+        for name, seen in self.loop.named(self.robot.read()).items():
+            if not seen.time <= self.start + 1e-9:  # until then it stood, as it was seen first
+                self.loop.observe({name: replace(seen, time=seen.time - self.start)})
 
     def _plan(self, lead: int) -> None:
         """The next commands, with a few more behind them."""
@@ -172,7 +172,7 @@ class _Drive:
         for extra in range(round(loop.options.silence / step) + 1):
             self.clock.wait(self.start + end + extra * step)
             self._look()
-            if loop.tracker.time >= end - 1e-6:
+            if loop.time >= end - 1e-6:
                 return
 
     def _judged(self) -> Outcome:
@@ -182,10 +182,10 @@ class _Drive:
             return self._ended("stopped", loop.stopped)
         robustness, entered = loop.judged(), loop.entered()
         if entered:
-            return self._ended("failed", f"the robot was in {entered}", robustness)
+            return self._ended("failed", entered, robustness)
         if robustness < 0:
             return self._ended("failed", "the measurements do not show that the task was done", robustness)
-        if not loop.tracker.holds:
+        if not loop.holds:
             return self._ended("finished", "done, but the robot was not as assumed", robustness)
         if not loop.proven:
             return self._ended("finished", "done, but not proven to the end", robustness)
@@ -193,5 +193,5 @@ class _Drive:
 
     def _ended(self, ending: Ending, reason: str, robustness: float = -np.inf) -> Outcome:
         """The outcome with what the loop knows."""
-        path = np.array(self.loop.tracker.path).reshape(-1, 2)
-        return Outcome(ending, reason, robustness, path, tuple(self.loop.history), self.start)
+        paths = {name: np.array(tracker.path).reshape(-1, 2) for name, tracker in self.loop.trackers.items()}
+        return Outcome(ending, reason, robustness, paths, tuple(self.loop.history), self.start)

@@ -56,8 +56,9 @@ class RunLog:
 
     def step(self, loop: Receding, step: Step, controls: Floats) -> None:
         """One step, the measurement that it saw last, and its commands."""
-        seen = None if loop.tracker.last is None else asdict(loop.tracker.last)
-        self._write("step", time=step.begin * loop.problem.step, **asdict(step), measurement=seen, commands=controls)
+        last = {name: None if each.last is None else asdict(each.last) for name, each in loop.trackers.items()}
+        seen = {"measurement": next(iter(last.values()))} if len(last) == 1 else {"measurements": last}
+        self._write("step", time=step.begin * loop.problem.step, **asdict(step), **seen, commands=controls)
 
     def end(self, outcome: Outcome) -> None:
         """How it ended."""

@@ -4,37 +4,32 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set
+from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set, together
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.duties import duties
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp.online import OnlineProgram, Present, Timer
 from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.receding.measurement import Measurement
+from ensemble_ctrl.receding.followed import Followed
+from ensemble_ctrl.receding.measurement import Measurement, Seen
 from ensemble_ctrl.receding.membership import PoseSet
 from ensemble_ctrl.receding.options import OnlineOptions
-from ensemble_ctrl.receding.remaining import (
-    Progress,
-    for_a_while,
-    of_one_robot,
-    read_anew,
-    remaining,
-    with_map,
-    with_ranges,
-)
+from ensemble_ctrl.receding.remaining import for_a_while, of_one_robot, with_map
 from ensemble_ctrl.receding.tracker import Tracker
 
 Floats = NDArray[np.float64]
 Proof = Literal["whole", "period", "none"]
 Source = Literal["new", "kept", "stopped", "recovered"]
+Poses = dict[str, PoseSet]
+"""Where each robot may be."""
 
 WIDEST = 4
 """How often ranges may grow before the robot is stopped for good."""
@@ -62,9 +57,9 @@ class Step:
     clearance, robustness : float
         Proven, metres; infinite where there is nothing to prove.
     ranges : dict of str to (float, float)
-        What is known of the parameters.
+        What is known of the parameters; of several robots, each is named after its robot, as in ``red.traction``.
     away, turn : float
-        Size of the set of poses at the last measurement, metres and radians; infinite without one.
+        Size of the largest set of poses at the last measurement, metres and radians; infinite without one.
     seconds, solve_seconds, certify_seconds : float
         What it took.
     iterations : int
@@ -120,26 +115,29 @@ class _Work:
 
 
 class Receding:
-    """Plans for one robot again and again; `step` takes a measurement and returns the next commands.
+    """Plans for one robot, or several, again and again; `step` takes a measurement and returns the next commands.
 
     Parameters
     ----------
     problem : Problem
-        The ranges of its fleet are what is assumed of the robot's parameters. A task must not speak of a fleet.
+        The ranges of its fleet are what is assumed of each robot's parameters. Each has to do the task, which must not
+        speak of a fleet.
     options : OnlineOptions, optional
     controls : ndarray, shape (steps, n_u), optional
         A plan to begin with; made here, which takes seconds, if not given.
     timer : callable
         Seconds, for the deadline; that of the processor (`time.process_time`) leaves out what other processes take.
+    robots : sequence of str
+        Names of the robots that hear the commands, all the same ones. Measurements of several come by name.
 
     Attributes
     ----------
     problem : Problem
         Of one robot.
-    tracker : Tracker
-        Where the robot is and has been.
+    robots : dict of str to Followed
+        Where each robot is and has been.
     stopped : str
-        Why the robot stands; empty while it moves.
+        Why the robots stand; empty while it moves.
     alarmed : bool
         Whether something has happened since the last step that the commands given out did not reckon with; `recall`
         takes back those that can still be stopped.
@@ -149,13 +147,13 @@ class Receding:
     Raises
     ------
     ProblemError
-        For a deadline longer than the steps applied of a plan, or `controls` of another shape.
+        For a deadline longer than the steps applied of a plan, `controls` of another shape, or names that are no names.
 
     Notes
     -----
-    *Guarantee*: as long as the robot is as assumed (`OnlineOptions.errors`, the ranges, the map), commands are only
-    given out when it is proven for every state that the measurements allow that nothing is hit until the next ones take
-    over, and that standing after that hits nothing that stands.
+    *Guarantee*: as long as the robots are as assumed (`OnlineOptions.errors`, the ranges, the map), commands are only
+    given out when it is proven for every state of each that the measurements allow that nothing is hit until the next
+    ones take over, and that standing after that hits nothing that stands. Robots are not kept clear of each other.
     """
 
     def __init__(
@@ -164,8 +162,11 @@ class Receding:
         options: OnlineOptions | None = None,
         controls: Floats | None = None,
         timer: Timer = time.perf_counter,
+        robots: Sequence[str] = ("robot",),
     ) -> None:
         self.timer = timer
+        if not robots or len(set(robots)) < len(robots) or not all(robots):
+            raise ProblemError(f"robots: expected different names, at least one, got {list(robots)}")
         self.options = OnlineOptions() if options is None else options
         self.problem = of_one_robot(problem)
         if self.options.lead(problem.step) > self.options.applied_steps:
@@ -179,8 +180,7 @@ class Receding:
             raise ProblemError(f"controls: expected finite numbers of shape ({problem.steps}, 2), got {plan.shape}")
         self.plan: Floats = plan
         self.base = 0
-        self.tracker = Tracker(self.problem, self.options.errors, self.options.learn)
-        self.progress = Progress(self.problem)
+        self.robots = {name: Followed(self.problem, self.options) for name in robots}
         self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
         self.history: list[Step] = []
         self.stopped, self.alarmed = "", False
@@ -192,9 +192,29 @@ class Receding:
     # --- what a user's own loop reads and calls
 
     @property
+    def trackers(self) -> dict[str, Tracker]:
+        """The past of each robot."""
+        return {name: robot.tracker for name, robot in self.robots.items()}
+
+    @property
     def sent(self) -> int:
         """Control steps whose commands have been returned; the next ones begin there."""
-        return len(self.tracker.sent)
+        return len(next(iter(self.robots.values())).tracker.sent)
+
+    @property
+    def time(self) -> float:
+        """Up to which every robot has been measured, seconds."""
+        return min(tracker.time for tracker in self.trackers.values())
+
+    @property
+    def seen(self) -> bool:
+        """Whether every robot has been measured."""
+        return all(tracker.last is not None for tracker in self.trackers.values())
+
+    @property
+    def holds(self) -> bool:
+        """False once measurements of any robot contradicted what was assumed; it stays so."""
+        return all(tracker.holds for tracker in self.trackers.values())
 
     @property
     def steps(self) -> int:
@@ -210,36 +230,45 @@ class Receding:
     @property
     def proven(self) -> bool:
         """Whether the rest of the task is proven for the commands that are planned now."""
-        return self._whole and self.tracker.holds
+        return self._whole and self.holds
 
-    def observe(self, measurement: Measurement | None) -> None:
-        """Learn from a measurement without planning; what is wrong with it is told by the next step's events."""
+    def named(self, measurement: Seen | None) -> dict[str, Measurement]:
+        """Measurements by the names of their robots.
+
+        Raises
+        ------
+        ProblemError
+            For a robot that there is not, and for one without a name where there are several.
+        """
         if measurement is None:
-            return
-        if self.over and measurement.finite:
-            late = math.ceil(measurement.time / self.problem.step - 1e-6) - self.sent
-            self.tracker.send(np.zeros((min(max(late, 0), len(self.plan)), self.plan.shape[1])))
-        events = self.tracker.observe(measurement)
-        self._events += events
-        if any("ignored" not in event for event in events):
-            self._whole, self.alarmed = False, True
-        if self.tracker.widened > WIDEST:
-            self.stop("whatever its parameters, the robot is not like the model", for_good=True)
-        if self.options.horizon == "shrinking":
-            self._progress(min(self.tracker.now()[0], self.problem.steps))
+            return {}
+        if isinstance(measurement, Mapping):
+            strange = [name for name in measurement if name not in self.robots]
+            if strange:
+                raise ProblemError(f"measurement: expected of {', '.join(self.robots)}, got one of {strange[0]!r}")
+            return dict(measurement)
+        if len(self.robots) > 1:
+            raise ProblemError(f"measurement: expected by name, of {', '.join(self.robots)}, got one without")
+        return {next(iter(self.robots)): measurement}
 
-    def step(self, measurement: Measurement | None = None) -> Floats:
+    def observe(self, measurement: Seen | None) -> None:
+        """Learn from a measurement without planning; what is wrong with it is told by the next step's events."""
+        for name, seen in self.named(measurement).items():
+            self._learn(name, seen)
+
+    def step(self, measurement: Seen | None = None) -> Floats:
         """Take a measurement, plan from there, and return the commands that follow those already returned.
 
         Parameters
         ----------
-        measurement : Measurement or None
-            The newest pose; None if there is none since the last call of `step` or `observe`.
+        measurement : Measurement, mapping of str to Measurement, or None
+            The newest pose, of several robots by name; None if there is none since the last call of `step` or
+            `observe`. A robot that is left out keeps its set, which grows as it is carried along.
 
         Returns
         -------
         ndarray, shape (applied_steps or fewer, n_u)
-            Zeros for a robot that has to stand; fewer rows at the end of the loop, and none after it.
+            Zeros for robots that have to stand; fewer rows at the end of the loop, and none after it.
         """
         work = _Work(self.timer)
         self.observe(measurement)
@@ -250,22 +279,20 @@ class Receding:
         begin, end = self.sent, min(self.sent + self.options.applied_steps, self.steps)
         controls = self.planned(begin, end)
         self._note(begin, end, work)
-        self.tracker.send(controls)
+        self._send(controls)
         return controls
 
-    def predicted(self) -> Floats:
-        """Where the robot with the middle parameters goes under what is planned now, shape (times, 2), metres."""
-        at, pose = self._now()
-        if pose is None:
-            return np.zeros((0, 2))
-        present = self._present(self.plan)
-        middle = present.drives[len(present.drives) // 2]
-        return np.asarray(self.problem.fleet.system.positions(self.plan[at:], middle[None], self.problem.step)[0])
+    def predicted(self, robot: str | None = None) -> Floats:
+        """Where a robot, the only one if not named, goes with its middle parameters, shape (times, 2), metres."""
+        at, poses = self._now()
+        name = next(iter(self.robots)) if robot is None else robot
+        return self._middle(name, poses[name], self.plan[at:]) if poses else np.zeros((0, 2))
 
     def recall(self, begin: int) -> None:
         """Take commands back that were returned for the control steps from `begin` on, none of which is past."""
         if begin < self.sent:
-            self.tracker.recall(begin)
+            for tracker in self.trackers.values():
+                tracker.recall(begin)
 
     def late(self, now: int, ahead: int = 0) -> None:
         """Commands come too late for the control steps before `now`.
@@ -282,7 +309,7 @@ class Receding:
         self._events.append(f"commands came {(now - self.sent) * self.problem.step:.1f} s late")
         self.plan = self.plan.copy()
         self.plan[max(self.sent + len(held) - self.base, 0) : max(now - self.base, 0)] = 0.0
-        self.tracker.send(np.concatenate([held, stood]))
+        self._send(np.concatenate([held, stood]))
         self._whole, self.alarmed = self._whole and not len(stood), True
 
     def planned(self, begin: int, end: int) -> Floats:
@@ -309,16 +336,17 @@ class Receding:
         if name in self.problem.obstacles or name in self.problem.regions:
             raise ProblemError(f"obstacle: expected a new name, got {name!r}")
         obstacles = {**self.problem.obstacles, name: tuple(pieces)}
-        pose = self._now()[1]
-        place = self.problem.fleet.position if pose is None else pose.position
+        poses = self._now()[1]
+        place = next(iter(poses.values())).position if poses else self.problem.fleet.position
         self.problem = with_map(self.problem, obstacles, place)
-        self.progress.problem = self.tracker.problem = self.problem
+        for robot in self.robots.values():
+            robot.take(self.problem)
         self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
         self._whole, self.alarmed = False, True
         self._events.append(f"an obstacle was added to the map: {name}")
 
     def judged(self) -> float:
-        """Robustness of the parts of the task that are not duties, along the measured past of the whole horizon.
+        """Robustness of the parts of the task that are not duties, along the measured past of every robot.
 
         Returns
         -------
@@ -328,18 +356,20 @@ class Receding:
         """
         if self.options.horizon == "receding":
             return math.inf
-        self._progress(min(len(self.tracker.path), self.problem.steps + 1))
-        return self.progress.value
+        for robot in self.robots.values():
+            robot.advance(min(len(robot.tracker.path), self.problem.steps + 1))
+        return min(robot.progress.value for robot in self.robots.values())
 
     def entered(self) -> str:
-        """The first obstacle that the robot must have been in, by the measurements; empty for none."""
-        for k, (place, away) in enumerate(zip(self.tracker.path, self.tracker.away, strict=True)):
-            for duty in duties(self.problem):
-                at = np.array([k * self.problem.step])
-                if duty.begin <= at[0] <= duty.end or self.options.horizon == "receding":
-                    here = place - duty.offsets(at)[0]
-                    if min(float(piece.distance(here)) for piece in duty.pieces) - duty.radius + away < 0:
-                        return duty.name
+        """Which robot must have been in which obstacle, by the measurements; empty for none."""
+        for name, tracker in self.trackers.items():
+            for k, (place, away) in enumerate(zip(tracker.path, tracker.away, strict=True)):
+                for duty in duties(self.problem):
+                    at = np.array([k * self.problem.step])
+                    if duty.begin <= at[0] <= duty.end or self.options.horizon == "receding":
+                        here = place - duty.offsets(at)[0]
+                        if min(float(piece.distance(here)) for piece in duty.pieces) - duty.radius + away < 0:
+                            return f"{self._called(name)} was in {duty.name}"
         return ""
 
     @property
@@ -347,15 +377,39 @@ class Receding:
         """Whether the robot stands and no step will let it drive again."""
         return bool(self.stopped) and (self._final or self._attempts >= self.options.attempts)
 
-    def _progress(self, end: int) -> None:
-        """Grid times up to `end` are past."""
-        rows = slice(self.progress.at, end)
-        self.progress.advance(self.tracker.path[rows], self.tracker.away[rows])
+    def _learn(self, name: str, measurement: Measurement) -> None:
+        """From a measurement of one robot."""
+        robot = self.robots[name]
+        if self.over and measurement.finite:
+            late = math.ceil(measurement.time / self.problem.step - 1e-6) - self.sent
+            self._send(np.zeros((min(max(late, 0), len(self.plan)), self.plan.shape[1])))
+        events = robot.tracker.observe(measurement)
+        self._events += events if len(self.robots) == 1 else [f"{name}: {event}" for event in events]
+        if any("ignored" not in event for event in events):
+            self._whole, self.alarmed = False, True
+        if robot.tracker.widened > WIDEST:
+            self.stop(f"whatever its parameters, {self._called(name)} is not like the model", for_good=True)
+        if self.options.horizon == "shrinking":
+            robot.advance(min(robot.tracker.now()[0], self.problem.steps))
+
+    def label(self, name: str, parameter: str) -> str:
+        """What a step calls a parameter of a robot."""
+        return parameter if len(self.robots) == 1 else f"{name}.{parameter}"
+
+    def _called(self, name: str) -> str:
+        """A robot in a sentence."""
+        return name if len(self.robots) > 1 else "the robot"
+
+    def _send(self, controls: Floats) -> None:
+        """Some more commands were given out, to all robots."""
+        for tracker in self.trackers.values():
+            tracker.send(controls)
 
     def _prepare(self) -> None:
         """Make the plan good for all starts that measurements may tell, as far as that is possible."""
         errors, fleet = self.options.errors, self.problem.fleet
-        start = PoseSet(fleet.position, np.full(2, errors.position), fleet.heading, errors.heading)
+        pose = PoseSet(fleet.position, np.full(2, errors.position), fleet.heading, errors.heading)
+        start = {next(iter(self.robots)): pose}  # the others are no different yet
         certificate = self._certified(self.plan, 0, start)
         for _ in range(PREPARED):
             if certificate.proven:
@@ -364,18 +418,23 @@ class Receding:
             self.plan = self.program.solve(self._present_at(0, start, self.plan, 0), rounds=8).controls
             certificate = self._certified(self.plan, 0, start)
         self._tighter = 0.0
-        self.program.solve(self._present_at(0, start, self.plan, 0), rounds=1)  # what is loaded once is loaded now
+        every = dict.fromkeys(self.robots, pose)
+        self.program.solve(self._present_at(0, every, self.plan, 0), rounds=1)  # what is loaded once is loaded now
 
     # --- deciding
 
     def _decide(self, work: _Work) -> None:
         """Whose commands are sent next."""
-        if self.tracker.last is None:
-            self.stop("there is no measurement")
-        silent = self.sent * self.problem.step - self.tracker.time
-        if silent > self.options.silence + self.options.deadline:
-            self.stop(f"the robot has said nothing for {silent:.1f} s")
-        if self._final or self.tracker.last is None:
+        for name, tracker in self.trackers.items():
+            if tracker.last is None:
+                self.stop("there is no measurement" + (f" of {name}" if len(self.robots) > 1 else ""))
+            silent = self.sent * self.problem.step - tracker.time
+            if silent > self.options.silence + self.options.deadline:
+                self.stop(f"{self._called(name)} has said nothing for {silent:.1f} s")
+        known = bool(self._now()[1])
+        if self.seen and not known:
+            self.stop("no pose fits what was measured")
+        if self._final or not known:
             self._stand()
         elif self.stopped:
             self._recover(work)
@@ -412,7 +471,7 @@ class Receding:
         """Look for a way from where the robot stands; it takes over when `recovery` seconds have passed."""
         self._stand()
         begin = self.sent + math.ceil(self.options.recovery / self.problem.step)
-        fresh = self.sent * self.problem.step - self.tracker.time <= self.options.silence + self.options.deadline
+        fresh = self.sent * self.problem.step - self.time <= self.options.silence + self.options.deadline
         if self._attempts >= self.options.attempts or not fresh or begin >= self.steps:
             return
         self._attempts += 1
@@ -432,11 +491,13 @@ class Receding:
 
     def _from_here(self, begin: int, work: _Work) -> Floats | None:
         """A plan on the whole grid whose commands start at step `begin`, from the planner; None if it finds none."""
-        pose = self._now()[1]
-        if pose is None:
+        poses = self._now()[1]
+        if not poses:
             return None
+        midst = np.mean([pose.position for pose in poses.values()], axis=0)
+        name = min(poses, key=lambda each: float(np.linalg.norm(poses[each].position - midst)))
         try:
-            rest = self._rest(begin, pose)
+            rest = self.robots[name].rest(self.base + begin, poses[name])
             limits = replace(rest.solve, time_limit=0.8 * self.options.recovery)
             found = solve(rest.with_(solve=limits, verify=replace(rest.verify, certificate=False)))
         except ProblemError as error:
@@ -447,29 +508,33 @@ class Receding:
 
     def _proof(self, controls: Floats, work: _Work, begin: int | None = None) -> tuple[Proof, SetCertificate | None]:
         """What can be proven of commands, some of which have been sent, from the last measurement on."""
-        at, pose = self._now()
-        if pose is None:
+        at, poses = self._now()
+        if not poses:
             return "none", None
         begin = self.sent - self.base if begin is None else begin
         span = begin - at + self.options.applied_steps + self.options.lead(self.problem.step)
         try:
-            whole = self._certified(controls, at, pose)
+            whole = self._certified(controls, at, poses)
             work.certify_seconds += whole.seconds
             if whole.proven:
                 return "whole", whole
-            short = self._certified(controls, at, pose, min(span, len(controls) - at))
+            short = self._certified(controls, at, poses, min(span, len(controls) - at))
         except ProblemError as error:
             self._events.append(str(error).splitlines()[0])
             return "none", None
         work.certify_seconds += short.seconds
         return ("period", whole) if short.proven else ("none", short)
 
-    def _certified(self, controls: Floats, at: int, pose: PoseSet, span: int | None = None) -> SetCertificate:
-        """What is proven from a grid time on; for `span` steps only, of what must be kept out of."""
+    def _certified(self, controls: Floats, at: int, poses: Poses, span: int | None = None) -> SetCertificate:
+        """What is proven from a grid time on, of every robot; for `span` steps only, of what must be kept out of."""
         ahead = controls[at:][:span]
-        rest = self._rest(at, pose)
-        rest = rest if span is None else for_a_while(rest, span)
-        return certify_set(rest, ahead, pose.away, pose.turn, self.tracker.slip(ahead))
+        found = {}
+        for name, pose in poses.items():
+            rest = self.robots[name].rest(self.base + at, pose)
+            rest = rest if span is None else for_a_while(rest, span)
+            slip = self.robots[name].tracker.slip(ahead)
+            found[name] = certify_set(rest, ahead, pose.away, pose.turn, slip)
+        return together(found)
 
     def _tighten(self, certificate: SetCertificate | None) -> None:
         """Keep more after a proof that fell short, less after one that did not."""
@@ -480,40 +545,43 @@ class Receding:
 
     # --- where things stand; grid times count from the base
 
-    def _now(self) -> tuple[int, PoseSet | None]:
-        """The first grid time from the newest measurement on, and the set of poses then."""
-        k, pose = self.tracker.now()
-        return k - self.base, pose
+    def _now(self) -> tuple[int, Poses]:
+        """The first grid time from the newest measurement of any robot on, and the sets of poses then.
 
-    def _rest(self, at: int, pose: PoseSet) -> Problem:
-        """What is left from a grid time on, for the set of states."""
-        if self.options.horizon == "receding":
-            return read_anew(self.problem, self.base + at, pose, self.tracker.ranges)
-        standing = self.progress.standing(pose, at)
-        return remaining(self.problem, at, standing.left, pose, self.tracker.ranges)
+        There are no sets while one robot is unknown.
+        """
+        k = max(tracker.now()[0] for tracker in self.trackers.values())
+        found = {name: robot.pose(k) for name, robot in self.robots.items()}
+        poses = {name: pose for name, pose in found.items() if pose is not None}
+        return k - self.base, poses if len(poses) == len(found) else {}
 
     def _present(self, plan: Floats, free: int | None = None) -> Present:
         """What a solve starts from: `plan` may change from step `free` on, the first unsent one if not given."""
-        at, pose = self._now()
-        assert pose is not None
-        return self._present_at(at, pose, plan, self.sent - self.base if free is None else free)
+        at, poses = self._now()
+        assert poses
+        return self._present_at(at, poses, plan, self.sent - self.base if free is None else free)
 
-    def _present_at(self, at: int, pose: PoseSet, plan: Floats, free: int) -> Present:
-        """The same for a set of poses at a grid time."""
-        fleet = with_ranges(self.problem.fleet, self.tracker.ranges)
-        drives = fleet.drives(fleet.bent_members(self.program.truncation.nodes))
-        drives[:, 2] = pose.heading if fleet.system.heading_from == "x" else np.pi / 2 - pose.heading
-        drives[:, 3:] = pose.position
-        middle = fleet.system.positions(plan[at:], drives[len(drives) // 2][None], self.problem.step)[0]
-        slip = self.tracker.slip(plan[at:])
-        soon = min(free - at + 2 * self.options.applied_steps, len(slip) - 1)
+    def _present_at(self, at: int, poses: Poses, plan: Floats, free: int) -> Present:
+        """The same for sets of poses at a grid time: the robots' members side by side, and the largest growth."""
+        nodes, ahead, base = self.program.truncation.nodes, plan[at:], self.base
+        soon = free - at + 2 * self.options.applied_steps
+        drives, paths, grown = [], [], []
+        for name, pose in poses.items():
+            robot = self.robots[name]
+            drives.append(robot.drives(nodes, pose))
+            paths.append(robot.path(base, base + at))
+            grown.append(robot.growth(self._middle(name, pose, ahead), ahead, pose, soon))
         growth = np.zeros(len(plan) + 1)
-        growth[at:] = (
-            pose.away + self._tighter + 2 * np.sin(pose.turn / 2) * np.linalg.norm(middle - pose.position, axis=1)
+        growth[at:] = np.max(grown, axis=0) + self._tighter
+        return Present(
+            at, free, np.concatenate(drives), np.stack(paths, axis=1), growth, plan, base * self.problem.step
         )
-        growth[at + 1 :] += np.minimum(slip, slip[soon])
-        path = np.array(self.tracker.path[self.base : self.base + at]).reshape(-1, 2)
-        return Present(at, free, drives, path, growth, plan, self.base * self.problem.step)
+
+    def _middle(self, name: str, pose: PoseSet, controls: Floats) -> Floats:
+        """Where a robot's middle member goes from a pose on, shape (steps + 1, 2), metres."""
+        drives = self.robots[name].drives(self.program.truncation.nodes, pose)
+        middle = drives[len(drives) // 2][None]
+        return np.asarray(self.problem.fleet.system.positions(controls, middle, self.problem.step)[0])
 
     def _rebase(self) -> None:
         """With a receding horizon, let the grid begin at the last measurement; what is new at its end is to stand."""
@@ -529,8 +597,12 @@ class Receding:
 
     def _note(self, begin: int, end: int, work: _Work) -> None:
         """Remember what this step did."""
-        pose = self._now()[1]
-        names, certificate = self.tracker.sets.names, work.certificate
+        poses, certificate = self._now()[1], work.certificate
+        ranges = {
+            self.label(name, parameter): (float(low), float(high))
+            for name, tracker in self.trackers.items()
+            for parameter, (low, high) in zip(tracker.sets.names, tracker.ranges, strict=True)
+        }
         self.history.append(
             Step(
                 begin=begin,
@@ -539,9 +611,9 @@ class Receding:
                 proof=work.proof,
                 clearance=math.inf if certificate is None else certificate.clearance,
                 robustness=math.inf if certificate is None else certificate.robustness,
-                ranges={n: (float(a), float(b)) for n, (a, b) in zip(names, self.tracker.ranges, strict=True)},
-                away=math.inf if pose is None else pose.away,
-                turn=math.inf if pose is None else pose.turn,
+                ranges=ranges,
+                away=max((pose.away for pose in poses.values()), default=math.inf),
+                turn=max((pose.turn for pose in poses.values()), default=math.inf),
                 seconds=work.seconds,
                 solve_seconds=work.solve_seconds,
                 certify_seconds=work.certify_seconds,

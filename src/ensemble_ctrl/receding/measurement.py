@@ -1,7 +1,8 @@
-"""What a robot says of itself."""
+"""What robots say of themselves."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,3 +34,7 @@ class Measurement:
             return bool(np.isfinite([self.time, self.x, self.y, self.heading]).all())
         except TypeError:
             return False
+
+
+Seen = Measurement | Mapping[str, Measurement]
+"""Of one robot, or of several by name."""

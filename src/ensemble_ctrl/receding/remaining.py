@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -109,12 +109,11 @@ class Progress:
             self.left = tuple(progressed(part, reading, 1, steps, self.problem.step) for part in self.left)
             self.at += 1
 
-    def standing(self, pose: PoseSet, until: int) -> Progress:
-        """The progress of a robot that stands in a set of poses until a grid time."""
+    def after(self, poses: Sequence[PoseSet]) -> Progress:
+        """The progress of a robot that is in these sets of poses at the grid times that come next."""
         later = Progress(self.problem)
         later.left, later.at = self.left, self.at
-        wait = until - self.at
-        later.advance([pose.position] * wait, [pose.away] * wait)
+        later.advance([pose.position for pose in poses], [pose.away for pose in poses])
         return later
 
     @property

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.receding.measurement import Measurement
+from ensemble_ctrl.receding.measurement import Seen
 
 Floats = NDArray[np.float64]
 
@@ -20,8 +20,8 @@ class Robot(Protocol):
     hear, lets it drive further than what it was sent.
     """
 
-    def read(self) -> Measurement | None:
-        """The newest pose that was measured; None if there is nothing new."""
+    def read(self) -> Seen | None:
+        """The newest pose that was measured, of several robots by name; None if there is nothing new."""
 
     def send(self, begin: float, controls: Floats) -> None:
         """Commands from `begin` seconds on, shape (steps, n_u), in place of what was sent for these and later times."""

@@ -1,14 +1,15 @@
-"""A loop and the simulated robot that it is tried on, as a problem file tells them."""
+"""A loop and the simulated robots that it is tried on, as a problem file tells them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.receding.options import OnlineOptions
-from ensemble_ctrl.receding.simulated import Factors, Fixed, Flaws, SimulatedRobot
+from ensemble_ctrl.receding.simulated import Factors, Fixed, Flaws, SimulatedFleet, SimulatedRobot
 
 
 @dataclass(frozen=True)
@@ -32,14 +33,25 @@ class RobotSettings:
 
 @dataclass(frozen=True)
 class OnlineSettings:
-    """The section ``online`` of a problem file."""
+    """The section ``online`` of a problem file.
+
+    Parameters
+    ----------
+    options : OnlineOptions
+    robots : mapping of str to RobotSettings
+        The robots that hear the commands, by name.
+    """
 
     options: OnlineOptions = field(default_factory=OnlineOptions)
-    robot: RobotSettings = field(default_factory=RobotSettings)
+    robots: Mapping[str, RobotSettings] = field(default_factory=lambda: {"robot": RobotSettings()})
 
-    def simulated(self, problem: Problem) -> SimulatedRobot:
-        """The robot, at the start of a problem's fleet."""
-        fleet, robot = problem.fleet, self.robot
+    def simulated(self, problem: Problem) -> SimulatedFleet:
+        """The robots, at the start of a problem's fleet."""
+        return SimulatedFleet({name: self._simulated(problem, robot) for name, robot in self.robots.items()})
+
+    def _simulated(self, problem: Problem, robot: RobotSettings) -> SimulatedRobot:
+        """One of them."""
+        fleet = problem.fleet
         factors = robot.factors
         if factors is None:
             drive = fleet.drives(fleet.sample(1, robot.seed))[0]
@@ -49,11 +61,12 @@ class OnlineSettings:
         heading = fleet.heading
         return SimulatedRobot(fleet.system, np.array(fleet.start), heading, problem.step, factors, flaws, robot.seed)
 
-    def with_robot(self, traction: float | None = None, seed: int | None = None) -> OnlineSettings:
-        """The same with another true traction, or another seed."""
-        robot = self.robot
-        if traction is not None:
-            robot = replace(robot, factors=Fixed(traction, traction))
-        if seed is not None:
-            robot = replace(robot, seed=seed)
-        return replace(self, robot=robot)
+    def with_robots(self, traction: float | None = None, seed: int | None = None) -> OnlineSettings:
+        """The same with another true traction of all robots, or another seed of the first, from which others count."""
+        robots = dict(self.robots)
+        for k, name in enumerate(robots):
+            if traction is not None:
+                robots[name] = replace(robots[name], factors=Fixed(traction, traction))
+            if seed is not None:
+                robots[name] = replace(robots[name], seed=seed + k)
+        return replace(self, robots=robots)

@@ -6,7 +6,7 @@ Time is simulated: a robot is its own clock, and moves when it is waited for.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -221,6 +221,43 @@ class SimulatedRobot:
         if quantum is not None:
             command = np.round(command / quantum) * quantum
         return command if most is None else np.clip(command, -np.asarray(most), most)
+
+
+class SimulatedFleet:
+    """Several robots under one broadcast, and their clock; each hears it, and is measured, on a link of its own.
+
+    Parameters
+    ----------
+    robots : mapping of str to SimulatedRobot
+        By name, all with the same control step.
+    """
+
+    def __init__(self, robots: Mapping[str, SimulatedRobot]) -> None:
+        self.robots = dict(robots)
+
+    def now(self) -> float:
+        """Simulated seconds."""
+        return next(iter(self.robots.values())).now()
+
+    def wait(self, until: float) -> None:
+        """Let the robots drive until a time."""
+        for robot in self.robots.values():
+            robot.wait(until)
+
+    def read(self) -> dict[str, Measurement]:
+        """The newest measurement of each robot of which one has arrived."""
+        seen = {name: robot.read() for name, robot in self.robots.items()}
+        return {name: each for name, each in seen.items() if each is not None}
+
+    def send(self, begin: float, controls: Floats) -> None:
+        """The same commands to all."""
+        for robot in self.robots.values():
+            robot.send(begin, controls)
+
+    def stop(self) -> None:
+        """All stand at once."""
+        for robot in self.robots.values():
+            robot.stop()
 
 
 def moved(pose: Floats, v: float, omega: float, span: float) -> Floats:

@@ -185,7 +185,7 @@ class Swarm:
         fleet = with_ranges(self.problem.fleet, np.array([self.range]))
         drives = fleet.drives(fleet.bent_members(self.program.truncation.nodes))
         steps = self.problem.steps
-        return Present(0, self.sent, drives, np.zeros((0, 2)), np.zeros(steps + 1), self.plan)
+        return Present(0, self.sent, drives, np.zeros((0, 1, 2)), np.zeros(steps + 1), self.plan)
 
 
 class SimulatedSwarm:

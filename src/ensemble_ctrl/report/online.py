@@ -15,13 +15,13 @@ from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save
 from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
 from ensemble_ctrl.report.film import write_gif
-from ensemble_ctrl.report.palette import TWIN
+from ensemble_ctrl.report.palette import LINES, TWIN
 from ensemble_ctrl.report.stage import FINE, NARROW, Stage
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from PIL import Image
+    from PIL import Image, ImageDraw
 
 Floats = NDArray[np.float64]
 
@@ -42,8 +42,8 @@ class Told:
     ----------
     time : float
         When its commands begin, seconds.
-    path : ndarray, shape (times, 2)
-        Where the robot is expected to go from its last measurement on, metres.
+    paths : mapping of str to ndarray of shape (times, 2)
+        Where each robot is expected to go from the last measurement on, metres.
     ranges : mapping of str to (float, float)
         What was known of the parameters.
     seconds : float
@@ -53,7 +53,7 @@ class Told:
     """
 
     time: float
-    path: Floats
+    paths: Mapping[str, Floats]
     ranges: Mapping[str, tuple[float, float]]
     seconds: float
     source: str
@@ -69,10 +69,10 @@ class Run:
     first : ndarray, shape (steps, n_u)
         The plan that it began with.
     told : sequence of Told
-    measured : ndarray, shape (times, 2)
-        Estimated places, metres.
-    driven : ndarray, shape (times, 2)
-        True places of a simulated robot; empty if nobody knows them.
+    measured : mapping of str to ndarray of shape (times, 2)
+        Estimated places of each robot, metres.
+    driven : mapping of str to ndarray of shape (times, 2)
+        True places of simulated robots; empty if nobody knows them.
     seconds : float
         From the first to the last of `driven`.
     deadline : float
@@ -88,8 +88,8 @@ class Run:
     problem: Problem
     first: Floats
     told: Sequence[Told]
-    measured: Floats
-    driven: Floats
+    measured: Mapping[str, Floats]
+    driven: Mapping[str, Floats]
     seconds: float
     deadline: float
     truth: Mapping[str, float] = field(default_factory=dict)
@@ -113,48 +113,67 @@ def draw_run(run: Run) -> Figure:
 def write_run(run: Run, folder: Path, animated: bool = True) -> list[str]:
     """Write ``online.png`` and, if `animated`, ``online.gif`` into `folder`; returns their names."""
     save(draw_run(run), folder / "online.png")
-    if not animated or len(_shown(run)) < 2:
+    if not animated or min((len(path) for path in _shown(run).values()), default=0) < 2:
         return ["online.png"]
-    write_gif(_frames(run), folder / "online.gif", (DRIVEN, PLANNED))
+    write_gif(_frames(run), folder / "online.gif", (*_colours(run).values(), PLANNED))
     return ["online.png", "online.gif"]
 
 
-def _shown(run: Run) -> Floats:
-    """The path that the robot took, as well as it is known."""
-    return run.driven if len(run.driven) else run.measured
+def _shown(run: Run) -> Mapping[str, Floats]:
+    """The path that each robot took, as well as it is known."""
+    return run.driven or run.measured
+
+
+def _colours(run: Run) -> dict[str, str]:
+    """A colour for each robot."""
+    names = list(_shown(run))
+    return {name: DRIVEN if len(names) == 1 else LINES[k % len(LINES)] for k, name in enumerate(names)}
 
 
 def _draw_paths(run: Run, ax: Axes) -> None:
     """The map with the fleet under the first plan, every plan, and what was driven."""
     problem = run.problem
     fleet = trajectories(problem, run.first, problem.fleet.spread(MEMBERS), 2)
-    draw_map(problem, ax, [*fleet, _shown(run)])
+    shown, colours = _shown(run), _colours(run)
+    draw_map(problem, ax, [*fleet, *shown.values()])
     for i, path in enumerate(fleet):
         ax.plot(path[:, 0], path[:, 1], color=FIRST, linewidth=0.5, label=None if i else "fleet, first plan")
     if run.twin is not None:
         middle = trajectories(problem, run.twin, problem.fleet.center[None], 2)[0]
         ax.plot(middle[:, 0], middle[:, 1], "--", color=TWIN, linewidth=0.9, label="unconstrained")
     for i, step in enumerate(run.told):
-        ax.plot(*step.path.T, color=PLANNED, linewidth=0.7, alpha=0.6, label=None if i else "plans")
-        ax.plot(*step.path[:1].T, ".", color=PLANNED, markersize=4)
-    ax.plot(*_shown(run).T, color=DRIVEN, linewidth=1.8, label="driven" if len(run.driven) else "measured")
-    ax.plot(*_shown(run)[-1:].T, "o", color=DRIVEN, markersize=5)
+        for k, path in enumerate(step.paths.values()):
+            ax.plot(*path.T, color=PLANNED, linewidth=0.7, alpha=0.6, label=None if i or k else "plans")
+            ax.plot(*path[:1].T, ".", color=PLANNED, markersize=4)
+    how = "driven" if run.driven else "measured"
+    for name, path in shown.items():
+        label = how if len(shown) == 1 else f"{name}, {how}"
+        ax.plot(*path.T, color=colours[name], linewidth=1.8, label=label)
+        ax.plot(*path[-1:].T, "o", color=colours[name], markersize=5)
     ax.legend(loc="best", fontsize=8)
     ax.set_title(run.title, fontsize=10, wrap=True)
 
 
 def _draw_ranges(run: Run, ax: Axes) -> None:
     """What is known of each parameter over time."""
-    times = [step.time for step in run.told]
+    times, alone = [step.time for step in run.told], len(_shown(run)) == 1
     for k, name in enumerate(run.told[0].ranges if run.told else ()):
         ends = np.array([step.ranges[name] for step in run.told])
-        colour = f"C{k}"
+        colour = f"C{k}" if alone else LINES[k % len(LINES)]
         ax.fill_between(
-            times, ends[:, 0], ends[:, 1], step="post", alpha=0.3, color=colour, label=f"{name}: known range"
+            times,
+            ends[:, 0],
+            ends[:, 1],
+            step="post",
+            alpha=0.3,
+            color=colour,
+            label=f"{name}: known range" if alone else name,
         )
         if name in run.truth:
-            ax.axhline(run.truth[name], linestyle="--", linewidth=1.0, color=colour, label=f"{name}: true")
-    ax.set(xlabel="t [s]", ylabel="parameter")
+            ax.axhline(
+                run.truth[name], linestyle="--", linewidth=1.0, color=colour, label=f"{name}: true" if alone else None
+            )
+    ax.set(xlabel="t [s]", ylabel="parameter" if alone else "known range, true value")
     ax.grid(alpha=0.3)
     if run.told and run.told[0].ranges:
         ax.legend(loc="best", fontsize=8)
@@ -176,25 +195,41 @@ def _draw_seconds(run: Run, ax: Axes) -> None:
 
 
 def _frames(run: Run) -> Iterator[Image.Image]:
-    """The robot and its newest plan, moving over the map."""
+    """The robots and their newest plan, moving over the map."""
     from PIL import ImageDraw
 
-    driven = _shown(run)
-    stage = Stage.of(run.problem, driven[None], NARROW, False, [step.path for step in run.told])
+    shown, colours = _shown(run), list(_colours(run).values())
+    count = min(len(path) for path in shown.values())
+    driven = np.stack([path[:count] for path in shown.values()])
+    planned = [path for step in run.told for path in step.paths.values()]
+    stage = Stage.of(run.problem, driven, NARROW, False, planned)
     (panel,) = stage.panels
     ground = stage.ground()
+    if len(shown) > 1:
+        _draw_names(stage, ImageDraw.Draw(ground), _colours(run))
     starts = np.array([step.time for step in run.told])
     thick = round(1.5 * FINE)
     before = 0
-    for k in np.unique(np.linspace(0, len(driven) - 1, FRAMES).astype(int)).tolist():
-        now = run.seconds * k / (len(driven) - 1)
+    for k in np.unique(np.linspace(0, count - 1, FRAMES).astype(int)).tolist():
+        now = run.seconds * k / (count - 1)
         newest = int(np.searchsorted(starts, now + 1e-9)) - 1
-        ImageDraw.Draw(ground).line(panel.points(driven[before : k + 1]), DRIVEN, thick, "curve")
+        for path, colour in zip(driven, colours, strict=True):
+            ImageDraw.Draw(ground).line(panel.points(path[before : k + 1]), colour, thick, "curve")
         before = k
         frame = ground.copy()
         pen = ImageDraw.Draw(frame)
-        if newest >= 0:
-            pen.line(panel.points(run.told[newest].path), PLANNED, thick, "curve")
+        for plan in run.told[newest].paths.values() if newest >= 0 else ():
+            pen.line(panel.points(plan), PLANNED, thick, "curve")
         stage.draw_now(pen, now)
-        panel.robot(pen, driven[k], DRIVEN)
+        for path, colour in zip(driven, colours, strict=True):
+            panel.robot(pen, path[k], colour)
         yield frame.reduce(FINE)
+
+
+def _draw_names(stage: Stage, pen: ImageDraw.ImageDraw, colours: Mapping[str, str]) -> None:
+    """Whose colour is which, below the map."""
+    panel = stage.panels[0]
+    x, y = 8 * panel.unit, stage.size[1] - 12 * panel.unit
+    for name, colour in colours.items():
+        pen.text((x, y), name, colour, panel.font, anchor="lm")
+        x += pen.textlength(f"{name}  ", panel.font)
