@@ -120,10 +120,16 @@ class _Search:
         """Whether a certified plan is found for the nominal value give or take `half`."""
         nominal, fleet = self.law_of(self.problem).center, self.problem.fleet
         law = Interval(nominal - half, nominal + half)
-        problem = self.problem.with_(
-            fleet=replace(fleet, parameters={**fleet.parameters, self.name: law}),
-            verify=replace(self.problem.verify, certificate=True, members=1000),
-        )
+        try:
+            problem = self.problem.with_(
+                fleet=replace(fleet, parameters={**fleet.parameters, self.name: law}),
+                verify=replace(self.problem.verify, certificate=True, members=1000),
+            )
+        except ProblemError:  # so wide that the checks refuse it: there is certainly no plan
+            self.tried += 1
+            if self.tell:
+                self.tell(law, False)
+            return False
         found = self._plan(problem)
         good = found.certificate is not None and found.certificate.proven == "yes"
         self.tried += 1

@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ensemble_ctrl.config import load_text
+from ensemble_ctrl.widest import _Search
+
 from .conftest import Command
 from .tools import SMALL
 
@@ -123,6 +126,13 @@ def test_compare_prints_one_row_a_guarantee(command: Command, place: Path) -> No
     assert [row["guarantee"] for row in data["rows"]] == ["moment", "moment", "nodes", "hull", "hull"]
     assert [row["method"] for row in data["rows"]] == ["nlp", "minlp", "nlp", "nlp", "minlp"]
     assert [row["violating"] for row in data["rows"][3:]] == [0, 0]
+
+
+def test_a_range_that_the_checks_refuse_has_no_plan() -> None:
+    told: list[bool] = []
+    search = _Search(load_text(SMALL), lambda _, good: told.append(good), "traction")
+    assert not search.certified(0.95), "the slowest robot can't be there in time"
+    assert (told, search.tried, search.failed) == ([False], 1, None)
 
 
 def test_compare_leaves_out_what_is_not_for_the_problem(command: Command, place: Path) -> None:
