@@ -132,7 +132,7 @@ def _tried(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
         if found["set"]:
             yield "", " ".join(f"--set {quote(change)}" for change in found["set"])
     if failed:
-        yield "", f"no plan even with {'; '.join(failed)}"
+        yield from (("", line) for line in wrap(f"no plan even with {'; '.join(failed)}", WIDTH - 13))
     if not helps:
         yield "try", "a longer horizon, higher input bounds, a narrower parameter range, or wider passages"
 
