@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import floor
+from math import ceil, floor
 from shlex import quote
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Protocol
@@ -221,14 +221,14 @@ def soonest(found: dict[str, Any] | None) -> list[tuple[str, str]]:
 
 def _seen(share: ShareSeen) -> str:
     """The share that does a part, and what that says of the whole fleet."""
-    bounds = f"({100 * share.low:.4g} to {100 * share.high:.4g} % of all, 95 % confidence)"
+    bounds = f"({_percent(share.low)} to {_percent(share.high, up=True)} % of all, 95 % confidence)"
     return f"{_percent(share.satisfied)} % do what {100 * share.asked:g} % have to {bounds}"
 
 
 def _share(run: Replay) -> str:
     """What the drawn members say of the whole fleet, if any were drawn."""
     low, _ = run.share()
-    return f" (>= {100 * low:.4g} % of all, 95 % confidence)" if run.corners < run.members else ""
+    return f" (>= {_percent(low)} % of all, 95 % confidence)" if run.corners < run.members else ""
 
 
 def conflict_text(c: Conflict) -> str:
@@ -262,14 +262,18 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
 
 def _proven_share(bound: TaskBound) -> str:
     """What a share of the fleet does, the share in percent and rounded down."""
-    share = 100 * floor(1e4 * (bound.share or 0.0)) / 1e4
-    return f"for {share:.4g} % of the fleet, every instant: their part of the task >= {bound.proven:.4f} m"
+    share = _percent(bound.share or 0.0)
+    return f"for {share} % of the fleet, every instant: their part of the task >= {bound.proven:.4f} m"
 
 
-def _percent(share: float) -> str:
-    """A share in percent; never 100 while one member is missing."""
-    text = f"{100 * share:.5g}"
-    return "99.999" if text == "100" and share < 1 else text
+def _percent(share: float, up: bool = False) -> str:
+    """A share in percent with three decimals, rounded down or up: never 100 while one member is missing.
+
+    >>> _percent(1.0), _percent(0.999999), _percent(0.95139), _percent(0.94701, up=True)
+    ('100', '99.999', '95.139', '94.701')
+    """
+    thousandths = round(1e5 * share, 6)
+    return f"{(ceil(thousandths) if up else floor(thousandths)) / 1e3:.6g}"
 
 
 def _cost(d: dict[str, Any]) -> str:
