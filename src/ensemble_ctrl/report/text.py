@@ -262,8 +262,8 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
 
 def _proven_share(bound: TaskBound) -> str:
     """What a share of the fleet does, the share in percent and rounded down."""
-    share = _percent(bound.share or 0.0)
-    return f"for {share} % of the fleet, every instant: their part of the task >= {bound.proven:.4f} m"
+    share = 100 * floor(1e4 * (bound.share or 0.0)) / 1e4
+    return f"for {share:.4g} % of the fleet, every instant: their part of the task >= {bound.proven:.4f} m"
 
 
 def _percent(share: float, up: bool = False) -> str:
