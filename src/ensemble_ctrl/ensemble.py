@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import product
@@ -21,7 +22,7 @@ PRIMES = np.array([1, 2, 3, 5, 7, 11, 13])
 """Multiples of their roots scatter over an interval, each in its own way."""
 
 
-class Ensemble:
+class Ensemble(ABC):
     """The parameters of a fleet with their laws; members are rows of numbers in the parameters' order.
 
     Attributes
@@ -40,15 +41,16 @@ class Ensemble:
     radius: float
 
     @property
+    @abstractmethod
     def states(self) -> tuple[str, ...]:
         """Names of the states that a task speaks of, the columns of `trajectories`."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def places(self) -> tuple[str, ...]:
         """Which states are the position."""
-        raise NotImplementedError
 
+    @abstractmethod
     def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:
         """States of members at the ends of all steps.
 
@@ -63,7 +65,6 @@ class Ensemble:
         -------
         ndarray, shape (members, steps + 1, states)
         """
-        raise NotImplementedError
 
     @cached_property
     def place_columns(self) -> slice | list[int]:

@@ -248,18 +248,7 @@ class Fleet(Ensemble):
         return max(0.0, total) * (float(np.all(inside, axis=0).mean()) if inside else 1.0)
 
     def rule(self, count: int) -> tuple[Floats, Floats]:
-        """Points and weights that integrate over the bent parameters' laws, or over the cloud.
-
-        Parameters
-        ----------
-        count : int
-            Polynomials up to degree ``2 count - 1`` in each independent parameter are integrated exactly.
-
-        Returns
-        -------
-        scaled, weights : ndarray, shapes (points, bent parameters) and (points,)
-            Weights sum to 2.
-        """
+        """As `Ensemble.rule`; measured robots are their own points, each with the same weight."""
         if self.cloud is None:
             return super().rule(count)
         own = [self.names[k] in self.cloud for k in self.bent]

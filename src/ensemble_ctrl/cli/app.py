@@ -73,6 +73,10 @@ Overrides = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")]
+Replace = Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")]
+Files = Annotated[
+    Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
+]
 Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")]
 
 
@@ -298,9 +302,7 @@ def animate(
     )
 )
 def verify(
-    plan: Annotated[
-        Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
-    ],
+    plan: Files,
     parameter_range: Annotated[
         list[str] | None, typer.Option("--range", help="Ask about another range.", metavar="NAME=LOW:HIGH")
     ] = None,
@@ -382,7 +384,7 @@ def import_map(
         ),
     ] = None,
     section: Annotated[bool, typer.Option("--section", help="Only the obstacles and regions.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+    overwrite: Replace = False,
 ) -> None:
     """Turn a map into a problem file with few convex obstacles."""
     from ensemble_ctrl.cli.importing import import_file
@@ -398,9 +400,7 @@ def import_map(
     )
 )
 def export(
-    plan: Annotated[
-        Path, typer.Argument(help="A results folder, its plan.npz, or a folder with controls.csv.", metavar="PLAN")
-    ],
+    plan: Files,
     form: Annotated[
         str | None,
         typer.Option("--to", help="csv, json, geojson or rosbag [default: the ending of FILE].", metavar="FORMAT"),
@@ -413,7 +413,7 @@ def export(
         int | None,
         typer.Option(help="Members whose paths are written [default: csv 0, json 5, rosbag 5].", metavar="N", min=0),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+    overwrite: Replace = False,
     trust: Trust = False,
 ) -> None:
     """Write a saved plan for other programs."""

@@ -69,19 +69,25 @@ class Obstacle:
     b: Array
 
     def __init__(self, A: ArrayLike, b: ArrayLike) -> None:
-        A = checked_rows(A, "Obstacle.A")
+        self._set_rows(A, b, 2, "polygon")
+        if len(self.vertices) < 3 or self._centre_depth <= TOLERANCE * float(np.abs(self.b).max()):
+            raise ProblemError("Obstacle: expected a polygon with an area, got an empty or flat set")
+
+    def _set_rows(self, A: ArrayLike, b: ArrayLike, dimension: int, kind: str) -> None:
+        """Keep the rows, checked to be finite, of the right shape, and those of a bounded set."""
+        name = type(self).__name__
+        A = checked_rows(A, f"{name}.A")
         b = np.array(b, dtype=float)
-        if A.shape[1] != 2 or b.shape != (len(A),):
-            raise ProblemError(f"Obstacle: expected A (facets, 2) and b (facets,), got {A.shape} and {b.shape}")
+        if A.shape[1] != dimension or b.shape != (len(A),):
+            wanted = f"A (facets, {dimension}) and b (facets,)"
+            raise ProblemError(f"{name}: expected {wanted}, got {A.shape} and {b.shape}")
         if not np.isfinite(b).all():
-            raise ProblemError(f"Obstacle.b: expected finite numbers, got {b.tolist()}")
+            raise ProblemError(f"{name}.b: expected finite numbers, got {b.tolist()}")
         b.setflags(write=False)
         object.__setattr__(self, "A", A)
         object.__setattr__(self, "b", b)
         if not is_cone_trivial(self.unit_rows()[0]):
-            raise ProblemError("Obstacle: expected a bounded polygon, got an unbounded set")
-        if len(self.vertices) < 3 or self._centre_depth <= TOLERANCE * float(np.abs(b).max()):
-            raise ProblemError("Obstacle: expected a polygon with an area, got an empty or flat set")
+            raise ProblemError(f"{name}: expected a bounded {kind}, got an unbounded set")
 
     @classmethod
     def box(cls, bounds: ArrayLike) -> Obstacle:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.constraints._rows import TOLERANCE, checked_rows, is_cone_trivial, space_vertices
+from ensemble_ctrl.constraints._rows import TOLERANCE, space_vertices
 from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.errors import ProblemError
 
@@ -39,18 +39,8 @@ class Solid(Obstacle):
     """
 
     def __init__(self, A: ArrayLike, b: ArrayLike) -> None:
-        A = checked_rows(A, "Solid.A")
-        b = np.array(b, dtype=float)
-        if A.shape[1] != 3 or b.shape != (len(A),):
-            raise ProblemError(f"Solid: expected A (facets, 3) and b (facets,), got {A.shape} and {b.shape}")
-        if not np.isfinite(b).all():
-            raise ProblemError(f"Solid.b: expected finite numbers, got {b.tolist()}")
-        b.setflags(write=False)
-        object.__setattr__(self, "A", A)
-        object.__setattr__(self, "b", b)
-        if not is_cone_trivial(self.unit_rows()[0]):
-            raise ProblemError("Solid: expected a bounded polyhedron, got an unbounded set")
-        if len(self.vertices) < 4 or self._centre_depth <= TOLERANCE * float(np.abs(b).max(initial=1.0)):
+        self._set_rows(A, b, 3, "polyhedron")
+        if len(self.vertices) < 4 or self._centre_depth <= TOLERANCE * float(np.abs(self.b).max(initial=1.0)):
             raise ProblemError("Solid: expected a polyhedron with a volume, got an empty or flat set")
 
     @classmethod

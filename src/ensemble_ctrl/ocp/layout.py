@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,10 +12,53 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class Numbers(ABC):
+    """A decision vector that begins with a fixed part; levels and slacks are handed out while rows are made."""
+
+    _levels: list[int] = field(default_factory=list, kw_only=True)
+    _slacks: list[int] = field(default_factory=list, kw_only=True)
+
+    @property
+    @abstractmethod
+    def fixed(self) -> int:
+        """Length of the part that is there from the start."""
+
+    @property
+    def size(self) -> int:
+        """Length of the decision vector so far."""
+        return self.fixed + len(self._levels) + len(self._slacks)
+
+    @property
+    def levels(self) -> Ints:
+        """Indices of the levels handed out so far."""
+        return np.array(self._levels, dtype=np.int64)
+
+    @property
+    def slacks(self) -> Ints:
+        """Indices of the slacks handed out so far."""
+        return np.array(self._slacks, dtype=np.int64)
+
+    def level(self) -> int:
+        """Hand out the index of a new robustness level."""
+        self._levels.append(self.size)
+        return self._levels[-1]
+
+    def slack(self, count: int) -> Ints:
+        """Hand out the indices of `count` new slacks."""
+        return self._hand_out(self._slacks, count)
+
+    def _hand_out(self, kind: list[int], count: int) -> Ints:
+        """The next `count` indices, noted as of one kind."""
+        new = self.size + np.arange(count)
+        kind.extend(new.tolist())
+        return new
+
+
+@dataclass(frozen=True, eq=False)
+class Layout(Numbers):
     """Index arrays into the decision vector ``(v, omega, turned, points, levels, slacks, switches)``.
 
-    Levels (the task's robustness), slacks, switches (0 or 1) and more are handed out while rows are made.
+    Switches (0 or 1) and more are handed out too.
 
     Parameters
     ----------
@@ -26,8 +70,6 @@ class Layout:
 
     steps: int
     count: int
-    _levels: list[int] = field(default_factory=list)
-    _slacks: list[int] = field(default_factory=list)
     _switches: list[int] = field(default_factory=list)
     _more: list[int] = field(default_factory=list)
 
@@ -48,45 +90,24 @@ class Layout:
         return first + np.arange((self.steps + 1) * 2 * self.count).reshape(self.steps + 1, -1)
 
     @property
+    def fixed(self) -> int:
+        """Length of the part that is there from the start."""
+        return 3 * self.steps + 1 + (self.steps + 1) * 2 * self.count
+
+    @property
     def size(self) -> int:
         """Length of the decision vector so far."""
-        states = 3 * self.steps + 1 + (self.steps + 1) * 2 * self.count
-        return states + len(self._levels) + len(self._slacks) + len(self._switches) + len(self._more)
-
-    @property
-    def levels(self) -> Ints:
-        """Indices of the levels handed out so far."""
-        return np.array(self._levels, dtype=np.int64)
-
-    @property
-    def slacks(self) -> Ints:
-        """Indices of the slacks handed out so far."""
-        return np.array(self._slacks, dtype=np.int64)
+        return super().size + len(self._switches) + len(self._more)
 
     @property
     def switches(self) -> Ints:
         """Indices of the switches handed out so far."""
         return np.array(self._switches, dtype=np.int64)
 
-    def level(self) -> int:
-        """Hand out the index of a new robustness level."""
-        self._levels.append(self.size)
-        return self._levels[-1]
-
-    def slack(self, count: int) -> Ints:
-        """Hand out the indices of `count` new slacks."""
-        new = self.size + np.arange(count)
-        self._slacks.extend(new.tolist())
-        return new
-
     def more(self, count: int) -> Ints:
         """Hand out the indices of `count` new variables of another kind."""
-        new = self.size + np.arange(count)
-        self._more.extend(new.tolist())
-        return new
+        return self._hand_out(self._more, count)
 
     def switch(self, count: int) -> Ints:
         """Hand out the indices of `count` new switches."""
-        new = self.size + np.arange(count)
-        self._switches.extend(new.tolist())
-        return new
+        return self._hand_out(self._switches, count)

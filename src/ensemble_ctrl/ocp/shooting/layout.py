@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ensemble_ctrl.ocp.layout import Numbers
 
 Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class ShootingLayout:
+class ShootingLayout(Numbers):
     """Index arrays into ``(commands, states of the node robots, levels and slacks)``.
 
     Parameters
@@ -28,8 +30,6 @@ class ShootingLayout:
     count: int
     n_u: int
     n_x: int
-    _levels: list[int] = field(default_factory=list)
-    _slacks: list[int] = field(default_factory=list)
 
     @property
     def controls(self) -> Ints:
@@ -48,28 +48,6 @@ class ShootingLayout:
         return self.points.reshape(self.steps + 1, self.n_x, self.count)
 
     @property
-    def size(self) -> int:
-        """Length of the decision vector so far."""
-        own = self.steps * self.n_u + (self.steps + 1) * self.n_x * self.count
-        return own + len(self._levels) + len(self._slacks)
-
-    @property
-    def levels(self) -> Ints:
-        """Indices of the levels handed out so far."""
-        return np.array(self._levels, dtype=np.int64)
-
-    @property
-    def slacks(self) -> Ints:
-        """Indices of the slacks handed out so far."""
-        return np.array(self._slacks, dtype=np.int64)
-
-    def level(self) -> int:
-        """Hand out the index of a new robustness level."""
-        self._levels.append(self.size)
-        return self._levels[-1]
-
-    def slack(self, count: int) -> Ints:
-        """Hand out the indices of `count` new slacks."""
-        new = self.size + np.arange(count)
-        self._slacks.extend(new.tolist())
-        return new
+    def fixed(self) -> int:
+        """Length of the part that is there from the start."""
+        return self.steps * self.n_u + (self.steps + 1) * self.n_x * self.count
