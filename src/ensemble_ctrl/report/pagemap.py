@@ -72,7 +72,7 @@ def map_and_motion(
                 offsets[shape.name] = np.rint(moved).astype(int).tolist()
     data: dict[str, Any] = {"duration": problem.duration, "times": times[keep].round(4).tolist()}
     data |= {"members": tracks, "obstacles": offsets}
-    return "".join(drawings), json.dumps(data, separators=(",", ":")).replace("<", "\u003c")
+    return "".join(drawings), json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _svg(
