@@ -7,6 +7,7 @@ other levels, or below a smooth maximum of levels.  The rows stay the same for e
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,16 +106,25 @@ class TaskLevels:
         """The largest values of the levels that the rows allow, shape (count,)."""
         level = np.full(self.count, np.inf)
         np.minimum.at(level, self.row_level, heights.min(axis=1, initial=np.inf))
+        for k in range(self.count):
+            if k in self._parts:
+                level[k] = smooth_maximum(level[self._parts[k]])[0]
+            for high in self._above.get(k, ()):
+                level[k] = min(level[k], level[high])
+        return level
+
+    @cached_property
+    def _above(self) -> dict[int, list[int]]:
+        """For each level those that it is at or below."""
         above: dict[int, list[int]] = {}
         for low, high in self.order.tolist():
             above.setdefault(low, []).append(high)
-        maximum = {m.level: m.parts for m in self.maxima}
-        for k in range(self.count):
-            if k in maximum:
-                level[k] = smooth_maximum(level[maximum[k]])[0]
-            for high in above.get(k, ()):
-                level[k] = min(level[k], level[high])
-        return level
+        return above
+
+    @cached_property
+    def _parts(self) -> dict[int, Ints]:
+        """The parts of each maximum."""
+        return {maximum.level: maximum.parts for maximum in self.maxima}
 
 
 def smooth_maximum(parts: Floats) -> tuple[float, Floats]:

@@ -121,18 +121,12 @@ def separate(
         none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
         return Lines(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), pairs, none, pairs, none)
     times = np.linspace(begin, begin + duration, steps + 1)
-    moved = np.tile([duty.offsets(times) for _, duty in pieces], (len(parts), 1, 1))
-    bends = np.tile([duty.bends(times) for _, duty in pieces], (len(parts), 1))
+    offsets, bent = [duty.offsets(times) for _, duty in pieces], [duty.bends(times) for _, duty in pieces]
+    moved, bends = np.tile(offsets, (len(parts), 1, 1)), np.tile(bent, (len(parts), 1))
     found = [
-        _found(
-            _both_ends(part @ points - duty.offsets(times)[:, None]),
-            piece.vertices,
-            shift,
-            near + duty.radius + float(duty.bends(times).max()),
-            within,
-        )
-        for part in parts
-        for piece, duty in pieces
+        _found(_both_ends(own - offset[:, None]), piece.vertices, shift, near + duty.radius + float(bend.max()), within)
+        for own in (part @ points for part in parts)
+        for (piece, duty), offset, bend in zip(pieces, offsets, bent, strict=True)
     ]
     normal, support, gap = (np.stack(column) for column in zip(*found, strict=True))
     drift = np.stack([np.einsum("otd,otd->ot", normal, end) for end in (moved[:, :-1], moved[:, 1:])], axis=-1)

@@ -30,8 +30,9 @@ of effort and terminal error (Gauss-Newton); a line search on the exact cost gua
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import casadi as ca
@@ -238,7 +239,7 @@ class _Point:
         total = step * float((u**2).sum(axis=0) @ aim.efforts())
         change = np.diff(self._with_last(), axis=0)
         total += aim.smoothness / step * float((change**2).sum())
-        total += sum(float(price[0]) for _, price in self._ends()) / self.robots
+        total += sum(float(price[0]) for _, price in self._ends) / self.robots
         shorts = [np.maximum(self._keep(lines) - lines.nearest(self.curve[free:]), 0.0)[lines.active].ravel()]
         if problem.fleet.rate_bounds is not None:
             shorts.append(np.maximum(np.abs(change) - self._rates(), 0.0).ravel())
@@ -251,7 +252,11 @@ class _Point:
 
     def level_values(self) -> Floats:
         """What the task's levels are worth."""
-        return self.program.levels.values(self._heights())
+        return self._levels
+
+    @cached_property
+    def _levels(self) -> Floats:
+        return self.program.levels.values(self._heights)
 
     def change(self, lines: Lines) -> tuple[Floats, int]:
         """The change of the free commands that the quadratic program here asks for, and its iterations."""
@@ -290,17 +295,14 @@ class _Point:
         H[diagonal, diagonal] = np.tile(2 * step * aim.efforts(), len(u)) + SMALL
         g[:n] = 2 * step * (u * aim.efforts()).ravel()
         if aim.smoothness:
-            last = self._with_last()
-            first = len(last) - len(u)
-            D = np.eye(len(u)) - np.eye(len(u), k=-1)
-            D = D if first else D[1:]
+            D = self._differences()
             weight = 2 * aim.smoothness / step
             H[:n, :n] += weight * np.kron(D.T @ D, np.eye(2))
-            g[:n] += weight * (D.T @ np.diff(last, axis=0)).ravel()
+            g[:n] += weight * (D.T @ np.diff(self._with_last(), axis=0)).ravel()
         if levels:
             H[n + np.arange(levels), n + np.arange(levels)] = PROXIMAL
             g[-1] = -aim.robustness
-        for every, price in self._ends():
+        for every, price in self._ends:
             slope, bend = np.array(price[1]).ravel() / self.robots, np.array(price[2]) / self.robots
             eigen, vectors = np.linalg.eigh(bend)
             last = np.full_like(every, problem.steps)
@@ -311,11 +313,13 @@ class _Point:
             g[:n] += slope @ S
         return H, g
 
-    def _ends(self) -> Iterator[tuple[Ints, Sequence[ca.DM]]]:
+    @cached_property
+    def _ends(self) -> list[tuple[Ints, Sequence[ca.DM]]]:
         """The points of each robot, with the price of where they end, its gradient and its Hessian."""
-        if self.program._terminal is not None:
-            for every in np.arange(self.curve.shape[1], dtype=np.int64).reshape(self.robots, -1):
-                yield every, self.program._terminal(self.curve[-1, every].T.ravel())
+        if self.program._terminal is None:
+            return []
+        robots = np.arange(self.curve.shape[1], dtype=np.int64).reshape(self.robots, -1)
+        return [(own, self.program._terminal(self.curve[-1, own].T.ravel())) for own in robots]
 
     def _line_rows(self, lines: Lines) -> tuple[Floats, Floats]:
         """Rows of the near points at both ends of each step on the free sides of their lines."""
@@ -339,8 +343,7 @@ class _Point:
         n, count = 2 * (self.program.problem.steps - free), self.curve.shape[1]
         if not task.count:
             return np.zeros((0, n)), np.zeros(0)
-        heights = self._heights()
-        level = task.values(heights)
+        heights, level = self._heights, self._levels
         level = np.where(np.isfinite(level), level, 0.0)
         excess = heights - level[task.row_level][:, None]
         used = (excess < 2 * NEAR) & _lowest(excess)
@@ -381,12 +384,17 @@ class _Point:
         if bounds is None:
             return np.zeros((0, n)), np.zeros(0)
         u = self._with_last()
-        D = np.eye(n) - np.eye(n, k=-2)
-        D = D if len(u) > n // 2 else D[2:]
+        D = np.kron(self._differences(), np.eye(2))
         change, most = np.diff(u, axis=0).ravel(), np.tile(self._rates(), len(u) - 1)
         finite = np.isfinite(most)
         D, change, most = D[finite], change[finite], most[finite]
         return np.concatenate([D, -D]), np.concatenate([-most - change, change - most])
+
+    def _differences(self) -> Floats:
+        """Matrix from changes of one free command to those of the steps between successive ones."""
+        count = len(self.controls) - self.present.free
+        D = np.eye(count) - np.eye(count, k=-1)
+        return D if self.present.free else D[1:]
 
     def _rates(self) -> Floats:
         """Largest change of each command over a step."""
@@ -398,6 +406,7 @@ class _Point:
         """The free commands, after the last that was sent."""
         return self.controls[max(self.present.free - 1, 0) :]
 
+    @cached_property
     def _heights(self) -> Floats:
         return self.program.levels.heights(self.curve, self._mean, self.present.growth)
 
@@ -436,15 +445,12 @@ class _Point:
     def _swapped(self) -> bool:
         return self.program.problem.fleet.system.heading_from == "y"
 
-    @property
+    @cached_property
     def _steps(self) -> tuple[Floats, Floats, Floats]:
-        """Slopes of a step's displacement by speed and turn rate, at the points, and of the rates by the commands."""
-        if not hasattr(self, "_known_steps"):
-            self._known_steps = self._differentiated()
-        return self._known_steps
+        """Slopes of a step's displacement by speed and turn rate, at the points, and of the rates by the commands.
 
-    def _differentiated(self) -> tuple[Floats, Floats, Floats]:
-        """By imaginary steps."""
+        By imaginary steps.
+        """
         problem, present = self.program.problem, self.present
         system, free, at = problem.fleet.system, present.free, present.at
         image = self.image
@@ -463,14 +469,12 @@ class _Point:
         turning = np.stack(rates, axis=-1).transpose(1, 0, 2)  # (steps, rate, command)
         return slope(h, 0.0), slope(0.0, h), turning
 
-    @property
+    @cached_property
     def _levers(self) -> Floats:
         """Angular factors times places, at the points, shape (steps + 1, points, 2); zero before the present."""
-        if not hasattr(self, "_known_levers"):
-            weighted = self.present.drives[:, 1, None, None] * self.nodal
-            ahead = np.einsum("ij,jtd->tid", self.image, weighted)
-            self._known_levers = np.concatenate([np.zeros((self.present.at, *ahead.shape[1:])), ahead])
-        return self._known_levers
+        weighted = self.present.drives[:, 1, None, None] * self.nodal
+        ahead = np.einsum("ij,jtd->tid", self.image, weighted)
+        return np.concatenate([np.zeros((self.present.at, *ahead.shape[1:])), ahead])
 
 
 def _lowest(values: Floats) -> NDArray[np.bool_]:
