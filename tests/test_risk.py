@@ -14,9 +14,10 @@ from scipy.optimize import minimize_scalar
 
 from ensemble_ctrl.arrival import risk
 from ensemble_ctrl.config import dump, load_text, read
+from ensemble_ctrl.duties import clearances
 from ensemble_ctrl.errors import ConfigError, ProblemError
 from ensemble_ctrl.ocp.chance import all_lines
-from ensemble_ctrl.ocp.risk import clearances, risk_cost
+from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.transcription import Avoiding, transcribe
 from ensemble_ctrl.ocp.truncation import choose, points
 from ensemble_ctrl.planner import solve

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import duties
+from ensemble_ctrl.duties import clearances
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
-from ensemble_ctrl.risk import FAR, value_at_risk
+from ensemble_ctrl.risk import value_at_risk
 from ensemble_ctrl.target import MomentTarget, SpreadTarget, wasserstein
 
 Floats = NDArray[np.float64]
@@ -74,23 +74,11 @@ def risk(problem: Problem, controls: Floats) -> dict[str, Any]:
         places = problem.objective.places(problem.fleet, members)
         losses = np.linalg.norm(_final(problem, controls, members) - places, axis=1)
     else:
-        losses = -_clearances(problem, controls, members)
+        blocks = np.array_split(members, 10)
+        near = [clearances(problem, trajectories(problem, controls, block, LOOKS)) for block in blocks]
+        losses = -np.concatenate(near)
     at_risk, mean = value_at_risk(losses, price.level)
     return {"of": price.of, "level": price.level, "value_at_risk": at_risk, "cvar": mean}
-
-
-def _clearances(problem: Problem, controls: Floats, members: Floats) -> Floats:
-    """Smallest distance of members from what everybody keeps out of, at most `FAR`, metres."""
-    least = np.full(len(members), FAR)
-    for rows in np.array_split(np.arange(len(members)), 10):
-        paths = trajectories(problem, controls, members[rows], LOOKS)
-        times = np.linspace(0.0, problem.duration, paths.shape[1])
-        for duty in duties(problem):
-            when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
-            seen = paths[:, when] - duty.offsets(times[when])
-            for piece in duty.pieces:
-                least[rows] = np.minimum(least[rows], piece.distance(seen).min(axis=1) - duty.radius)
-    return least
 
 
 def _final(problem: Problem, controls: Floats, members: Floats) -> Floats:

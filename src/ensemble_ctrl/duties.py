@@ -27,6 +27,7 @@ from ensemble_ctrl.constraints.stl import (
 )
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.risk import FAR
 
 Floats = NDArray[np.float64]
 
@@ -66,6 +67,16 @@ class Duty:
     def bends(self, times: Floats) -> Floats:
         """How far it leaves a straight line between successive times, shape (times - 1,), metres."""
         return np.zeros(len(times) - 1) if self.motion is None else self.motion.bend(times[:-1], times[1:])
+
+    def during(self, times: Floats) -> NDArray[np.bool_]:
+        """Which times are in its window."""
+        return np.asarray((times >= self.begin - 1e-9) & (times <= self.end + 1e-9))
+
+    def distances(self, paths: Floats, times: Floats) -> Floats:
+        """Distance of members from it during its window, shape (members, times in the window), metres."""
+        when = self.during(times)
+        seen = paths[:, when] - self.offsets(times[when])
+        return np.asarray(np.minimum.reduce([piece.distance(seen) for piece in self.pieces]) - self.radius)
 
     def steps(self, steps: int, duration: float, begin: float = 0.0) -> NDArray[np.bool_]:
         """Which of `steps` equal steps from time `begin` on overlap the window, shape (steps,)."""
@@ -150,3 +161,12 @@ def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
         return problem.obstacles[name]
     region = problem.regions[name]
     return ((Solid.hull if region.A.shape[1] == 3 else Obstacle.polygon)(region.vertices),)
+
+
+def clearances(problem: Problem, paths: Floats) -> Floats:
+    """Smallest distance of each path from what everybody keeps out of, at most `FAR`, shape (members,), metres."""
+    least = np.full(len(paths), FAR)
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    for duty in duties(problem):
+        least = np.minimum(least, duty.distances(paths, times).min(axis=1))
+    return least

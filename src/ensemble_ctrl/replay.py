@@ -323,7 +323,7 @@ def _approach(paths: Floats, box: tuple[Floats, Floats], times: Floats, duty: Du
     Of the times of its window, only those are looked at where the block's bounding box is as close as some member's
     smallest distance so far, or overlaps.
     """
-    when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
+    when = np.flatnonzero(duty.during(times))
     closest, at = np.full(len(paths), np.inf), np.zeros(len(paths), dtype=np.int64)
     members, moved = np.arange(len(paths)), duty.offsets(times)
     for piece in duty.pieces:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.enclosure import Flow, Track
 from ensemble_ctrl.certificate.task import CellSignals
 from ensemble_ctrl.constraints.stl import ExactOps, member_robustness
-from ensemble_ctrl.duties import Chance, Duty, grounded
+from ensemble_ctrl.duties import Chance, grounded
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval, Law
 from ensemble_ctrl.problem import Problem
@@ -80,23 +80,15 @@ def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance, mem
     size = max(1, 500_000 // flow.steps)
     for rows in (slice(i, i + size) for i in range(0, len(members), size)):
         path = Track.of(flow, members[rows]).position
+        times = np.linspace(0.0, problem.duration, path.shape[1])
         for duty in chance.duties:
-            values[rows] = np.minimum(values[rows], _distance(problem, duty, path))
+            values[rows] = np.minimum(values[rows], duty.distances(path, times).min(axis=1))
         for part in chance.others:
             signals = CellSignals.of(flow, members[rows], np.zeros_like(members[rows]))
             values[rows] = np.minimum(
                 values[rows], member_robustness(grounded(problem, part), signals, ExactOps())[:, 0]
             )
     return values
-
-
-def _distance(problem: Problem, duty: Duty, path: Floats) -> Floats:
-    """Smallest distance of each member from what a duty keeps it out of."""
-    times = np.linspace(0.0, problem.duration, path.shape[1])
-    when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
-    seen = path[:, when] - duty.offsets(times[when])
-    least = np.min([piece.distance(seen).min(axis=1) for piece in duty.pieces], axis=0)
-    return np.asarray(least - duty.radius)
 
 
 def _largest(fleet: Fleet, axes: list[Floats], good: Bools) -> tuple[tuple[int, int], ...] | None:

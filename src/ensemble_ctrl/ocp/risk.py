@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import duties
+from ensemble_ctrl.duties import clearances
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.lines import Lines
 from ensemble_ctrl.ocp.program import Block
@@ -107,18 +107,6 @@ def risk_cost(problem: Problem, controls: Floats) -> float:
     else:
         losses = -clearances(problem, paths)
     return risk.weight * value_at_risk(losses, risk.level)[1]
-
-
-def clearances(problem: Problem, paths: Floats) -> Floats:
-    """Smallest distance of each path from what everybody keeps out of, at most `FAR`, shape (members,), metres."""
-    least = np.full(len(paths), FAR)
-    times = np.linspace(0.0, problem.duration, paths.shape[1])
-    for duty in duties(problem):
-        when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
-        seen = paths[:, when] - duty.offsets(times[when])
-        for piece in duty.pieces:
-            least = np.minimum(least, piece.distance(seen).min(axis=1) - duty.radius)
-    return least
 
 
 def _scaled(problem: Problem, members: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, leaves, member_robustness
-from ensemble_ctrl.duties import Duty, duties, grounded, other_parts, window_of
+from ensemble_ctrl.duties import duties, grounded, other_parts, window_of
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import states
 
@@ -125,7 +125,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
 
     clearances: dict[str, Floats] = {}
     for duty in duties(problem):
-        closest = least(_distances(duty, paths, times).min(axis=1, initial=np.inf))
+        closest = least(duty.distances(paths, times).min(axis=1, initial=np.inf))
         clearances[duty.name] = np.minimum(clearances.get(duty.name, np.inf), closest)
     signals = StateSignals(whole[:, ::LOOKS], fleet.states, problem.step)
     parts = {
@@ -144,13 +144,6 @@ def _closest(curves: dict[str, Floats], far: float = np.inf) -> dict[str, Floats
     return {name: curves[name] for least, name in finite[:CURVES] if least <= reach}
 
 
-def _distances(duty: Duty, paths: Floats, times: Floats) -> Floats:
-    """Distance from a duty's pieces during its window, shape (members, times in the window), metres."""
-    when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
-    seen = paths[:, when] - duty.offsets(times[when])
-    return np.asarray(np.minimum.reduce([piece.distance(seen) for piece in duty.pieces]) - duty.radius)
-
-
 def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series]:
     """The closest of all obstacles, if any has to be avoided."""
     kept = duties(problem)
@@ -158,8 +151,8 @@ def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series
         return
     least = np.full(paths.shape[:2], np.inf)
     for duty in kept:
-        when = np.flatnonzero((times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9))
-        least[:, when] = np.minimum(least[:, when], _distances(duty, paths, times))
+        when = duty.during(times)
+        least[:, when] = np.minimum(least[:, when], duty.distances(paths, times))
     least[~np.isfinite(least)] = np.nan
     window = min(d.begin for d in kept), max(d.end for d in kept)
     yield Series("closest obstacle", least.min(axis=0), least.max(axis=0), *window)

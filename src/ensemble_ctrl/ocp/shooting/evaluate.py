@@ -73,12 +73,7 @@ def _robustness(problem: OdeProblem, states: Floats, controls: Floats) -> float:
 def _gap(problem: OdeProblem, paths: Floats) -> float:
     """Smallest distance, beyond the radius, of any member from what it is to keep out of at the times looked at."""
     times = np.linspace(0.0, problem.duration, paths.shape[1])
-    least = np.inf
-    for duty in duties(problem):
-        when = (times >= duty.begin - 1e-9) & (times <= duty.end + 1e-9)
-        for piece in duty.pieces:
-            least = min(least, float(piece.distance(paths[:, when]).min(initial=np.inf)) - duty.radius)
-    return least
+    return min((float(duty.distances(paths, times).min(initial=np.inf)) for duty in duties(problem)), default=np.inf)
 
 
 def _terminal(problem: OdeProblem, controls: Floats) -> float:
