@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -106,6 +107,11 @@ class Plan:
 
     def conflicts(self) -> tuple[Conflict, ...]:
         """What fails, by how much, when and for whom; empty for a good plan."""
+        return self._conflicts
+
+    @cached_property
+    def _conflicts(self) -> tuple[Conflict, ...]:
+        """Found once: a failing plan's summary, page and files all ask."""
         return conflicts(self.problem, self.controls)
 
     def suggest(self, seconds: float = 30.0, *, progress: Progress | None = None) -> Suggestions:

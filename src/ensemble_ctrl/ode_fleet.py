@@ -200,9 +200,18 @@ class OdeFleet(Ensemble):
         ProblemError
             If a state is not finite, or the system is too stiff for the rule.
         """
-        states = self.integrated(controls, members, step, self.substeps(controls, step))
+        key = np.asarray(controls, dtype=float).tobytes(), step
+        if (count := self._counted.get(key)) is None:
+            self._counted.clear()
+            count = self._counted[key] = self.substeps(controls, step)
+        states = self.integrated(controls, members, step, count)
         self._require_finite(states, members, step)
         return states
+
+    @cached_property
+    def _counted(self) -> dict[tuple[bytes, float], int]:
+        """The substeps that the last controls need: a replay asks block by block."""
+        return {}
 
     def integrated(
         self, controls: Floats, members: Floats, step: float, substeps: int, rule: Rule = extrapolated

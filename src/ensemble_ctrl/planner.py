@@ -26,13 +26,13 @@ from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
-from ensemble_ctrl.ocp.candidates import Outcome, Tried, join_logs, part_log, tried
+from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
 from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import Seed, seeds
 from ensemble_ctrl.ocp.shooting import search as shooting
-from ensemble_ctrl.ocp.shooting.guess import Guess, guesses
+from ensemble_ctrl.ocp.shooting.guess import guesses
 from ensemble_ctrl.ocp.shooting.traced import require_traceable
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Watch
 from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
@@ -258,8 +258,7 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
             one or shooting.given(problem, start.iterate.controls) for one, start in zip(done, starts, strict=True)
         ]
     else:
-        controls = given(problem, guess, steps)
-        found = [shooting.given(problem, controls if len(controls) == steps else _refined(controls, steps))]
+        found = [shooting.given(problem, _refined(given(problem, guess, steps), steps))]
     ranked = sorted(range(len(found)), key=lambda k: shooting.rank(found[k][0]))
     which, attempt = ranked[0], found[ranked[0]][0]
     work_done = [one for one, _ in found]
@@ -278,21 +277,15 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
         attempt.controls,
         _status(search, attempt),
         attempt,
-        tuple(_way(start, one, k == which) for k, (start, one) in enumerate(zip(starts, work_done, strict=False))),
+        tuple(
+            tried(start, one, None, k == which) for k, (start, one) in enumerate(zip(starts, work_done, strict=False))
+        ),
         seconds,
         sum(a.iterations for a in work_done),
         sum(a.build_seconds for a in work_done),
         sum(a.solve_seconds for a in work_done),
         certificate,
     )
-
-
-def _way(start: Guess, attempt: Attempt, kept: bool) -> Tried:
-    """What became of a guess for a fleet that follows a differential equation."""
-    value = attempt.value
-    took = attempt.build_seconds + attempt.solve_seconds
-    outcome: Outcome = "kept" if kept else "coarse" if attempt.iterations else "failed"
-    return Tried(start.name, start.corners, start.length, value.cost, value.gap, value.keeps(0.0), took, outcome)
 
 
 def screen(problem: Problem, *, progress: Progress | None = None) -> Floats | None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple, NoReturn
 
 from ensemble_ctrl.config.tree import Place, TextError
-from ensemble_ctrl.config.wrong import show
+from ensemble_ctrl.config.wrong import is_number, show
 
 Ring = list[tuple[float, float]]
 
@@ -124,16 +123,9 @@ def _ring(data: Any, where: str) -> Ring:
 
 def _position(data: Any, where: str) -> tuple[float, float]:
     """One position; a height is left out."""
-    if not isinstance(data, list) or not 2 <= len(data) <= 4 or any(map(_no_number, data)):
+    if not isinstance(data, list) or not 2 <= len(data) <= 4 or not all(map(is_number, data)):
         raise TextError(f"{_at(where)}expected [x, y] with finite numbers, got {show(data)}")
     return float(data[0]), float(data[1])
-
-
-def _no_number(value: Any) -> bool:
-    """Whether a value is no finite number."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return True
-    return not abs(value) < math.inf or abs(value) > 1e300
 
 
 def _list(data: dict[str, Any], key: str, where: str) -> list[Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.config.source import checked_path
 from ensemble_ctrl.config.tree import TextError, Tree, start
-from ensemble_ctrl.config.wrong import Wrong, show
+from ensemble_ctrl.config.wrong import Wrong, is_number, show
 from ensemble_ctrl.constraints.cells import Cells
 
 MAX_CELLS = 16_000_000
@@ -72,7 +72,7 @@ class _Fields:
     def number(self, key: str, above: float = -math.inf, default: float | None = None) -> float:
         """A finite number."""
         value: Any = self._data.get(key, default)
-        if not _is_number(value) or value <= above:
+        if not is_number(value) or value <= above:
             wanted = "a finite number" if above == -math.inf else f"a finite number above {above:g}"
             raise self.wrong(key, f"expected {wanted}, got {show(value)}", "" if key in self._data else EXAMPLE)
         return float(value)
@@ -80,7 +80,7 @@ class _Fields:
     def numbers(self, key: str, count: int) -> list[float]:
         """A list of finite numbers."""
         value = self._data.get(key)
-        if not isinstance(value, list) or len(value) != count or not all(map(_is_number, value)):
+        if not isinstance(value, list) or len(value) != count or not all(map(is_number, value)):
             raise self.wrong(key, f"expected [x, y, yaw], got {show(value)}", "" if key in self._data else EXAMPLE)
         return [float(item) for item in value]
 
@@ -98,11 +98,6 @@ class _Fields:
             listed = ", ".join(str(item) for item in known if not isinstance(item, bool))
             raise self.wrong(key, f"expected one of {listed}, got {show(value)}")
         return value
-
-
-def _is_number(value: Any) -> bool:
-    """Whether a value is a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _occupancy(path: Path, negate: bool) -> NDArray[np.float32]:

@@ -135,7 +135,7 @@ class OdeProblemFile(ProblemFile):
     """A problem of a fleet that follows a differential equation."""
 
     fleet: OdeFleetSection  # type: ignore[assignment]
-    verify: OdeVerify = OdeVerify()
+    verify: OdeVerify = Field(default_factory=OdeVerify)
 
 
 def _system(kind: type[OdeSystem], settings: Data) -> OdeSystem:

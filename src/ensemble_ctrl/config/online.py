@@ -104,13 +104,13 @@ class RobotSection(Model):
     """That measurements take to arrive; 0.1 s if not given."""
     command_delay: Delay = 0.0
     """By which commands are carried out late."""
-    actuators: ActuatorSection = ActuatorSection()
+    actuators: ActuatorSection = Field(default_factory=ActuatorSection)
     """True errors of what is carried out, uniform."""
     saturation: Magnitudes | None = None
     """Largest absolute commands that are carried out."""
     quantum: Magnitudes | None = None
     """Commands are rounded to multiples of these."""
-    lost: LostSection = LostSection()
+    lost: LostSection = Field(default_factory=LostSection)
     """Shares of messages that are lost."""
     seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = 0
     """Seed of all that is drawn."""
@@ -166,11 +166,11 @@ class OnlineSection(Model):
     """Control steps that are applied of every plan."""
     deadline: f.Duration = OnlineOptions.deadline
     """For planning again, proof included; at most the steps applied. It begins this long before a plan takes over."""
-    noise: NoiseSection = NoiseSection()
+    noise: NoiseSection = Field(default_factory=NoiseSection)
     """Largest errors of a measured pose that are assumed."""
     drift: Rate = 0.0
     """Largest change of a factor per second that is assumed."""
-    actuators: ActuatorSection = ActuatorSection()
+    actuators: ActuatorSection = Field(default_factory=ActuatorSection)
     """Largest errors of what is carried out that are assumed."""
     learn: Annotated[bool, BeforeValidator(f.flag)] = OnlineOptions.learn
     """Whether parameters are learnt; without it their ranges stand."""
@@ -188,7 +188,7 @@ class OnlineSection(Model):
     """How long a standing robot may look for a way."""
     attempts: Annotated[int, BeforeValidator(whole(0, 100))] = OnlineOptions.attempts
     """How often it may."""
-    robot: RobotSection = RobotSection()
+    robot: RobotSection = Field(default_factory=RobotSection)
     """The simulated robot; it need not be like the fleet."""
     robots: dict[f.Name, RobotSection] = Field(default_factory=dict)
     """Several robots that hear the same commands, each as `robot`, in its place; seeds are 0, 1, ... if not given."""

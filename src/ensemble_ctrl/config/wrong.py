@@ -37,6 +37,11 @@ class Wrong(ValueError):
         self.message, self.hint, self.path, self.offset, self.on_key = message, hint, path, offset, on_key
 
 
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number, of a size that others can be added to."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 1e300
+
+
 def show(value: Any) -> str:
     """A value as it stands in the file, shortened."""
     if value is None:

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.ocp.rounds import Attempt
-from ensemble_ctrl.ocp.seeds import Seed
 
 Floats = NDArray[np.float64]
 Outcome = Literal["kept", "refined", "coarse", "failed"]
@@ -56,7 +55,23 @@ class Tried:
     fine_cost: float | None = None
 
 
-def tried(seed: Seed, coarse: Attempt, fine: Attempt | None, kept: bool) -> Tried:
+class Start(Protocol):
+    """What is told of where a search began."""
+
+    @property
+    def name(self) -> str:
+        """On which side of it each obstacle that it passes lies."""
+
+    @property
+    def corners(self) -> Floats:
+        """Metres, shape (corners, d)."""
+
+    @property
+    def length(self) -> float:
+        """Metres."""
+
+
+def tried(seed: Start, coarse: Attempt, fine: Attempt | None, kept: bool) -> Tried:
     """What became of a seed."""
     outcome: Outcome = "kept" if kept else "refined" if fine else "coarse" if coarse.iterations else "failed"
     return Tried(

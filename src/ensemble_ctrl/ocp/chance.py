@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import Duty, chances, duties
+from ensemble_ctrl.constraints.stl import Formula
+from ensemble_ctrl.duties import Duty, chances, duties, other_parts
 from ensemble_ctrl.ocp.lines import Lines, separate
 from ensemble_ctrl.ocp.truncation import Range, Truncation
 from ensemble_ctrl.problem import Problem
@@ -87,6 +88,13 @@ def members_within(scaled: Floats, within: Range) -> Floats:
     """Scaled points of the bent parameters moved from all of their ranges into a box."""
     low, high = np.array(within).T
     return np.asarray(low + (scaled + 1) / 2 * (high - low))
+
+
+def asked(problem: Problem, within: Range | None) -> tuple[list[Formula], list[Formula]]:
+    """Parts of the task that are not duties: those for everybody, and those for the members in a box alone."""
+    some = () if within is None else chances(problem)
+    everybody = [part for part in other_parts(problem) if not any(part is chance.part for chance in some)]
+    return everybody, [part for chance in some for part in chance.others]
 
 
 def all_duties(problem: Problem) -> tuple[Duty, ...]:

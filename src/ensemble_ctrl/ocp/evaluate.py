@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
-from ensemble_ctrl.duties import chances, duties, grounded, other_parts
+from ensemble_ctrl.duties import duties, grounded
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
-from ensemble_ctrl.ocp.chance import all_lines, map_size, members_within
+from ensemble_ctrl.ocp.chance import all_lines, asked, map_size, members_within
 from ensemble_ctrl.ocp.lines import REACH, separate
 from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
@@ -63,22 +63,22 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     aim, step = problem.objective, problem.duration / len(controls)
     fleet, bent = problem.fleet, len(problem.fleet.bent)
     order = QUADRATURE.get(bent, 2)
-    signals, ops = _worst(problem, controls, order, None), ExactOps()
-    in_moments = problem.solve.guarantee == "moment"
+    in_moments, ops = problem.solve.guarantee == "moment", ExactOps()
     if in_moments:
         nodes, weights = fleet.rule(order + 1)
         spread = positions(problem, controls, fleet.bent_members(nodes))
         average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)
-    some = () if truncation.within is None else chances(problem)
-    formulas = [part for part in other_parts(problem) if not any(part is chance.part for chance in some)]
+    else:
+        signals = _worst(problem, controls, order, None)
+    formulas, fewer = asked(problem, truncation.within)
     whole = signals if in_moments or not any(map(reads_fleet, formulas)) else _fleet(problem, controls)
     values = [
         float(robustness(grounded(problem, part), whole if reads_fleet(part) else signals, ops)) for part in formulas
     ]
-    if some:
+    if fewer:
         within = _worst(problem, controls, order, truncation.within)
-        values += [float(robustness(grounded(problem, part), within, ops)) for c in some for part in c.others]
+        values += [float(robustness(grounded(problem, part), within, ops)) for part in fewer]
     worst = min(values, default=0.0)
     terminal = terminal_cost(problem, controls, order)
     change = np.diff(controls, axis=0) / step

@@ -53,7 +53,7 @@ def improve(
         better = _round(problem, attempt, options, watch)
         finished = better.status in ("interrupted", "limit") or better.value.cost > attempt.value.cost - GAIN
         worse = attempt.value.keeps(0.0) and not (better.value.keeps(0.0) and better.value.cost <= attempt.value.cost)
-        attempt = _with_work(attempt if worse else better, attempt, better)
+        attempt = with_work(attempt if worse else better, attempt, better)
         if (finished and attempt.value.keeps(0.0)) or options.left <= 0:
             break
     return attempt
@@ -111,7 +111,7 @@ def _after(
     )
 
 
-def _with_work(kept: Attempt, before: Attempt, after: Attempt) -> Attempt:
+def with_work(kept: Attempt, before: Attempt, after: Attempt) -> Attempt:
     """`kept` with the work of both."""
     return replace(
         kept,

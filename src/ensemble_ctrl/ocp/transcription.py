@@ -28,8 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Mean
-from ensemble_ctrl.duties import chances, grounded, other_parts
+from ensemble_ctrl.duties import grounded
 from ensemble_ctrl.ocp.arrays import CasadiArrays
+from ensemble_ctrl.ocp.chance import asked
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.lines import Lines, separate
 from ensemble_ctrl.ocp.margins import bulge, curvature, keeping
@@ -108,13 +109,9 @@ def transcribe(
     level, short = layout.level(), layout.slack(1)
     slack = layout.slack(avoiding.slacks)
     in_moments = problem.solve.guarantee == "moment"
-    some = () if truncation.within is None else chances(problem)
-    parts = [
-        grounded(problem, Mean(part) if in_moments else part)
-        for part in other_parts(problem)
-        if not any(part is chance.part for chance in some)
-    ]
-    fewer = [grounded(problem, part) for chance in some for part in chance.others]
+    everybody, some = asked(problem, truncation.within)
+    parts = [grounded(problem, Mean(part) if in_moments else part) for part in everybody]
+    fewer = [grounded(problem, part) for part in some]
     curve = points(problem, controls, truncation)
     inner = (fewer, truncation.inner) if fewer else None
     task = task_rows(parts, level, layout, step, truncation.mean, curve, problem.fleet.shift, some=inner)

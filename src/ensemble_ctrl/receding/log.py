@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl._version import __version__
+from ensemble_ctrl.plain import to_json
 from ensemble_ctrl.receding.driver import Outcome
 from ensemble_ctrl.receding.loop import Receding, Step
 
@@ -58,7 +57,7 @@ class RunLog:
         """One step, the measurement that it saw last, and its commands."""
         last = {name: None if each.last is None else asdict(each.last) for name, each in loop.trackers.items()}
         seen = {"measurement": next(iter(last.values()))} if len(last) == 1 else {"measurements": last}
-        self._write("step", time=step.begin * loop.problem.step, **asdict(step), **seen, commands=controls)
+        self._write("step", time=step.begin * loop.problem.step, **asdict(step), **seen, commands=controls.tolist())
 
     def end(self, outcome: Outcome) -> None:
         """How it ended."""
@@ -70,18 +69,5 @@ class RunLog:
 
     def _write(self, kind: str, **facts: Any) -> None:
         """One line."""
-        self._file.write(json.dumps({"kind": kind, **_plain(facts)}, allow_nan=False) + "\n")
+        self._file.write(to_json({"kind": kind, **facts}) + "\n")
         self._file.flush()
-
-
-def _plain(data: Any) -> Any:
-    """Data that JSON has: arrays as lists, numbers that are not finite as null."""
-    if isinstance(data, dict):
-        return {key: _plain(value) for key, value in data.items()}
-    if isinstance(data, np.ndarray):
-        return _plain(data.tolist())
-    if isinstance(data, list | tuple):
-        return [_plain(value) for value in data]
-    if isinstance(data, float) and not math.isfinite(data):
-        return None
-    return data

@@ -286,7 +286,9 @@ class Receding:
         """Where a robot, the only one if not named, goes with its middle parameters, shape (times, 2), metres."""
         at, poses = self._now()
         name = next(iter(self.robots)) if robot is None else robot
-        return self._middle(name, poses[name], self.plan[at:]) if poses else np.zeros((0, 2))
+        if not poses:
+            return np.zeros((0, 2))
+        return self._middle(self.robots[name].drives(self.program.truncation.nodes, poses[name]), self.plan[at:])
 
     def recall(self, begin: int) -> None:
         """Take commands back that were returned for the control steps from `begin` on, none of which is past."""
@@ -362,9 +364,10 @@ class Receding:
 
     def entered(self) -> str:
         """Which robot must have been in which obstacle, by the measurements; empty for none."""
+        kept = duties(self.problem)
         for name, tracker in self.trackers.items():
             for k, (place, away) in enumerate(zip(tracker.path, tracker.away, strict=True)):
-                for duty in duties(self.problem):
+                for duty in kept:
                     at = np.array([k * self.problem.step])
                     if duty.begin <= at[0] <= duty.end or self.options.horizon == "receding":
                         here = place - duty.offsets(at)[0]
@@ -390,7 +393,7 @@ class Receding:
         if robot.tracker.widened > WIDEST:
             self.stop(f"whatever its parameters, {self._called(name)} is not like the model", for_good=True)
         if self.options.horizon == "shrinking":
-            robot.advance(min(robot.tracker.now()[0], self.problem.steps))
+            robot.advance(min(robot.tracker.at, self.problem.steps))
 
     def label(self, name: str, parameter: str) -> str:
         """What a step calls a parameter of a robot."""
@@ -514,27 +517,36 @@ class Receding:
         begin = self.sent - self.base if begin is None else begin
         span = begin - at + self.options.applied_steps + self.options.lead(self.problem.step)
         try:
-            whole = self._certified(controls, at, poses)
+            rests = self._rests(at, poses)
+            whole = self._shown(rests, controls[at:], poses)
             work.certify_seconds += whole.seconds
             if whole.proven:
                 return "whole", whole
-            short = self._certified(controls, at, poses, min(span, len(controls) - at))
+            span = min(span, len(controls) - at)
+            soon = {name: for_a_while(rest, span) for name, rest in rests.items()}
+            short = self._shown(soon, controls[at:][:span], poses)
         except ProblemError as error:
             self._events.append(str(error).splitlines()[0])
             return "none", None
         work.certify_seconds += short.seconds
         return ("period", whole) if short.proven else ("none", short)
 
-    def _certified(self, controls: Floats, at: int, poses: Poses, span: int | None = None) -> SetCertificate:
-        """What is proven from a grid time on, of every robot; for `span` steps only, of what must be kept out of."""
-        ahead = controls[at:][:span]
-        found = {}
-        for name, pose in poses.items():
-            rest = self.robots[name].rest(self.base + at, pose)
-            rest = rest if span is None else for_a_while(rest, span)
-            slip = self.robots[name].tracker.slip(ahead)
-            found[name] = certify_set(rest, ahead, pose.away, pose.turn, slip)
-        return together(found)
+    def _certified(self, controls: Floats, at: int, poses: Poses) -> SetCertificate:
+        """What is proven from a grid time on, of every robot."""
+        return self._shown(self._rests(at, poses), controls[at:], poses)
+
+    def _rests(self, at: int, poses: Poses) -> dict[str, Problem]:
+        """What is left for each robot from a grid time on."""
+        return {name: self.robots[name].rest(self.base + at, pose) for name, pose in poses.items()}
+
+    def _shown(self, rests: Mapping[str, Problem], ahead: Floats, poses: Poses) -> SetCertificate:
+        """What is proven of commands for what is left."""
+        return together(
+            {
+                name: certify_set(rests[name], ahead, pose.away, pose.turn, self.robots[name].tracker.slip(ahead))
+                for name, pose in poses.items()
+            }
+        )
 
     def _tighten(self, certificate: SetCertificate | None) -> None:
         """Keep more after a proof that fell short, less after one that did not."""
@@ -550,7 +562,7 @@ class Receding:
 
         There are no sets while one robot is unknown.
         """
-        k = max(tracker.now()[0] for tracker in self.trackers.values())
+        k = max(tracker.at for tracker in self.trackers.values())
         found = {name: robot.pose(k) for name, robot in self.robots.items()}
         poses = {name: pose for name, pose in found.items() if pose is not None}
         return k - self.base, poses if len(poses) == len(found) else {}
@@ -569,17 +581,17 @@ class Receding:
         for name, pose in poses.items():
             robot = self.robots[name]
             drives.append(robot.drives(nodes, pose))
+            middle = self._middle(drives[-1], ahead)
             paths.append(robot.path(base, base + at))
-            grown.append(robot.growth(self._middle(name, pose, ahead), ahead, pose, soon))
+            grown.append(robot.growth(middle, ahead, pose, soon))
         growth = np.zeros(len(plan) + 1)
         growth[at:] = np.max(grown, axis=0) + self._tighter
         return Present(
             at, free, np.concatenate(drives), np.stack(paths, axis=1), growth, plan, base * self.problem.step
         )
 
-    def _middle(self, name: str, pose: PoseSet, controls: Floats) -> Floats:
-        """Where a robot's middle member goes from a pose on, shape (steps + 1, 2), metres."""
-        drives = self.robots[name].drives(self.program.truncation.nodes, pose)
+    def _middle(self, drives: Floats, controls: Floats) -> Floats:
+        """Where the middle one of some members goes, shape (steps + 1, 2), metres."""
         middle = drives[len(drives) // 2][None]
         return np.asarray(self.problem.fleet.system.positions(controls, middle, self.problem.step)[0])
 

@@ -66,10 +66,19 @@ class Errors:
             if not (np.isfinite(value) and value >= 0):
                 raise ProblemError(f"errors.{name}: expected a finite bound >= 0, got {value!r}")
 
-    @property
-    def disturbed(self) -> bool:
-        """Whether a robot may leave what its parameters predict."""
-        return max(self.drift, self.speed, self.turn_rate) > 0
+    def slip(self, a: float, b: float, span: Floats, way: Floats, turn: Floats) -> tuple[Floats, Floats]:
+        """What drift and actuators may add to heading and place, radians and metres.
+
+        Parameters
+        ----------
+        a, b : float
+            Largest factors of speed and turn rate.
+        span, way, turn : ndarray of one shape
+            Seconds, and the way and the turn at factor 1 in these, without signs.
+        """
+        drift = self.drift * span
+        turned = drift * turn + b * self.turn_rate * span
+        return turned, np.asarray(drift * way + (a + drift) * (way * turned + self.speed * span * (1.0 + turned)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,23 +134,26 @@ class Commands:
         sums = np.concatenate([[0.0], np.cumsum(whole)])
         return turned, sums[n] + self._chords(n, share, b)
 
+    def turns(self, times: Floats) -> Floats:
+        """The integral of the turn rate up to some times."""
+        n, share = self._place(times)
+        return np.asarray(self.turned[n] + share * self.omega[n])
+
     def driven(self, times: Floats) -> tuple[Floats, Floats]:
         """The integrals of the absolute speed and of the absolute turn rate up to some times."""
-        n, share = self._place(times)
-        totals = []
-        for rate in (np.abs(self.v), np.abs(self.omega)):
-            sums = self.step * np.concatenate([[0.0], np.cumsum(rate)])
-            totals.append(sums[n] + share * rate[n])
-        return totals[0], totals[1]
+        return self._total(np.abs(self.v), times), self._total(np.abs(self.omega), times)
 
     def swing(self, begin: Floats, end: float, about: float) -> Floats:
         """Upper bounds of the integrals of ``|v| |turned - about|`` from some times to one later."""
-        n, share = self._place(np.append(begin, end))
         reach = np.abs(self.turned - about) + self.step * np.abs(self.omega)
-        rate = np.abs(self.v) * reach
-        sums = self.step * np.concatenate([[0.0], np.cumsum(rate)])
-        total = sums[n] + share * rate[n]
+        total = self._total(np.abs(self.v) * reach, np.append(begin, end))
         return np.asarray(total[-1] - total[:-1])
+
+    def _total(self, rate: Floats, times: Floats) -> Floats:
+        """The integral up to some times of a rate that is constant in each step."""
+        n, share = self._place(times)
+        sums = self.step * np.concatenate([[0.0], np.cumsum(rate)])
+        return np.asarray(sums[n] + share * rate[n])
 
     def _place(self, times: Floats) -> tuple[NDArray[np.int64], Floats]:
         """The step that holds each time, and the seconds since it began."""
@@ -290,12 +302,10 @@ class Membership:
         errors = self.errors
         a1, b1 = float(self.factors[0][1]), float(np.abs(self.factors[1]).max())
         span = time - self.times
-        turned = commands.at(np.append(self.times, time), 1.0)[0]
+        turned = commands.turns(np.append(self.times, time))
         ways, turns = commands.driven(np.append(self.times, time))
         way, turn = ways[-1] - ways[:-1], turns[-1] - turns[:-1]
-        drift = errors.drift * span
-        slip_turn = drift * turn + b1 * errors.turn_rate * span
-        slip = drift * way + (a1 + drift) * (way * slip_turn + errors.speed * span * (1.0 + slip_turn))
+        slip_turn, slip = errors.slip(a1, b1, span, way, turn)
         return (turned[-1] - turned[:-1], turn), slip_turn, way, slip
 
     def _factor(self, ranges: Floats, place: int) -> Floats:

@@ -99,21 +99,19 @@ class Tracker:
         """The set of poses at a time from the newest measurement on; None without one."""
         return self.sets.pose(self._commands, time) if len(self.sets.times) else None
 
-    def now(self) -> tuple[int, PoseSet | None]:
-        """The first grid time from the newest measurement on, and the set of poses then."""
-        step = self.problem.step
-        k = min(int(np.ceil(self.time / step - NEAR)), len(self.sent))
-        return k, self.pose(max(k * step, self.time))
+    @property
+    def at(self) -> int:
+        """The first grid time from the newest measurement on."""
+        return min(int(np.ceil(self.time / self.problem.step - NEAR)), len(self.sent))
 
     def slip(self, controls: Floats) -> Floats:
         """Metres by which drift and actuators may lead the robot away in each step of `controls`, which come next."""
         errors, step = self.errors, self.problem.step
         v, omega = (np.abs(rate) for rate in self.problem.fleet.system.rates(*controls.T))
-        span, way, turn = step * np.arange(1, len(v) + 1), step * np.cumsum(v), step * np.cumsum(omega)
+        span: Floats = np.asarray(step * np.arange(1, len(v) + 1), dtype=float)
+        way, turn = step * np.cumsum(v), step * np.cumsum(omega)
         a, b = (float(np.abs(factor).max()) for factor in self.sets.factors)
-        drift = errors.drift * span
-        turned = drift * turn + b * errors.turn_rate * span
-        return np.asarray(drift * way + (a + drift) * (way * turned + errors.speed * span * (1 + turned)))
+        return errors.slip(a, b, span, way, turn)[1]
 
     def _refused(self, measurement: Measurement) -> str | None:
         """Why a measurement can't be used; empty for one that was seen before."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.duties import duties
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.ocp.rounds import Attempt
+from ensemble_ctrl.ocp.rounds import GAIN, Attempt, with_work
 from ensemble_ctrl.ocp.shooting.evaluate import evaluate
 from ensemble_ctrl.ocp.shooting.guess import Guess
 from ensemble_ctrl.ocp.shooting.planes import separate
@@ -30,8 +30,6 @@ MOST_SUBSTEPS = 8
 NOMINAL_ROUNDS, FLEET_ROUNDS = 3, 5
 ORDERS = {0: 0, 1: 3, 2: 2}
 """Truncation order for so many parameters unless the problem says another, else 1."""
-GAIN = 5e-3
-"""Rounds end when one lowers the cost by less."""
 SMALL = 1e-4
 """Metres kept to spare beyond what was missing."""
 FAR = 50.0
@@ -126,7 +124,7 @@ def _rounds(
         settled = solved.value.keeps(0.0) and best.value.keeps(0.0) and gain < GAIN
         kept = solved if better else best
         found = iterate if better else found
-        best = _with_work(kept, best, solved)
+        best = with_work(kept, best, solved)
         if settled or solved.status in ("interrupted", "limit") or clock.over():
             break
         spare = _more(spare, solved, len(stage.truncation.nodes))
@@ -147,8 +145,7 @@ def _round(
 ) -> tuple[Attempt, Iterate]:
     """One choice of planes."""
     problem, began = stage.problem, time.perf_counter()
-    columns = [problem.fleet.states.index(name) for name in problem.fleet.places]
-    positions = iterate.states[:, columns].transpose(0, 2, 1)
+    positions = iterate.states[:, problem.fleet.place_columns].transpose(0, 2, 1)
     points = np.einsum("ij,tjd->tid", stage.truncation.to_points, positions)
     planes = separate(points, duties(problem), problem.duration)
     program = transcribe(problem, stage.truncation, iterate, planes, planes.active, stage.substeps, spare)
@@ -165,16 +162,6 @@ def _attempt(stage: Stage, controls: Floats, outcome: Outcome, built: float, sol
     value = evaluate(stage.problem, controls)
     return Attempt(
         controls, value, stage.truncation, outcome.status, outcome.message, outcome.iterations, built, solved, pairs
-    )
-
-
-def _with_work(kept: Attempt, before: Attempt, after: Attempt) -> Attempt:
-    """`kept` with the work of both."""
-    return replace(
-        kept,
-        iterations=before.iterations + after.iterations,
-        build_seconds=before.build_seconds + after.build_seconds,
-        solve_seconds=before.solve_seconds + after.solve_seconds,
     )
 
 

@@ -177,9 +177,8 @@ def _avoiding(
         return []
     side, at = np.nonzero(pairs)
     fleet, n, image = problem.fleet, layout.count, ca.DM(places)
-    columns = [fleet.states.index(name) for name in fleet.places]
-    d = len(columns)
-    ends = layout.states[:, columns].reshape(layout.steps + 1, -1)
+    d = len(fleet.places)
+    ends = layout.states[:, fleet.place_columns].reshape(layout.steps + 1, -1)
     data = np.column_stack([planes.normal[side, at], planes.support[side, at] + planes.radius[side] + keep])
 
     def build(z: ca.SX, data: ca.SX) -> ca.SX:
@@ -251,7 +250,6 @@ def _terminal(
     problem: OdeProblem, truncation: Truncation, layout: ShootingLayout, target: Floats, weight: float
 ) -> Block:
     """Twice the fleet's mean squared distance from the target."""
-    columns = [problem.fleet.states.index(name) for name in problem.fleet.places]
     n, none = layout.count, np.zeros((1, 0))
     form = ca.DM(truncation.to_points.T @ truncation.square @ truncation.to_points)
 
@@ -259,7 +257,7 @@ def _terminal(
         off = [z[i * n : (i + 1) * n] - float(goal) for i, goal in enumerate(target)]
         return weight * sum((ca.bilin(form, one, one) for one in off), ca.SX(0))
 
-    return Block("terminal", build, layout.states[-1, columns].reshape(1, -1), none, none, none)
+    return Block("terminal", build, layout.states[-1, problem.fleet.place_columns].reshape(1, -1), none, none, none)
 
 
 def _bounds(
