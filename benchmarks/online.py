@@ -77,7 +77,7 @@ def one(problem: Problem, plan: Floats, loop: Receding, traction: float, seed: i
         (float(end[0]), float(end[1])),
         (float(blind[0]), float(blind[1])),
         tuple(step.seconds for step in outcome.steps),
-        {name: sum(step.source == name for step in outcome.steps) for name in ("new", "kept", "stopped", "recovered")},
+        outcome.sources,
         not loop.holds,
     )
 

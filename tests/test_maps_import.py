@@ -343,6 +343,7 @@ HOSTILE: dict[str, tuple[str, Callable[[], str], str]] = {
     "no image": (".yaml", lambda: json.dumps({"image": "none.pgm", **FINE}), "none.pgm: no such file"),
     "image elsewhere": (".yaml", lambda: json.dumps({"image": "../room.pgm", **FINE}), r":1:11: .*same folder"),
     "no resolution": (".yaml", lambda: "image: room.pgm\nresolution: 0\n", r":2:13: .*above 0, got 0"),
+    "huge resolution": (".yaml", lambda: f"image: room.pgm\nresolution: 1{'0' * 400}\n", r":2:13: .*a finite number"),
     "NaN origin": (".yaml", lambda: "resolution: 1\norigin: [0, .nan, 0]", r":2:9: .*\[x, y, yaw\]"),
     "raw mode": (".yaml", lambda: json.dumps({"image": "room.pgm", "mode": "raw", **FINE}), "one of trinary, scale"),
     "empty": (".yaml", lambda: "", "resolution: expected a finite number above 0, got nothing"),

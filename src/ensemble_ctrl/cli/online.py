@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import signal
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,23 +79,24 @@ def run_online(options: OnlineRun) -> int:
                 raise
             if options.plots and progress.stop_signal is None:
                 progress("draw", None)
-                drawn = _draw(problem, loop, fleet, outcome, told, folder.working)
-        (folder.working / "outcome.json").write_text(to_json(_facts(loop, outcome), indent=2) + "\n", encoding="utf-8")
+                drawn = _draw(problem, loop, fleet, outcome, told, first.controls, folder.working)
+        facts = _facts(loop, outcome)
+        (folder.working / "outcome.json").write_text(to_json(facts, indent=2) + "\n", encoding="utf-8")
         placed = folder.commit()
     finally:
         folder.discard()
     progress.finish()
     if drawn:
         complain(f"error: {placed}: the run is logged, but its figures could not be drawn ({drawn})")
-    code = _interrupted(progress) if outcome.ending == "interrupted" else exit_code(outcome)
-    _print(problem, loop, outcome, str(placed), options, code)
+    code = codes.of_signal(progress.stop_signal) if outcome.ending == "interrupted" else exit_code(outcome)
+    _print(problem, facts, outcome, str(placed), options, code)
     return code
 
 
 def _without_plan(problem: Problem, progress: Progress, options: OnlineRun) -> int:
     """There is nothing to begin with."""
     if progress.stop_signal is not None:
-        return fail(_interrupted(progress), "interrupted; the robot has not moved", options.json)
+        return fail(codes.of_signal(progress.stop_signal), "interrupted; the robot has not moved", options.json)
     hint = "`ensemble-plan run` says what conflicts"
     return fail(codes.NO_PLAN, f"{problem.name}: no plan was found to begin with; {hint}", options.json)
 
@@ -103,11 +104,6 @@ def _without_plan(problem: Problem, progress: Progress, options: OnlineRun) -> i
 def exit_code(outcome: Outcome) -> int:
     """Success is the only ending that is one."""
     return codes.OK if outcome.ending == "success" else codes.NOT_VERIFIED
-
-
-def _interrupted(progress: Progress) -> int:
-    """The exit code of a signal."""
-    return codes.TERMINATED if progress.stop_signal == signal.SIGTERM else codes.INTERRUPTED
 
 
 def _first_plan(problem: Problem, progress: Progress) -> Plan | None:
@@ -141,7 +137,13 @@ def _driven(loop: Receding, fleet: SimulatedFleet, path: Path, progress: Progres
 
 
 def _draw(
-    problem: Problem, loop: Receding, fleet: SimulatedFleet, outcome: Outcome, told: list[Told], folder: Path
+    problem: Problem,
+    loop: Receding,
+    fleet: SimulatedFleet,
+    outcome: Outcome,
+    told: list[Told],
+    first: Floats,
+    folder: Path,
 ) -> str:
     """Draw the pictures; returns why that failed, if it did: the log is worth keeping without them."""
     try:
@@ -155,7 +157,7 @@ def _draw(
         title = f"{problem.name}: {outcome.ending}, {outcome.reason}"
         run = Run(
             loop.problem if loop.base == 0 else problem,
-            Plan.load(folder / "plan.npz").controls,
+            first,
             told,
             outcome.paths,
             driven,
@@ -194,9 +196,7 @@ def _facts(loop: Receding, outcome: Outcome) -> dict[str, object]:
         "robustness": outcome.robustness,
         "assumptions_hold": loop.holds,
         "ranges": None if last is None else last.ranges,
-        "plans": {
-            name: sum(s.source == name for s in outcome.steps) for name in ("new", "kept", "stopped", "recovered")
-        },
+        "plans": outcome.sources,
         "planning_seconds": {
             "median": float(np.median(seconds)) if len(seconds) else None,
             "largest": float(seconds.max()) if len(seconds) else None,
@@ -205,14 +205,15 @@ def _facts(loop: Receding, outcome: Outcome) -> dict[str, object]:
     }
 
 
-def _print(problem: Problem, loop: Receding, outcome: Outcome, folder: str, options: OnlineRun, code: int) -> None:
+def _print(
+    problem: Problem, facts: Mapping[str, object], outcome: Outcome, folder: str, options: OnlineRun, code: int
+) -> None:
     """The result on stdout."""
-    facts = _facts(loop, outcome)
     if options.json:
         say(to_json({**facts, "exit_code": code, "folder": folder}))
         return
     seconds = outcome.seconds
-    sources = ", ".join(f"{count} {name}" for name, count in facts["plans"].items() if count)  # type: ignore[attr-defined]
+    sources = ", ".join(f"{count} {name}" for name, count in outcome.sources.items() if count)
     rows = [("task", str(problem.task)), ("plans", sources)]
     if len(seconds):
         rows.append(("planning", f"{1e3 * np.median(seconds):.0f} ms median, {1e3 * seconds.max():.0f} ms at most"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,7 +101,7 @@ def _compared(found: Plan, progress: Progress) -> Plan:
 def exit_code(found: Plan, stop_signal: int | None = None) -> int:
     """The exit code that a plan deserves."""
     if stop_signal is not None:
-        return codes.TERMINATED if stop_signal == signal.SIGTERM else codes.INTERRUPTED
+        return codes.of_signal(stop_signal)
     if found.status == "infeasible":
         return codes.NO_PLAN
     if found.status != "planned":

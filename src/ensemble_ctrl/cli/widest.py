@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import floor
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.cli import codes
@@ -11,6 +10,7 @@ from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import read
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.report import conflict_text
+from ensemble_ctrl.report.text import percent
 from ensemble_ctrl.results import SCHEMA, to_json
 from ensemble_ctrl.widest import Widest, widest
 
@@ -58,7 +58,7 @@ def _bounds(certificate: Certificate) -> Iterator[str]:
         yield f"robustness >= {certificate.robustness:.4f} m"
     for part in certificate.parts:
         if part.share is not None:
-            yield f"by >= {floor(1e4 * part.share) / 100:.4g} % of the fleet"
+            yield f"by >= {percent(part.share, decimals=2)} % of the fleet"
 
 
 def _as_data(found: Widest) -> dict[str, object]:

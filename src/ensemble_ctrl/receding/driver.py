@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.receding.loop import Receding, Step
+from ensemble_ctrl.receding.loop import Receding, Source, Step
 from ensemble_ctrl.receding.robot import Clock, Robot
 
 Floats = NDArray[np.float64]
@@ -47,6 +47,11 @@ class Outcome:
     paths: dict[str, Floats]
     steps: tuple[Step, ...]
     start: float = 0.0
+
+    @property
+    def sources(self) -> dict[str, int]:
+        """How many steps each source of commands had."""
+        return {name: sum(step.source == name for step in self.steps) for name in get_args(Source)}
 
     @property
     def seconds(self) -> Floats:

@@ -80,7 +80,7 @@ def verdict(plan: PlanLike) -> str:
         proof = proof.replace("every member", "the share asked for")
         least = min(run.shares, key=lambda share: share.satisfied - share.asked)
         few = "only " if bad else ""
-        return f"{words}, {proof}{few}{_percent(least.satisfied)} % of {run.members} members do it"
+        return f"{words}, {proof}{few}{percent(least.satisfied)} % of {run.members} members do it"
     return f"{words}, {proof}" + (
         f"no member of {run.members} violates" if not bad else f"{bad} of {run.members} members VIOLATE it"
     )
@@ -205,7 +205,7 @@ def measured(run: Replay | None) -> list[tuple[str, str]]:
         (
             "replay",
             f"{run.members} members, {run.substeps} look{'s' if run.substeps > 1 else ''} a step: {bad} violate, "
-            f"{_percent(run.satisfied)} % satisfy{_share(run)}",
+            f"{percent(run.satisfied)} % satisfy{_share(run)}",
         )
     )
     return rows
@@ -221,14 +221,14 @@ def soonest(found: dict[str, Any] | None) -> list[tuple[str, str]]:
 
 def _seen(share: ShareSeen) -> str:
     """The share that does a part, and what that says of the whole fleet."""
-    bounds = f"({_percent(share.low)} to {_percent(share.high, up=True)} % of all, 95 % confidence)"
-    return f"{_percent(share.satisfied)} % do what {100 * share.asked:g} % have to {bounds}"
+    bounds = f"({percent(share.low)} to {percent(share.high, up=True)} % of all, 95 % confidence)"
+    return f"{percent(share.satisfied)} % do what {100 * share.asked:g} % have to {bounds}"
 
 
 def _share(run: Replay) -> str:
     """What the drawn members say of the whole fleet, if any were drawn."""
     low, _ = run.share()
-    return f" (>= {_percent(low)} % of all, 95 % confidence)" if run.corners < run.members else ""
+    return f" (>= {percent(low)} % of all, 95 % confidence)" if run.corners < run.members else ""
 
 
 def conflict_text(c: Conflict) -> str:
@@ -262,18 +262,18 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
 
 def _proven_share(bound: TaskBound) -> str:
     """What a share of the fleet does, the share in percent and rounded down."""
-    share = 100 * floor(1e4 * (bound.share or 0.0)) / 1e4
-    return f"for {share:.4g} % of the fleet, every instant: their part of the task >= {bound.proven:.4f} m"
+    share = percent(bound.share or 0.0, decimals=2)
+    return f"for {share} % of the fleet, every instant: their part of the task >= {bound.proven:.4f} m"
 
 
-def _percent(share: float, up: bool = False) -> str:
-    """A share in percent with three decimals, rounded down or up: never 100 while one member is missing.
+def percent(share: float, up: bool = False, decimals: int = 3) -> str:
+    """A share in percent, rounded down or up: never 100 while one member is missing.
 
-    >>> _percent(1.0), _percent(0.999999), _percent(0.95139), _percent(0.94701, up=True)
+    >>> percent(1.0), percent(0.999999), percent(0.95139), percent(0.94701, up=True)
     ('100', '99.999', '95.139', '94.701')
     """
-    thousandths = round(1e5 * share, 6)
-    return f"{(ceil(thousandths) if up else floor(thousandths)) / 1e3:.6g}"
+    scaled = round(10 ** (2 + decimals) * share, 6)
+    return f"{(ceil(scaled) if up else floor(scaled)) / 10**decimals:.{3 + decimals}g}"
 
 
 def _cost(d: dict[str, Any]) -> str:

@@ -8,7 +8,7 @@ from math import floor, isfinite, log10
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.report.text import member_text, unit_of
+from ensemble_ctrl.report.text import member_text, percent, unit_of
 
 LIMITS = (
     "It is about robots that follow the model exactly. Not covered: sensor noise, model error, rounding in the robot, "
@@ -55,18 +55,13 @@ def certificate_words(problem: Problem, certificate: Certificate | None) -> Word
 
 def _claim(certificate: Certificate, who: str, scope: str) -> str:
     """What is proven: of everybody, of a share of the fleet, or of both."""
-    shares = [f"at least {_percent(part.share)}" for part in certificate.parts if part.share is not None]
+    shares = [f"at least {percent(part.share, decimals=2)} %" for part in certificate.parts if part.share is not None]
     if not shares:
         return f"{who}, does the whole task"
     some = " and ".join(shares)
     if len(certificate.parts) > len(shares) or certificate.clearances:
         return f"{who}, does the rest of the task, and {some} of them do what is asked of a share"
     return f"{some} of the robots{scope}, do what is asked of a share"
-
-
-def _percent(share: float) -> str:
-    """A share in percent, rounded down."""
-    return f"{floor(1e4 * share) / 100:.4g} %"
 
 
 def length(metres: float) -> str:
@@ -104,7 +99,7 @@ def _bounds(certificate: Certificate) -> Iterator[str]:
         if not part.covered:
             yield f"{part.part}: outside what the proof can bound."
         elif part.share is not None and part.proven >= 0:
-            share = _percent(part.share)
+            share = f"{percent(part.share, decimals=2)} %"
             yield f"{part.part}: done by {share} of the fleet with at least {length(part.proven)} to spare."
         elif part.proven >= 0:
             yield f"{part.part}: done with at least {length(part.proven)} to spare."
