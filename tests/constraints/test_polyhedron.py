@@ -54,11 +54,74 @@ def test_moment_bounds_are_not_sufficient() -> None:
     assert not region.contains(legendre(1, np.array([1.0])).T @ wide).any()
 
 
-def test_moment_bounds_of_an_open_side() -> None:
+def test_moment_bounds_of_a_side_that_nothing_closes_are_infinite() -> None:
     lower, upper = Polyhedron([[1.0, 0.0]], [2.0], [inf]).moment_bounds(LegendreBasis(order=2))
     np.testing.assert_allclose(lower[0], 2 * np.sqrt(2))
     assert np.isposinf(upper).all()
     assert np.isneginf(lower[1:]).all()
+
+
+STRIP = Polyhedron([[3, 2], [-3, 2], [0, 1]], [-0.5, -6, -0.1], [14, 1, 2.1])
+"""The paper's polyhedron, two sides a line."""
+ONE_SIDED = Polyhedron(
+    [[3.0, 2.0], [-0.3 - 1e-12, -0.2], [-3.0, 2.0], [6.0, -4.0], [0.0, 1.0], [0.0, -7.0]],
+    [-0.5, -1.4, -6.0, -2.0, -0.1, -14.7],
+    [inf] * 6,
+)
+"""The same set, a side a row, as problem files are read."""
+
+
+def test_moment_bounds_of_one_sided_rows_are_those_of_two_sided_ones() -> None:
+    basis = LegendreBasis(order=4)
+    lower, upper = STRIP.moment_bounds(basis)
+    np.testing.assert_allclose(upper[1], [8.879, 4.287, 1.347], atol=5e-4)
+    np.testing.assert_allclose(lower[1], [-8.879, -4.287, -1.347], atol=5e-4)
+    low, high = ONE_SIDED.moment_bounds(basis)
+    scale = np.array([1.0, -0.1, 1.0, -2.0, 1.0, -7.0])
+    ends = np.stack([lower[:, [0, 0, 1, 1, 2, 2]], upper[:, [0, 0, 1, 1, 2, 2]]]) * scale
+    np.testing.assert_allclose(low, ends.min(axis=0), atol=1e-9)
+    np.testing.assert_allclose(high, ends.max(axis=0), atol=1e-9)
+
+
+def test_two_sided_rows_are_one_for_each_line() -> None:
+    merged = ONE_SIDED.two_sided()
+    length = np.linalg.norm(STRIP.A, axis=1)
+    np.testing.assert_allclose(merged.A * length[:, None], STRIP.A)
+    np.testing.assert_allclose(merged.lower * length, STRIP.lower)
+    np.testing.assert_allclose(merged.upper * length, STRIP.upper)
+
+
+def test_the_tightest_of_parallel_rows_counts() -> None:
+    merged = Polyhedron([[1, 0], [2, 0], [-1, 0]], [0, 1, -9], [5, inf, -0.25]).two_sided()
+    np.testing.assert_allclose(np.hstack([merged.A[0], merged.lower, merged.upper]), [1, 0, 0.5, 5])
+
+
+def test_an_open_side_has_the_bound_that_the_others_imply() -> None:
+    triangle = Polyhedron([[1, 0], [0, 1], [-1, -1]], [0, 0, -3], [inf] * 3)
+    lower, upper = triangle.moment_bounds(LegendreBasis(order=1))
+    part = np.sqrt(3 / 2) / 2
+    np.testing.assert_allclose(upper, [np.sqrt(2) * np.array([3, 3, 0]), np.full(3, 3 * part)], atol=1e-9)
+    np.testing.assert_allclose(lower, [np.sqrt(2) * np.array([0, 0, -3]), np.full(3, -3 * part)], atol=1e-9)
+
+
+def test_a_half_plane_leaves_a_wedge_its_open_sides() -> None:
+    """The part of the quadrant x, y >= 0 with x + y >= 1: nothing bounds any row from above."""
+    wedge = Polyhedron([[1, 0], [0, 1], [1, 1]], [0, 0, 1], [inf] * 3)
+    assert np.isposinf(wedge.two_sided().upper).all()
+
+
+@given(st.integers(0, 10_000))
+def test_moment_bounds_of_one_sided_rows_are_necessary(seed: int) -> None:
+    """The corners of a random polyhedron, each row's upper sides open, reach no further than what is implied."""
+    region = random_polyhedron(seed)
+    half = Polyhedron(np.vstack([region.A, -region.A[::-1]]), np.append(region.lower, -region.upper[::-1]), [inf] * 10)
+    order = np.argsort(np.random.default_rng(seed).uniform(size=10))
+    shuffled = Polyhedron(half.A[order], half.lower[order], half.upper[order])
+    values = region.vertices @ shuffled.A.T
+    lower, upper = (bound[0] / np.sqrt(2) for bound in shuffled.moment_bounds(LegendreBasis(order=1)))
+    assert (values >= lower - 1e-7).all()
+    assert (values <= upper + 1e-7).all()
+    assert np.isfinite(upper).all()
 
 
 @given(st.integers(0, 10_000))

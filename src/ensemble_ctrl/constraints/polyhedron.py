@@ -16,6 +16,7 @@ from ensemble_ctrl.constraints._rows import (
     is_feasible,
     space_vertices,
 )
+from ensemble_ctrl.constraints._sides import closed, joined
 from ensemble_ctrl.errors import ProblemError
 
 Array = NDArray[np.float64]
@@ -129,19 +130,48 @@ class Polyhedron:
         Returns
         -------
         lower, upper : ndarray, shape (order + 1, rows)
-            In the unit of ``A x``. An open side gives an infinite bound where it matters, and none where
-            ``m_k^- = 0`` removes it.
+            In the unit of ``A x``. An open side has the bound that the other rows imply. Where they imply none, the
+            moment bound is infinite, unless ``m_k^- = 0`` removes it.
 
         Notes
         -----
         ``eq:polyhedron_moment`` of Arias et al., One Ring to Rule Them All.
         *Guarantee*: **necessary, not sufficient**. An ensemble inside the polyhedron satisfies them; an
         ensemble that satisfies them may have members outside.
+
+        Examples
+        --------
+        A triangle has no opposite sides, and yet bounds of every order:
+
+        >>> from ensemble_ctrl.moments import LegendreBasis
+        >>> triangle = Polyhedron([[1, 0], [0, 1], [-1, -1]], [0, 0, -1], [np.inf] * 3)
+        >>> triangle.moment_bounds(LegendreBasis(1))[1][1].round(3)
+        array([0.612, 0.612, 0.612])
         """
+        _, low, high, line, scale = self._lines
+        ends = scale * np.stack([low[line], high[line]])
         positive, negative = basis.signed_moments()
-        low = _outer(positive, self.lower) - _outer(negative, self.upper)
-        high = _outer(positive, self.upper) - _outer(negative, self.lower)
-        return low, high
+        smallest, largest = ends.min(axis=0), ends.max(axis=0)
+        lower = _outer(positive, smallest) - _outer(negative, largest)
+        upper = _outer(positive, largest) - _outer(negative, smallest)
+        return lower, upper
+
+    def two_sided(self) -> Polyhedron:
+        """The same set with every line's rows as one of unit length, both of its sides closed where the set is.
+
+        Raises
+        ------
+        ProblemError
+            If opposite rows leave nothing between them.
+        """
+        normals, low, high, _, _ = self._lines
+        return Polyhedron(normals, low, high)
+
+    @cached_property
+    def _lines(self) -> tuple[Array, Array, Array, NDArray[np.int64], Array]:
+        """Unit normals of the rows' lines with both bounds, and each row's line and scale."""
+        normals, low, high, line, scale = joined(self.A, self.lower, self.upper)
+        return normals, *closed(normals, low, high), line, scale
 
     @cached_property
     def is_empty(self) -> bool:

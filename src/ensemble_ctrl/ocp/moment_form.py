@@ -108,7 +108,8 @@ def region_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> l
 
 
 def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layout: Layout) -> Block:
-    """The moment rows of one region at the given grid times."""
+    """The moment rows of one region at the given grid times, one of two sides for each line along its faces."""
+    region = region.two_sided()
     lower, upper = region.moment_bounds(truncation.basis)
     pairs = [(k, face) for k in times.tolist() for face in range(len(region.A))]
     at, face = (np.array(part) for part in zip(*pairs, strict=True))
