@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import copy
+import multiprocessing
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -230,3 +234,45 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=headless())
     assert done.stdout == "[]\n", done.stderr
+
+
+def test_what_people_type_is_at_the_top_whatever_was_imported_before() -> None:
+    code = """
+import ensemble_ctrl.comparison, ensemble_ctrl.widening, ensemble_ctrl as ec
+for name in ("certify", "compare", "widest", "parse", "Receding", "Certificate", "plan", "load"):
+    assert callable(getattr(ec, name)), name
+assert set(ec.__all__) == {*ec._HOMES, *ec.__all__} and all(hasattr(ec, name) for name in ec.__all__)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_package_is_the_command() -> None:
+    run = subprocess.run([sys.executable, "-m", "ensemble_ctrl", "--version"], capture_output=True, text=True)
+    assert (run.returncode, run.stdout.strip().endswith(ec.__version__)) == (0, True)
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda what: pickle.loads(pickle.dumps(what))])
+def test_a_problem_and_a_plan_are_copied_and_stay_read_only(plan: ec.Plan, again: Callable[[ec.Plan], ec.Plan]) -> None:
+    other = again(plan)
+    assert repr(other) == repr(plan)
+    assert other.verified
+    assert other.problem.obstacles.keys() == plan.problem.obstacles.keys()
+    assert np.array_equal(other.problem.fleet.lower, plan.problem.fleet.lower)
+    for array in (other.controls, other.problem.fleet.position, other.problem.obstacles["block"][0].A):
+        assert not array.flags.writeable
+    with pytest.raises(TypeError):
+        other.problem.regions["more"] = None  # type: ignore[index]
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_problems_are_planned_in_a_pool(plan: ec.Plan, method: str) -> None:
+    with multiprocessing.get_context(method).Pool(1) as pool:
+        (found,) = pool.map(ec.plan, [plan.problem])
+    assert found.verified
+    assert np.allclose(found.controls, plan.controls, atol=1e-6)
+
+
+def test_a_fleet_of_a_differential_equation_is_pickled() -> None:
+    fleet = ec.OdeFleet(ec.DoubleIntegrator(), {"mass": ec.Interval(1.0, 2.0)}, {"vx": 1.0})
+    again = pickle.loads(pickle.dumps(fleet))
+    assert (again.start, again.names) == ({"vx": 1.0}, ("mass",))

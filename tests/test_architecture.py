@@ -16,7 +16,7 @@ ROOT = Path(ensemble_ctrl.__file__).parent
 LAYERS: tuple[frozenset[str], ...] = tuple(
     frozenset(layer.split())
     for layer in (
-        "errors _version plain",
+        "errors _version plain readonly",
         "moments systems",
         "constraints ensemble motion risk target",
         "fleet ode_fleet",
@@ -29,7 +29,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "config",
         "export",
         "api",
-        "compare widest results",
+        "comparison widening results",
         "cli",
     )
 )
@@ -37,7 +37,7 @@ TOGETHER = [frozenset({"problem", "checks"}), frozenset({"problem", "drawing"})]
 """Pairs in one layer that may import each other: a problem checks itself, and draws itself in a notebook."""
 ONLY_IN = {"casadi": "ocp", "matplotlib": "report", "yaml": "config"}
 LEVEL = {room: level for level, layer in enumerate(LAYERS) for room in layer}
-FILES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
+FILES = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT or not path.stem.startswith("__"))
 
 
 def imports(source: str, package: str) -> Iterator[tuple[str, int]]:

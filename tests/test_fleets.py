@@ -18,7 +18,7 @@ from ensemble_ctrl.ocp.truncation import points
 from ensemble_ctrl.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
-from ensemble_ctrl.widest import widest
+from ensemble_ctrl.widening import widest
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "fleets"
 COSTS = {

@@ -15,20 +15,26 @@ from ensemble_ctrl.errors import ConfigError, EnsembleError, ProblemError, Solve
 
 if TYPE_CHECKING:
     from ensemble_ctrl.api import Plan, plan
+    from ensemble_ctrl.certificate import Certificate, certify
+    from ensemble_ctrl.comparison import compare
     from ensemble_ctrl.config import load, load_text
     from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
+    from ensemble_ctrl.constraints.stl import parse
     from ensemble_ctrl.fleet import Fleet
     from ensemble_ctrl.moments import Beta, Interval, LegendreBasis, Mixture, Samples, TruncatedNormal
     from ensemble_ctrl.ode_fleet import OdeFleet
     from ensemble_ctrl.problem import Objective, OdeProblem, Problem, ReportOptions, SolveOptions, VerifyOptions
+    from ensemble_ctrl.receding.loop import Receding
     from ensemble_ctrl.replay import Replay
     from ensemble_ctrl.risk import Risk
     from ensemble_ctrl.systems import Bicycle, DoubleIntegrator, OdeSystem, Quadrotor, Unicycle
     from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget
     from ensemble_ctrl.twin import unconstrained
+    from ensemble_ctrl.widening import widest
 
 _HOMES = {
     "Bicycle": "systems",
+    "Certificate": "certificate",
     "DoubleIntegrator": "systems",
     "OdeFleet": "ode_fleet",
     "OdeProblem": "problem",
@@ -47,6 +53,7 @@ _HOMES = {
     "Plan": "api",
     "Polyhedron": "constraints",
     "Problem": "problem",
+    "Receding": "receding.loop",
     "Replay": "replay",
     "ReportOptions": "problem",
     "Risk": "risk",
@@ -56,16 +63,21 @@ _HOMES = {
     "TruncatedNormal": "moments",
     "Unicycle": "systems",
     "VerifyOptions": "problem",
+    "certify": "certificate",
+    "compare": "comparison",
     "load": "config",
     "load_text": "config",
+    "parse": "constraints.stl",
     "plan": "api",
     "unconstrained": "twin",
+    "widest": "widening",
 }
 """Public names and the module that each is loaded from when it is first used."""
 
 __all__ = [
     "Beta",
     "Bicycle",
+    "Certificate",
     "ConfigError",
     "DoubleIntegrator",
     "EnsembleError",
@@ -85,6 +97,7 @@ __all__ = [
     "Problem",
     "ProblemError",
     "Quadrotor",
+    "Receding",
     "Replay",
     "ReportOptions",
     "Risk",
@@ -98,10 +111,14 @@ __all__ = [
     "UnsupportedError",
     "VerifyOptions",
     "__version__",
+    "certify",
+    "compare",
     "load",
     "load_text",
+    "parse",
     "plan",
     "unconstrained",
+    "widest",
 ]
 
 

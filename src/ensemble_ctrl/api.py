@@ -20,6 +20,7 @@ from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, SolveError
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.readonly import ReadOnlyArrays
 from ensemble_ctrl.replay import Replay, replay
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ STATUSES = ("planned", "infeasible", "limit", "interrupted")
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(ReadOnlyArrays):
     """A broadcast control for the whole fleet, and what is known of it.
 
     Attributes

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Law, tensor_rule
+from ensemble_ctrl.readonly import ReadOnlyArrays
 
 Floats = NDArray[np.float64]
 Member = dict[str, float]
@@ -22,7 +23,7 @@ PRIMES = np.array([1, 2, 3, 5, 7, 11, 13])
 """Multiples of their roots scatter over an interval, each in its own way."""
 
 
-class Ensemble(ABC):
+class Ensemble(ReadOnlyArrays, ABC):
     """The parameters of a fleet with their laws; members are rows of numbers in the parameters' order.
 
     Attributes

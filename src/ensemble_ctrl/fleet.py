@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.ensemble import PRIMES, Ensemble, Member
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Law, Samples, tensor_rule
+from ensemble_ctrl.readonly import ReadOnlyMapping
 from ensemble_ctrl.systems import ArcSystem
 
 Floats = NDArray[np.float64]
@@ -78,7 +78,7 @@ class Fleet(Ensemble):
     def __post_init__(self) -> None:
         if not isinstance(self.parameters, Mapping):
             raise ProblemError(f"fleet.parameters: expected a mapping of names to laws, got {self.parameters!r}")
-        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "parameters", ReadOnlyMapping(self.parameters))
         for name in ("position", "input_lower", "input_upper"):
             object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"fleet.{name}"))
         if not np.isfinite([self.heading, self.radius]).all() or self.radius < 0:
@@ -93,7 +93,7 @@ class Fleet(Ensemble):
             object.__setattr__(self, "rate_bounds", rates)
         self._check_names()
         if self.cloud is not None:
-            object.__setattr__(self, "cloud", MappingProxyType(self._checked_cloud(self.cloud)))
+            object.__setattr__(self, "cloud", ReadOnlyMapping(self._checked_cloud(self.cloud)))
 
     def _checked_cloud(self, cloud: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         """Columns of one length, whose laws are their samples."""

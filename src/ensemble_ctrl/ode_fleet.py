@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +13,7 @@ from ensemble_ctrl.constraints.stl.leaves import RESERVED
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Law
+from ensemble_ctrl.readonly import ReadOnlyMapping
 from ensemble_ctrl.systems import OdeSystem
 from ensemble_ctrl.systems.integration import Rule, extrapolated, halving_error
 
@@ -83,7 +83,7 @@ class OdeFleet(Ensemble):
         for name in ("parameters", "start"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ProblemError(f"fleet.{name}: expected a mapping of names, got {getattr(self, name)!r}")
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+            object.__setattr__(self, name, ReadOnlyMapping(getattr(self, name)))
         lower, upper = np.array(self.system.input_bounds, dtype=float).T
         for name, given, own in (("input_lower", self.input_lower, lower), ("input_upper", self.input_upper, upper)):
             object.__setattr__(self, name, self._per_control(name, own if given is None else given))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -16,6 +15,7 @@ from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet, frozen
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.ode_fleet import OdeFleet
+from ensemble_ctrl.readonly import ReadOnlyArrays, ReadOnlyMapping
 from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target
 
@@ -29,7 +29,7 @@ MAX_ORDER = 50
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
+class Objective(ReadOnlyArrays):
     r"""What the plan trades off, ``eq:WayPointObsAvoid`` with weights; smaller cost is better.
 
     .. math:: -w_\rho\,\rho + w_T \|\tilde m(T) - \tilde m_F\|^2 + w_u \int v^2 + \omega^2\, dt
@@ -226,9 +226,9 @@ class Problem:
     def __post_init__(self) -> None:
         from ensemble_ctrl.checks import require_sound
 
-        object.__setattr__(self, "regions", MappingProxyType(dict(self.regions)))
-        object.__setattr__(self, "obstacles", MappingProxyType(dict(self.obstacles)))
-        object.__setattr__(self, "motions", MappingProxyType(dict(self.motions)))
+        object.__setattr__(self, "regions", ReadOnlyMapping(self.regions))
+        object.__setattr__(self, "obstacles", ReadOnlyMapping(self.obstacles))
+        object.__setattr__(self, "motions", ReadOnlyMapping(self.motions))
         require_sound(self)
 
     @property

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.readonly import ReadOnlyArrays
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Formation:
+class Formation(ReadOnlyArrays):
     """A place for every member, piecewise linear in one of the fleet's parameters.
 
     Parameters
@@ -57,7 +58,7 @@ class Formation:
 
 
 @dataclass(frozen=True, eq=False)
-class MomentTarget:
+class MomentTarget(ReadOnlyArrays):
     """The fleet's moments of position, lowest first; those that are not listed are free.
 
     Parameters
@@ -95,7 +96,7 @@ class MomentTarget:
 
 
 @dataclass(frozen=True, eq=False)
-class SpreadTarget:
+class SpreadTarget(ReadOnlyArrays):
     """The fleet's mean position and its covariance.
 
     Parameters

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ensemble_ctrl.config import load_text
-from ensemble_ctrl.widest import _Search
+from ensemble_ctrl.widening import _Search
 
 from .conftest import Command
 from .tools import SMALL

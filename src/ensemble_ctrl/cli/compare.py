@@ -7,7 +7,7 @@ from pathlib import Path
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.compare import Compared, compare, left_out, table
+from ensemble_ctrl.comparison import Compared, compare, left_out, table
 from ensemble_ctrl.config import read
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.results import SCHEMA, to_json

@@ -12,7 +12,7 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.report import conflict_text
 from ensemble_ctrl.report.text import percent
 from ensemble_ctrl.results import SCHEMA, to_json
-from ensemble_ctrl.widest import Widest, widest
+from ensemble_ctrl.widening import Widest, widest
 
 
 def find_widest(

@@ -13,6 +13,7 @@ from ensemble_ctrl.constraints._rows import TOLERANCE, boundary_vertices, checke
 from ensemble_ctrl.constraints.polygon import is_convex, ring
 from ensemble_ctrl.constraints.polyhedron import SignedMoments
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.readonly import ReadOnlyArrays
 
 Array = NDArray[np.float64]
 _Kernel = Callable[[Array, Array], Array]
@@ -37,7 +38,7 @@ class BigMBounds:
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Obstacle:
+class Obstacle(ReadOnlyArrays):
     r"""The bounded polygon ``A x >= b``; the free side of facet i is ``a_i x <= b_i``.
 
     Parameters

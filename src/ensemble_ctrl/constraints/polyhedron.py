@@ -18,6 +18,7 @@ from ensemble_ctrl.constraints._rows import (
 )
 from ensemble_ctrl.constraints._sides import closed, joined
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.readonly import ReadOnlyArrays
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ class SignedMoments(Protocol):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Polyhedron:
+class Polyhedron(ReadOnlyArrays):
     r"""The set ``lower <= A x <= upper``.
 
     Parameters
