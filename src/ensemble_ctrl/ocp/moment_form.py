@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 BIG_M = 20.0
-"""The paper's M, metres, for maps of up to that size; larger maps use four times their size."""
+"""The paper's M, metres, for maps of up to a quarter of that; larger maps use four times their size."""
 
 
 def moment_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
@@ -129,11 +129,22 @@ def _moments_along(truncation: Truncation, layout: Layout, first: int) -> Build:
 
 
 def _times(steps: NDArray[np.bool_]) -> Ints:
-    """Grid times at the ends of the active steps, without the start."""
-    return np.flatnonzero(steps) + 1
+    """Grid times at both ends of the active steps, without the start, which nothing can change."""
+    ends = np.zeros(len(steps) + 1, dtype=bool)
+    ends[:-1] |= steps
+    ends[1:] |= steps
+    return np.flatnonzero(ends[1:]) + 1
 
 
 def _big_m(problem: Problem) -> float:
-    """An M that no position or facet offset on the map exceeds."""
-    corners = np.concatenate([problem.fleet.position[None, :], *(p.vertices for _, p in problem.pieces)])
-    return max(BIG_M, 4 * float(np.abs(corners).max()))
+    """An M that no position or facet offset on the map exceeds: start, target, regions, obstacles along their way."""
+    times = np.linspace(0.0, problem.duration, problem.steps + 1)
+    corners = [problem.fleet.position[None]]
+    corners += [] if problem.objective.place is None else [problem.objective.place[None]]
+    corners += [
+        (piece.vertices[:, None] + duty.offsets(times)).reshape(-1, 2)
+        for duty in duties(problem)
+        for piece in duty.pieces
+    ]
+    corners += [r.vertices for r in problem.regions.values() if r.is_bounded and not r.is_empty]
+    return max(BIG_M, 4 * float(np.abs(np.concatenate(corners)).max()))
