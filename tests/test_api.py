@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import copy
 import multiprocessing
+import os
 import pickle
+import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -20,6 +23,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 import ensemble_ctrl as ec
+from ensemble_ctrl.ocp.solvers import Iteration
 
 SMALL = """
 name: small
@@ -276,3 +280,25 @@ def test_a_fleet_of_a_differential_equation_is_pickled() -> None:
     fleet = ec.OdeFleet(ec.DoubleIntegrator(), {"mass": ec.Interval(1.0, 2.0)}, {"vx": 1.0})
     again = pickle.loads(pickle.dumps(fleet))
     assert (again.start, again.names) == ({"vx": 1.0}, ("mass",))
+
+
+def test_ctrl_c_ends_a_plan_beside_another_thread(problem: ec.Problem) -> None:
+    """As in a notebook: with another thread everything is solved in this process."""
+    solving, seen = threading.Event(), []
+
+    def interrupt() -> None:
+        solving.wait()
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def progress(_: str, iteration: Iteration | None) -> bool:
+        seen.append(iteration)
+        if iteration is not None and iteration.count == 2:
+            solving.set()
+        return False
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        ec.plan(problem.with_(steps=400, order=8), progress=progress)
+    thread.join()
+    assert seen

@@ -15,6 +15,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -150,9 +151,14 @@ class _Search:
             self.stopped = self.stopped or (self.progress is not None and self.progress(where, iteration))
             return self.stopped
 
-        results = parallel.each(own, count, tell, self.left)
-        join_logs(self.log, parts)
-        return results
+        try:
+            return parallel.each(own, count, tell, self.left)
+        finally:
+            join_logs(self.log, parts)
+
+    def alone(self, phase: str, work: Callable[[_Search], T]) -> T | None:
+        """The result of one piece of work, in the same way."""
+        return self.side_by_side(phase, lambda own, _: work(own), 1)[0]
 
     def told(self, found: Round) -> None:
         """Say how a round of facets ended."""
@@ -265,8 +271,9 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
     for k in ranked[:FINALISTS]:
         if search.over() or (k != ranked[0] and attempt.value.keeps(0.0)):
             break
-        middle, states = found[k]
-        tried_one = shooting.second(problem, middle.controls, states, search, search.watch("solve"))
+        tried_one = search.alone("solve", partial(_for_all, problem, *found[k]))
+        if tried_one is None:
+            break
         work_done.append(tried_one)
         if k == ranked[0] or shooting.rank(tried_one) < shooting.rank(attempt):
             which, attempt = k, tried_one
@@ -286,6 +293,11 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
         sum(a.solve_seconds for a in work_done),
         certificate,
     )
+
+
+def _for_all(problem: OdeProblem, middle: Attempt, states: Floats, own: _Search) -> Attempt:
+    """The controls of the middle member, which has these states, made good for the whole fleet."""
+    return shooting.second(problem, middle.controls, states, own, own.watch("solve"))
 
 
 def screen(problem: Problem, *, progress: Progress | None = None) -> Floats | None:
@@ -416,6 +428,8 @@ def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate,
             break
         problem = problem.with_(solve=replace(problem.solve, margin=problem.solve.margin + 1.5 * short + 1e-3))
         tighter = _fine(search, attempt, problem)
+        if tighter is attempt:
+            break
         work.append(tighter)
         again = certify(search.problem, _refined(tighter.controls, problem.steps))
         if again.proven == "yes" or min(again.clearance, again.robustness) > min(
@@ -459,6 +473,11 @@ def _no_less_proven(new: Certificate | None, old: Certificate | None) -> bool:
 
 
 def _fine(search: _Search, found: Attempt, problem: Problem) -> Attempt:
+    """The problem's own grid and order; what was found before where there is no time for that."""
+    return search.alone("solve", partial(_on_own_grid, found, problem)) or found
+
+
+def _on_own_grid(found: Attempt, problem: Problem, search: _Search) -> Attempt:
     """The problem's own grid and order, started from what was found before on that grid."""
     controls = _refined(found.controls, problem.steps)
     truncation = replace(choose(problem, controls), within=found.truncation.within)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import ceil, sqrt
 from pathlib import Path
 from typing import Protocol
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl import planner
 from ensemble_ctrl.constraints.stl import And, Eventually, Inside, conjuncts
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.rounds import Attempt, improve
 from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
@@ -290,7 +292,10 @@ class _Search:
             if self._over():
                 break
             options = IpoptOptions(problem.solve.max_iterations, self._left(), 1e-3, 1e-2, self.log)
-            attempt = improve(problem, guess, coarse(problem), planner.COARSE_ROUNDS, options, self._watch)
+            work = partial(improve, problem, guess, coarse(problem), planner.COARSE_ROUNDS, options)
+            attempt = parallel.alone(work, self._watch, self._left)
+            if attempt is None:
+                break
             self.work.append(attempt)
             found += [attempt] if attempt.value.keeps(0.0) else []
         return found

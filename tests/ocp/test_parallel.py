@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from ensemble_ctrl.ocp import parallel
-from ensemble_ctrl.ocp.solvers import Iteration, Watch
+from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
 SOURCES = Path(parallel.__file__).parents[2]
@@ -92,6 +92,26 @@ def test_one_that_raises_has_no_result_and_the_others_go_on() -> None:
     assert parallel.each(lambda i, _: 1 // i, 3, go_on, plenty) == [None, 1, 0]
 
 
+def test_what_the_first_raised_is_raised_where_there_is_no_result_with_its_place_as_a_note() -> None:
+    with pytest.raises(ZeroDivisionError, match="by zero") as refusal:
+        parallel.alone(lambda _: 1 // 0, go_on, plenty)
+    assert "test_parallel.py" in refusal.value.__notes__[0]
+
+
+def test_a_silent_one_can_be_stopped_and_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CasADi hears nothing while it builds a program."""
+    monkeypatch.setattr(parallel, "GRACE", 0.1)
+    monkeypatch.setattr(parallel, "SILENCE", 0.1)
+    seen: list[Iteration] = []
+
+    def tell(iteration: Iteration) -> bool:
+        seen.append(iteration)
+        return len(seen) == 2
+
+    assert parallel.alone(lambda _: time.sleep(60), tell, plenty) is None
+    assert seen == [BUILDING, BUILDING]
+
+
 def test_ctrl_c_is_left_to_the_parent() -> None:
     def work(candidate: int, _: Watch) -> int:
         os.kill(os.getpid(), signal.SIGINT)
@@ -132,11 +152,12 @@ def test_an_exception_of_the_listener_ends_all() -> None:
 
 
 def test_one_at_a_time_in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parallel, "workers", lambda _: 1)
+    monkeypatch.setattr(parallel, "workers", lambda _: 0)
     assert parallel.each(lambda i, _: (i, os.getpid()), 3, go_on, plenty) == [(i, os.getpid()) for i in range(3)]
     assert parallel.each(until_told, 3, lambda i, it: it.count >= 3, plenty) == ["stopped", None, None]
+    assert parallel.each(lambda i, _: 1 // i, 3, go_on, plenty) == [None, 1, 0]
     with pytest.raises(ZeroDivisionError):
-        parallel.each(lambda i, _: 1 // i, 3, go_on, plenty)
+        parallel.each(lambda i, _: 1 // 0, 2, go_on, plenty)
 
 
 def test_workers(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,8 +165,9 @@ def test_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2})
     monkeypatch.setattr(threading, "active_count", lambda: 1)
     assert [parallel.workers(count) for count in (0, 1, 2, 9)] == [1, 1, 2, 3]
+    assert parallel.each(lambda i, _: parallel.workers(9), 1, go_on, plenty) == [0]  # no processes of processes
     monkeypatch.setattr(threading, "active_count", lambda: 2)
-    assert parallel.workers(9) == 1
+    assert parallel.workers(9) == 0
 
 
 ENDLESS = """

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -143,3 +146,33 @@ def test_the_solver_writes_its_log_to_a_file_and_nothing_to_the_screen(
     assert log.read_text().count("EXIT: Optimal Solution Found") == 2
     shown = capfd.readouterr()
     assert (shown.out, shown.err) == ("", "")
+
+
+def again_and_again(which: Program, watch: Any) -> None:
+    for _ in range(10_000):
+        run(which, watch=watch)
+
+
+@pytest.mark.parametrize("watched", [True, False])
+def test_ctrl_c_stops_the_solve_and_is_raised(watched: bool, capfd: pytest.CaptureFixture[str]) -> None:
+    """CasADi takes it for a failed evaluation and goes on, if it sees it."""
+    before, hilly = signal.getsignal(signal.SIGINT), program(valley)
+    timer = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        again_and_again(hilly, (lambda _: False) if watched else None)
+    timer.join()
+    assert signal.getsignal(signal.SIGINT) == before
+    assert "KeyboardInterruptException" not in capfd.readouterr().err
+
+
+def test_a_handler_that_raises_nothing_stops_nothing() -> None:
+    seen: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: seen.append(number))
+    try:
+        outcome = run(
+            program(valley), watch=lambda it: it.count == 1 and signal.raise_signal(signal.SIGINT) is not None
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (outcome.status, seen) == ("solved", [signal.SIGINT])

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from math import isfinite
+from math import inf, isfinite
 from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
@@ -133,6 +133,8 @@ def rewritable(stream: TextIO) -> bool:
 
 def _how_far(iteration: Iteration) -> str:
     """An iteration of IPOPT, or how far Bonmin is, in words."""
+    if iteration.bound is None and iteration.violation == inf:
+        return "building the program"
     if iteration.bound is None:
         return f"iteration {iteration.count}, cost {iteration.cost:.4f}, violation {iteration.violation:.1e}"
     cost = f"cost {iteration.cost:.4f}" if isfinite(iteration.cost) else "nothing better yet"

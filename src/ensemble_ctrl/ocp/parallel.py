@@ -1,7 +1,9 @@
 """Independent solves side by side, each in a process of its own: CasADi and IPOPT hold state of their whole process.
 
 A forked process starts with everything that is loaded here, so nothing is sent to it; it sends its iterations and
-last its result through a pipe.  Where there is nothing to gain or no safe fork, the solves run one after another.
+last its result through a pipe.  Nothing interrupts CasADi while it builds a program, which takes long for very long
+horizons: the process that builds is ended instead, so that time limits and Ctrl-C are kept.  Where there is no safe
+fork, the solves run one after another in this process.
 """
 
 from __future__ import annotations
@@ -16,13 +18,14 @@ import struct
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from ensemble_ctrl.ocp.solvers import Iteration, Watch
+from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch
 
 T = TypeVar("T")
 Work = Callable[[int, Watch], T]
@@ -32,6 +35,8 @@ Tell = Callable[[int, Iteration], bool]
 
 GRACE = 5.0
 """Seconds that a process is given to end by itself, once it should."""
+SILENCE = 1.0
+"""Seconds after which a process that says nothing is told of again, so that whoever listens may stop it."""
 PARENT_DEATH_SIGNAL = 1
 """The number of this option of Linux's ``prctl``."""
 LENGTH = struct.Struct("!Q")
@@ -48,7 +53,8 @@ def each(work: Work[T], count: int, tell: Tell, left: Callable[[], float]) -> li
     count : int
         Number of candidates.
     tell : callable
-        Told of every iteration; returning True asks all to stop with what they have, and no more are begun.
+        Told of every iteration, and about once a second where there is none: of the last one again, or `BUILDING`.
+        Returning True asks all to stop with what they have, and no more are begun.
     left : callable
         Seconds that are left.
 
@@ -56,16 +62,21 @@ def each(work: Work[T], count: int, tell: Tell, left: Callable[[], float]) -> li
     -------
     list
         In the order of the candidates, whichever ends first; None for one that was not begun, whose process ended
-        without a result, or (with several processes) that raised.
+        without a result, or that raised.
+
+    Raises
+    ------
+    Exception
+        What the first candidate raised, where none has a result.
 
     Notes
     -----
     *Guarantee*: no process that was started here is running any more on return, also by an exception.
     """
     most = workers(count)
-    if most > 1:
+    if most > 0:
         return _Pool(work, count, tell, left, most).run()
-    results: list[T | None] = [None] * count
+    found = _Found[T](count)
     stopped = False
 
     def telling(candidate: int, iteration: Iteration) -> bool:
@@ -76,18 +87,51 @@ def each(work: Work[T], count: int, tell: Tell, left: Callable[[], float]) -> li
     for i in range(count):
         if i and (stopped or left() <= 0):
             break
-        results[i] = work(i, partial(telling, i))
-    return results
+        try:
+            found.results[i] = work(i, partial(telling, i))
+        except Exception as error:
+            found.errors[i] = error
+    return found.checked()
+
+
+def alone(work: Callable[[Watch], T], tell: Callable[[Iteration], bool], left: Callable[[], float]) -> T | None:
+    """The result of one piece of work, as of `each`."""
+    return each(lambda _, watch: work(watch), 1, lambda _, iteration: tell(iteration), left)[0]
 
 
 def workers(count: int) -> int:
-    """Processes for `count` candidates: no more than there are cores, and 1 where a fork is not safe.
+    """Processes for `count` candidates: no more than there are cores, and 0 where a fork is not safe or no use.
 
-    A fork copies only the thread that asks for it, so there must be no other one that could hold a lock.
+    A fork copies only the thread that asks for it, so there must be no other one that could hold a lock. A process that
+    was started here can be ended as it is.
     """
-    if sys.platform != "linux" or threading.active_count() > 1:
-        return 1
+    if sys.platform != "linux" or threading.active_count() > 1 or _State.forked:
+        return 0
     return max(1, min(count, len(os.sched_getaffinity(0))))
+
+
+class _State:
+    """Of this process."""
+
+    forked = False
+
+
+@dataclass(eq=False)
+class _Found(Generic[T]):
+    """What the candidates came to."""
+
+    count: int
+    results: list[T | None] = field(init=False)
+    errors: dict[int, Exception] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.results = [None] * self.count
+
+    def checked(self) -> list[T | None]:
+        """The results; an error where there is nothing else."""
+        if self.errors and all(result is None for result in self.results):
+            raise self.errors[min(self.errors)]
+        return self.results
 
 
 @dataclass(eq=False)
@@ -98,6 +142,8 @@ class _Child:
     pid: int
     pipe: int
     waiting: bytearray = field(default_factory=bytearray)
+    last: Iteration = BUILDING
+    heard: float = field(default_factory=time.monotonic)
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """What has arrived since the last time; ends with ``("ended", None)`` where the process closed its pipe."""
@@ -137,21 +183,22 @@ class _Pool(Generic[T]):
 
     def run(self) -> list[T | None]:
         """Run every candidate."""
-        results: list[T | None] = [None] * self.count
+        found = _Found[T](self.count)
         todo = list(range(self.count))
         try:
             while self.children or (todo and not self._over()):
                 while todo and len(self.children) < self.most and not self._over():
                     self._start(todo.pop(0))
                 for child in self._ready():
-                    self._read(child, results)
+                    self._read(child, found)
+                self._break_silence()
                 if self._overdue():
                     break
         finally:
             for child in self.children.values():
                 child.end()
             self.stop.close()
-        return results
+        return found.checked()
 
     def _over(self) -> bool:
         """Whether to begin no more candidates."""
@@ -167,15 +214,29 @@ class _Pool(Generic[T]):
         ready, _, _ = select.select(list(self.children), [], [], 0.2)
         return [self.children[pipe] for pipe in ready]
 
-    def _read(self, child: _Child, results: list[T | None]) -> None:
+    def _tell(self, child: _Child) -> None:
+        """Pass on how far a process is, and remember a wish to stop."""
+        child.heard = time.monotonic()
+        if self.stopped_at is None and self.tell(child.candidate, child.last):
+            self.stop[0] = 1
+            self.stopped_at = time.monotonic()
+
+    def _break_silence(self) -> None:
+        """Pass on again how far a process is that has said nothing for a while."""
+        for child in self.children.values():
+            if time.monotonic() - child.heard > SILENCE:
+                self._tell(child)
+
+    def _read(self, child: _Child, found: _Found[T]) -> None:
         """Take what a process says."""
         for kind, what in child.messages():
-            if kind == "iteration" and self.stopped_at is None:
-                if self.tell(child.candidate, what):
-                    self.stop[0] = 1
-                    self.stopped_at = time.monotonic()
+            if kind == "iteration":
+                child.last = what
+                self._tell(child)
             elif kind == "result":
-                results[child.candidate] = what
+                found.results[child.candidate] = what
+            elif kind == "error":
+                found.errors[child.candidate] = what
             elif kind == "ended":
                 del self.children[child.pipe]
                 child.end()
@@ -205,6 +266,7 @@ def _signals_held() -> Iterator[None]:
 def _live(work: Work[Any], candidate: int, into: int, stop: mmap.mmap, parent: int) -> None:
     """The life of a forked process; never returns, and runs nothing that its parent meant to run at its own end."""
     try:
+        _State.forked = True
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to both; the parent asks to stop
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
@@ -214,7 +276,11 @@ def _live(work: Work[Any], candidate: int, into: int, stop: mmap.mmap, parent: i
             _send(into, "iteration", iteration)
             return stop[0] != 0
 
-        _send(into, "result", work(candidate, watch))
+        try:
+            _send(into, "result", work(candidate, watch))
+        except Exception as error:
+            error.add_note(traceback.format_exc())
+            _send(into, "error", error)
     finally:
         os._exit(0)
 
@@ -237,4 +303,4 @@ def _send(into: int, kind: str, what: Any) -> None:
             os._exit(1)
 
 
-__all__ = ["GRACE", "Tell", "Work", "each", "workers"]
+__all__ = ["GRACE", "Tell", "Work", "alone", "each", "workers"]

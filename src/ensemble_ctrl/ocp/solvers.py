@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.interrupts import Kept, kept_interrupts
 from ensemble_ctrl.ocp.program import Program
 
 Floats = NDArray[np.float64]
@@ -40,7 +42,7 @@ class Iteration:
     count : int
         Iterations of IPOPT, or nodes of Bonmin.
     cost : float
-        As minimised; of Bonmin's best solution, infinite without one.
+        As minimised; of Bonmin's best solution, infinite without one, and while the program is being built.
     violation : float
         Largest violation of a constraint.
     bound : float or None
@@ -53,6 +55,8 @@ class Iteration:
     bound: float | None = None
 
 
+BUILDING = Iteration(0, math.inf, math.inf)
+"""Before the first iteration, while the program is being built."""
 Watch = Callable[[Iteration], bool]
 """Called after each iteration; returning True stops the solve at the last iterate."""
 
@@ -93,15 +97,17 @@ def ipopt(
     options: IpoptOptions,
     watch: Watch | None = None,
 ) -> Outcome:
-    """Solve `program` with IPOPT from `guess` between the variables' bounds."""
-    watcher = _Watcher(program, watch) if watch else None
+    """Solve `program` with IPOPT from `guess` between the variables' bounds.
+
+    What a signal's handler raises stops the solve after the iteration, and is raised.
+    """
     settings: Any = _settings(options) | {name: program.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
-    if watcher:
-        settings["iteration_callback"] = watcher
     nlp: Any = program.nlp
-    solver = ca.nlpsol("solver", "ipopt", nlp, settings)
-    result = solver(x0=guess, p=program.parameters, lbx=lower, ubx=upper, lbg=program.lower, ubg=program.upper)
-    if watcher and watcher.error:
+    with kept_interrupts() as kept:
+        watcher = settings["iteration_callback"] = _Watcher(program, watch, kept)
+        solver = ca.nlpsol("solver", "ipopt", nlp, settings)
+        result = solver(x0=guess, p=program.parameters, lbx=lower, ubx=upper, lbg=program.lower, ubg=program.upper)
+    if watcher.error:
         raise watcher.error
     stats = solver.stats()
     word = str(stats["return_status"])
@@ -126,15 +132,16 @@ def _settings(options: IpoptOptions) -> dict[str, object]:
     }
     if options.log:
         inner |= {"output_file": str(options.log), "file_print_level": 5, "file_append": "yes"}
-    return {"print_time": False, "calc_lam_p": False, "no_nlp_grad": True, "ipopt": inner}
+    quiet = {"print_time": False, "show_eval_warnings": False}  # a state that runs away is told in IPOPT's own log
+    return {**quiet, "calc_lam_p": False, "no_nlp_grad": True, "ipopt": inner}
 
 
 class _Watcher(ca.Callback):
     """IPOPT's iteration callback: reports, stops on request, and keeps an exception for after the solve."""
 
-    def __init__(self, program: Program, watch: Watch) -> None:
+    def __init__(self, program: Program, watch: Watch | None, kept: Kept) -> None:
         ca.Callback.__init__(self)
-        self.watch = watch
+        self.watch, self.kept = watch, kept
         self.count = 0
         self.error: BaseException | None = None
         self.sizes = {
@@ -163,6 +170,8 @@ class _Watcher(ca.Callback):
         return ca.Sparsity.dense(self.sizes[name])
 
     def eval(self, arg: Sequence[ca.DM]) -> list[ca.DM]:
+        if self.watch is None or self.kept.error is not None:
+            return [ca.DM(float(self.kept.error is not None))]
         try:
             g = np.array(arg[2]).ravel()
             violation = float(np.maximum(self.lower - g, g - self.upper).max(initial=0.0))
