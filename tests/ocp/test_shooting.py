@@ -10,6 +10,7 @@ from scipy.optimize import linprog
 from ensemble_ctrl import (
     DoubleIntegrator,
     Interval,
+    Objective,
     Obstacle,
     OdeFleet,
     OdeProblem,
@@ -19,7 +20,7 @@ from ensemble_ctrl import (
     SolveOptions,
 )
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.duties import Duty
+from ensemble_ctrl.duties import Duty, duties
 from ensemble_ctrl.ocp.shooting.evaluate import evaluate
 from ensemble_ctrl.ocp.shooting.guess import guesses
 from ensemble_ctrl.ocp.shooting.planes import separate
@@ -154,3 +155,22 @@ def test_one_node_for_the_middle_and_four_for_the_fleet() -> None:
 def test_tasks_of_unknown_states_do_not_reach_the_program() -> None:
     with pytest.raises(ProblemError, match="the name of a state"):
         problem("F height >= 1")
+
+
+@pytest.mark.parametrize("task", ["G avoid(obstacles)", "G avoid(obstacles) and G[2, 5] x + 2*y <= 100"])
+def test_the_program_costs_what_the_plan_is_worth(task: str) -> None:
+    """Effort, rates, terminal term and robustness at the same commands, without slack."""
+    objective = Objective(0.7, np.array([4.0, 0.5]), 3.0, 0.2, smoothness=0.3)
+    some = problem(task).with_(objective=objective, order=6)
+    stage = Stage(some, whole(some), 1)
+    controls = np.random.default_rng(0).uniform(-0.2, 0.2, (some.steps, 2))
+    iterate = stage.simulated(controls)
+    places = np.einsum("ij,tdj->tid", stage.truncation.to_points, iterate.states[:, some.fleet.place_columns])
+    planes = separate(places, duties(some), some.duration)
+    program = transcribe(some, stage.truncation, iterate, planes, planes.active, stage.substeps, (0.0, 0.0))
+    x = program.guess.copy()
+    x[program.layout.slacks] = 0.0
+    value, _ = program.program.functions["grad_f"](x, program.program.parameters)
+    worth = evaluate(some, controls)
+    assert min(worth.terminal, worth.effort) > 0.1
+    assert float(value) == pytest.approx(worth.cost, rel=1e-6)
