@@ -104,6 +104,24 @@ def test_a_proven_share_is_never_above_the_true_one(inner: str, seed: int) -> No
         assert bound.proven >= 0
 
 
+@pytest.mark.parametrize(("p", "proven"), [(0.3, True), (0.55, True), (0.65, False), (0.9, False)])
+def test_a_share_is_proven_up_to_what_the_fleet_does_and_no_further(p: float, proven: bool) -> None:
+    """Driving straight on for 1 m/s * 3 s, those with traction 0.92 to 1.04 are in the goal at the end: 60 %."""
+    text = SIGNPOST.replace("law: normal, mean: 1.0, deviation: 0.08", "law: uniform").replace(
+        "0.6, G[2.8, 3]", f"{p}, G[3, 3]"
+    )
+    problem = load_text(
+        text.replace("[0.8, 1.2]", "[0.88, 1.08]").replace("[2.75, 3.25]", "[2.76, 3.12]").replace("[-0.4,", "[0.4,")
+    )
+    certificate = certify(problem, np.tile([[1.0, 0.0]], (30, 1)))
+    assert true_share(problem, np.tile([[1.0, 0.0]], (30, 1))) == pytest.approx(0.6, abs=5e-3)
+    (bound,) = certificate.parts
+    assert (certificate.proven == "yes") == proven
+    if proven:
+        assert bound.share is not None
+        assert p <= bound.share <= 0.6
+
+
 @MANY
 @given(seeds)
 def test_a_share_inside_a_formula_is_bounded_under_any_law(seed: int) -> None:
