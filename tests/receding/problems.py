@@ -14,8 +14,8 @@ from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Objective, Problem
-from ensemble_ctrl.receding.membership import Errors
 from ensemble_ctrl.receding.options import OnlineOptions
+from ensemble_ctrl.receding.propagation import Errors
 from ensemble_ctrl.receding.simulated import Factors, Fixed, Flaws, SimulatedRobot
 from ensemble_ctrl.systems import Unicycle
 

@@ -18,8 +18,8 @@ from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.receding.driver import Outcome, drive
 from ensemble_ctrl.receding.loop import Receding
 from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.membership import Errors
 from ensemble_ctrl.receding.options import OnlineOptions
+from ensemble_ctrl.receding.propagation import Errors
 from ensemble_ctrl.receding.simulated import Drifting, SimulatedRobot
 
 from .problems import NOISE, SHORT, clearance, options, plan, robot

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.receding.membership import Commands, Errors, Membership
+from ensemble_ctrl.receding.membership import Membership
+from ensemble_ctrl.receding.propagation import Commands, Errors
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
 Floats = NDArray[np.float64]

@@ -19,7 +19,7 @@ from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.receding.driver import Outcome, drive
 from ensemble_ctrl.receding.loop import Receding, Step
 from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.membership import PoseSet
+from ensemble_ctrl.receding.propagation import PoseSet
 from ensemble_ctrl.receding.simulated import FINE, SimulatedFleet
 
 from .problems import NOISE, SHORT, clearance, options, plan, robot

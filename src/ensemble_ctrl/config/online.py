@@ -12,8 +12,8 @@ from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.shapes import RegionShape
 from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong
-from ensemble_ctrl.receding.membership import Errors
 from ensemble_ctrl.receding.options import MAX_ORDER, OnlineOptions
+from ensemble_ctrl.receding.propagation import Errors
 from ensemble_ctrl.receding.settings import OnlineSettings, RobotSettings
 from ensemble_ctrl.receding.simulated import SMALL_CAR_FLAWS, Drifting, Factors, Fixed, Flaws, Terrain
 

@@ -508,9 +508,9 @@ def _growth(steps: int) -> float:
 
 def _summed(rows: Floats, starts: Ints, n: int) -> Floats:
     """Columns of commands added up over groups of steps; other columns as they are."""
-    commands = rows[:, :n].reshape(len(rows), -1, 2)
+    commands = rows[:, :n].reshape(len(rows), n // 2, 2)
     summed = np.add.reduceat(commands, starts, axis=1)
-    return np.asarray(np.concatenate([summed.reshape(len(rows), -1), rows[:, n:]], axis=1))
+    return np.asarray(np.concatenate([summed.reshape(len(rows), 2 * len(starts)), rows[:, n:]], axis=1))
 
 
 def _quarter(vectors: Floats, swapped: bool) -> Floats:

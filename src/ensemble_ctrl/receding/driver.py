@@ -198,5 +198,8 @@ class _Drive:
 
     def _ended(self, ending: Ending, reason: str, robustness: float = -np.inf) -> Outcome:
         """The outcome with what the loop knows."""
-        paths = {name: np.array(tracker.path).reshape(-1, 2) for name, tracker in self.loop.trackers.items()}
+        paths = {
+            name: np.array([pose.position for pose in tracker.past]).reshape(-1, 2)
+            for name, tracker in self.loop.trackers.items()
+        }
         return Outcome(ending, reason, robustness, paths, tuple(self.loop.history), self.start)

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.receding.membership import PoseSet
 from ensemble_ctrl.receding.options import OnlineOptions
+from ensemble_ctrl.receding.propagation import PoseSet, swung
 from ensemble_ctrl.receding.remaining import Progress, read_anew, remaining, with_ranges
 from ensemble_ctrl.receding.tracker import Tracker
 
@@ -46,21 +46,27 @@ class Followed:
         return with_ranges(self.tracker.problem.fleet, self.tracker.ranges)
 
     def advance(self, end: int) -> None:
-        """Grid times up to `end` are past."""
-        rows = slice(self.progress.at, end)
-        self.progress.advance(self.tracker.path[rows], self.tracker.away[rows])
+        """All times before the grid time `end` are past; where the robot was is known."""
+        if self.progress.at >= end:
+            return
+        poses = [self.pose(k) for k in range(self.progress.at, end + 1)]
+        known = [pose for pose in poses if pose is not None]
+        if len(known) == len(poses):
+            self.progress.advance(known, self.tracker.bulge)
 
     def pose(self, k: int) -> PoseSet | None:
-        """The set of poses at a grid time from the newest measurement on; None without one."""
+        """The set of poses at a grid time, of the past or to come; None if it is not known."""
         tracker = self.tracker
-        return tracker.pose(max(k * tracker.problem.step, tracker.time))
+        return tracker.past[k] if k < len(tracker.past) else tracker.pose(k * tracker.problem.step)
 
     def path(self, begin: int, end: int) -> Floats:
         """Where it was, and must be by now, at grid times before `end`, shape (times, 2), metres."""
-        told = self.tracker.path
-        poses = [self.pose(k) for k in range(max(begin, len(told)), end)]
-        ahead = [told[-1] if pose is None else pose.position for pose in poses]
-        return np.array([*told[begin:end], *ahead]).reshape(-1, 2)
+        places: list[Floats] = []
+        last = self.tracker.problem.fleet.position
+        for pose in map(self.pose, range(begin, end)):
+            last = last if pose is None else pose.position
+            places.append(last)
+        return np.array(places).reshape(-1, 2)
 
     def rest(self, begin: int, pose: PoseSet) -> Problem:
         """What is left from a grid time on, where it is in `pose`; what was not sent is spent standing there.
@@ -74,8 +80,8 @@ class Followed:
         if self.options.horizon == "receding":
             return read_anew(problem, begin, pose, ranges)
         sent, at = len(self.tracker.sent), self.progress.at
-        until = [(self.pose(k) if k <= sent else None) or pose for k in range(at, begin)]
-        return remaining(problem, begin, self.progress.after(until).left, pose, ranges)
+        until = [(self.pose(k) if k <= sent else None) or pose for k in range(at, begin + 1)]
+        return remaining(problem, begin, self.progress.after(until, self.tracker.bulge).left, pose, ranges)
 
     def drives(self, nodes: Floats, pose: PoseSet) -> Floats:
         """Drives of its node robots in the middle of a set of poses, shape (nodes, 5)."""
@@ -85,7 +91,7 @@ class Followed:
         drives[:, 3:] = pose.position
         return drives
 
-    def growth(self, middle: Floats, controls: Floats, pose: PoseSet, soon: int) -> Floats:
+    def growth(self, middle: Floats, controls: Floats, begin: int, pose: PoseSet, soon: int) -> Floats:
         """Metres by which its set of states is larger than its node robots' curve, shape (steps + 1,).
 
         Parameters
@@ -93,10 +99,11 @@ class Followed:
         middle : ndarray, shape (steps + 1, 2)
             Where the middle member goes from `pose` on, metres.
         controls : ndarray, shape (steps, n_u)
+            From the grid time `begin` on, at which it is in `pose`.
         soon : int
             Step after which what actuators and drift may add is measured before it matters.
         """
-        slip = self.tracker.slip(controls)
-        grown = pose.away + 2 * np.sin(pose.turn / 2) * np.linalg.norm(middle - pose.position, axis=1)
+        slip = self.tracker.departures(controls, begin)
+        grown = pose.away + swung(pose.turn) * np.linalg.norm(middle - pose.position, axis=1)
         grown[1:] += np.minimum(slip, slip[min(soon, len(slip) - 1)])
         return np.asarray(grown)

@@ -20,8 +20,8 @@ from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.receding.followed import Followed
 from ensemble_ctrl.receding.measurement import Measurement, Seen
-from ensemble_ctrl.receding.membership import PoseSet
 from ensemble_ctrl.receding.options import OnlineOptions
+from ensemble_ctrl.receding.propagation import PoseSet
 from ensemble_ctrl.receding.remaining import for_a_while, of_one_robot, with_map
 from ensemble_ctrl.receding.tracker import Tracker
 
@@ -359,19 +359,19 @@ class Receding:
         if self.options.horizon == "receding":
             return math.inf
         for robot in self.robots.values():
-            robot.advance(min(len(robot.tracker.path), self.problem.steps + 1))
+            robot.advance(self.problem.steps + 1)
         return min(robot.progress.value for robot in self.robots.values())
 
     def entered(self) -> str:
         """Which robot must have been in which obstacle, by the measurements; empty for none."""
         kept = duties(self.problem)
         for name, tracker in self.trackers.items():
-            for k, (place, away) in enumerate(zip(tracker.path, tracker.away, strict=True)):
+            for k, pose in enumerate(tracker.past):
                 for duty in kept:
                     at = np.array([k * self.problem.step])
                     if duty.begin <= at[0] <= duty.end or self.options.horizon == "receding":
-                        here = place - duty.offsets(at)[0]
-                        if min(float(piece.distance(here)) for piece in duty.pieces) - duty.radius + away < 0:
+                        here = pose.position - duty.offsets(at)[0]
+                        if min(float(piece.distance(here)) for piece in duty.pieces) - duty.radius + pose.away < 0:
                             return f"{self._called(name)} was in {duty.name}"
         return ""
 
@@ -518,13 +518,13 @@ class Receding:
         span = begin - at + self.options.applied_steps + self.options.lead(self.problem.step)
         try:
             rests = self._rests(at, poses)
-            whole = self._shown(rests, controls[at:], poses)
+            whole = self._shown(rests, controls[at:], at, poses)
             work.certify_seconds += whole.seconds
             if whole.proven:
                 return "whole", whole
             span = min(span, len(controls) - at)
             soon = {name: for_a_while(rest, span) for name, rest in rests.items()}
-            short = self._shown(soon, controls[at:][:span], poses)
+            short = self._shown(soon, controls[at:][:span], at, poses)
         except ProblemError as error:
             self._events.append(str(error).splitlines()[0])
             return "none", None
@@ -533,17 +533,18 @@ class Receding:
 
     def _certified(self, controls: Floats, at: int, poses: Poses) -> SetCertificate:
         """What is proven from a grid time on, of every robot."""
-        return self._shown(self._rests(at, poses), controls[at:], poses)
+        return self._shown(self._rests(at, poses), controls[at:], at, poses)
 
     def _rests(self, at: int, poses: Poses) -> dict[str, Problem]:
         """What is left for each robot from a grid time on."""
         return {name: self.robots[name].rest(self.base + at, pose) for name, pose in poses.items()}
 
-    def _shown(self, rests: Mapping[str, Problem], ahead: Floats, poses: Poses) -> SetCertificate:
-        """What is proven of commands for what is left."""
+    def _shown(self, rests: Mapping[str, Problem], ahead: Floats, at: int, poses: Poses) -> SetCertificate:
+        """What is proven of commands from a grid time on for what is left."""
+        departures = {name: self.robots[name].tracker.departures(ahead, self.base + at) for name in poses}
         return together(
             {
-                name: certify_set(rests[name], ahead, pose.away, pose.turn, self.robots[name].tracker.slip(ahead))
+                name: certify_set(rests[name], ahead, pose.away, pose.turn, departures[name])
                 for name, pose in poses.items()
             }
         )
@@ -583,7 +584,7 @@ class Receding:
             drives.append(robot.drives(nodes, pose))
             middle = self._middle(drives[-1], ahead)
             paths.append(robot.path(base, base + at))
-            grown.append(robot.growth(middle, ahead, pose, soon))
+            grown.append(robot.growth(middle, ahead, base + at, pose, soon))
         growth = np.zeros(len(plan) + 1)
         growth[at:] = np.max(grown, axis=0) + self._tighter
         return Present(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.receding.membership import Errors
+from ensemble_ctrl.receding.propagation import Errors
 
 Horizon = Literal["shrinking", "receding"]
 MAX_ORDER = 6

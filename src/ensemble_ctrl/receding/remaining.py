@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate.task import gridded
 from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import (
@@ -16,13 +19,15 @@ from ensemble_ctrl.constraints.stl import (
     ExactOps,
     Formula,
     Known,
-    StateSignals,
+    Predicate,
+    Signals,
     conjuncts,
     ground,
     kept_out,
     negation_normal_form,
     progressed,
     reads_fleet,
+    resolve,
     robustness,
     settled,
 )
@@ -32,7 +37,7 @@ from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.receding.membership import PoseSet
+from ensemble_ctrl.receding.propagation import PoseSet
 
 Floats = NDArray[np.float64]
 
@@ -78,43 +83,93 @@ def with_ranges(fleet: Fleet, ranges: Floats) -> Fleet:
     return replace(fleet, parameters=laws)
 
 
+@dataclass(frozen=True, eq=False)
+class _Element:
+    """Lower bounds of predicates at a grid time, or throughout the time to the next one, as signals of one time."""
+
+    poses: tuple[PoseSet, ...]
+    bulge: float
+    step: float
+    members: int = 1
+    steps: int = 0
+
+    def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
+        """The lowest value in the sets at the ends, and how much lower it may be in between, shape (1, 1)."""
+        coefficients, offset = predicate.normalised()
+        row = np.array([dict(coefficients).get(name, 0.0) for name in ("x", "y")])
+        ends = [float(row @ pose.position + offset - np.abs(row) @ pose.half) for pose in self.poses]
+        return np.array([[min(ends) - self.bulge]])
+
+    def mean(self) -> Signals:
+        """One robot is its own mean."""
+        return self
+
+
 class Progress:
-    """What is left of the parts of a task that are not duties, along the grid times.
+    """What is left of the parts of a task that are not duties, along a past that is a tube.
+
+    As in the certificate (`ensemble_ctrl.certificate.task`), time is cut into the grid times and the open intervals
+    between them, and windows are moved to the grid so that nothing rises.
 
     Parameters
     ----------
     problem : Problem
         On its whole horizon.
+
+    Attributes
+    ----------
+    at : int
+        The first grid time that is not past.
+    left : tuple of Formula
+        What is left of each part, read then.
     """
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.at = problem, 0
-        self.left: tuple[Formula, ...] = other_parts(problem)
+        self.left: tuple[Formula, ...] = tuple(map(self._on_grid, other_parts(problem)))
 
-    def advance(self, places: Iterable[Floats], away: Iterable[float]) -> None:
-        """Some more grid times are past: the robot was within `away` metres of `places`."""
-        for place, error in zip(places, away, strict=True):
-            signals = StateSignals(np.asarray(place).reshape(1, 1, 2), ("x", "y"), self.problem.step)
+    def advance(self, poses: Sequence[PoseSet], bulge: Callable[[int], float]) -> None:
+        """Some more time is past.
 
-            def reading(leaf: Formula, k: int, signals: StateSignals = signals, error: float = error) -> float:
-                formula = ground(
-                    negation_normal_form(leaf),
-                    self.problem.regions,
-                    self.problem.obstacles,
-                    radius=self.problem.fleet.radius,
-                )
-                return float(robustness(formula, signals, ExactOps())) - error
-
-            steps = self.problem.steps - self.at
-            self.left = tuple(progressed(part, reading, 1, steps, self.problem.step) for part in self.left)
+        Parameters
+        ----------
+        poses : sequence of PoseSet
+            Where the robot was at the grid times from `at` on; all times before the last of them are past then.
+        bulge : callable
+            Metres by which it may have left the segment between two places at a grid time and the next.
+        """
+        for here, there in pairwise(poses):
+            if self.left:
+                self._pass(_Element((here,), 0.0, self.problem.step / 2), 2 * self.at)
+                between = _Element((here, there), bulge(self.at), self.problem.step / 2)
+                self._pass(between, 2 * self.at + 1)
             self.at += 1
 
-    def after(self, poses: Sequence[PoseSet]) -> Progress:
+    def after(self, poses: Sequence[PoseSet], bulge: Callable[[int], float]) -> Progress:
         """The progress of a robot that is in these sets of poses at the grid times that come next."""
         later = Progress(self.problem)
         later.left, later.at = self.left, self.at
-        later.advance([pose.position for pose in poses], [pose.away for pose in poses])
+        later.advance(poses, bulge)
         return later
+
+    def _pass(self, element: _Element, k: int) -> None:
+        """An element of time, of which there are two a step, is past."""
+        left = max(2 * self.problem.steps - k, 0)
+        read = partial(self._reading, element)
+        self.left = tuple(progressed(part, read, 1, left, element.step) for part in self.left)
+
+    def _reading(self, element: _Element, leaf: Formula, k: int) -> float:
+        """A lower bound of a leaf's robustness throughout an element."""
+        problem = self.problem
+        plain = negation_normal_form(leaf)
+        formula = ground(plain, problem.regions, problem.obstacles, radius=problem.fleet.radius)
+        return float(robustness(formula, element, ExactOps()))
+
+    def _on_grid(self, part: Formula) -> Formula:
+        """A part with its windows on the grid."""
+        plain = negation_normal_form(resolve(part, self.problem.duration))
+        moved = gridded(plain, self.problem.step, upper=False)
+        return Known(-np.inf) if moved is None else moved
 
     @property
     def value(self) -> float:

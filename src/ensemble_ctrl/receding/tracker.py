@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.membership import Commands, Errors, Membership, PoseSet
+from ensemble_ctrl.receding.membership import Membership
+from ensemble_ctrl.receding.propagation import Commands, Errors, Factors, PoseSet, departure
 
 Floats = NDArray[np.float64]
 
@@ -35,10 +39,9 @@ class Tracker:
     sets : Membership
     sent : ndarray, shape (steps so far, n_u)
         Commands since time 0.
-    path : list of ndarray of shape (2,)
-        Middles of the sets of places at the grid times up to the last measurement, metres.
-    away : list of float
-        Radii of those sets, metres.
+    past : list of PoseSet
+        The sets of poses at the grid times up to the last measurement: each is reached from the measurements before it
+        and narrowed by the first one after it.
     last : Measurement or None
         The newest that was used.
     holds : bool
@@ -51,8 +54,7 @@ class Tracker:
         self.problem, self.errors, self.learn = problem, errors, learn
         self.sets = Membership(problem.fleet, errors)
         self.sent = np.zeros((0, len(problem.fleet.system.controls)))
-        self.path: list[Floats] = []
-        self.away: list[float] = []
+        self.past: list[PoseSet] = []
         self.last: Measurement | None = None
         self.holds, self.widened = True, 0
         self._commands = Commands(problem.fleet.system, self.sent, problem.step)
@@ -83,20 +85,22 @@ class Tracker:
         if refused is not None:
             return [refused] if refused else []
         events = []
-        place = np.array([measurement.x, measurement.y])
-        before = self.pose(measurement.time)
-        if not self.sets.observe(self._commands, measurement.time, place, measurement.heading):
+        before = copy(self.sets)
+        gap = self._past(self.sets, measurement.time) if self._seen(measurement) else None
+        if gap is None:
             self.holds = False
+            self.past += self._past(before, measurement.time - NEAR * self.problem.step) or []
             events.append(self._contradicted(before, measurement))
-            self.sets.observe(self._commands, measurement.time, place, measurement.heading)
+            self._seen(measurement)
+            gap = self._past(self.sets, measurement.time) or []
         if not self.learn:
             self.sets.ranges = self.sets.assumed.copy()
+        self.past += gap
         self.last = measurement
-        self._remember()
         return events
 
     def pose(self, time: float) -> PoseSet | None:
-        """The set of poses at a time from the newest measurement on; None without one."""
+        """The set of poses at a time; None before the first measurement."""
         return self.sets.pose(self._commands, time) if len(self.sets.times) else None
 
     @property
@@ -104,14 +108,26 @@ class Tracker:
         """The first grid time from the newest measurement on."""
         return min(int(np.ceil(self.time / self.problem.step - NEAR)), len(self.sent))
 
-    def slip(self, controls: Floats) -> Floats:
-        """Metres by which drift and actuators may lead the robot away in each step of `controls`, which come next."""
-        errors, step = self.errors, self.problem.step
-        v, omega = (np.abs(rate) for rate in self.problem.fleet.system.rates(*controls.T))
-        span: Floats = np.asarray(step * np.arange(1, len(v) + 1), dtype=float)
-        way, turn = step * np.cumsum(v), step * np.cumsum(omega)
-        a, b = (float(np.abs(factor).max()) for factor in self.sets.factors)
-        return errors.slip(a, b, span, way, turn)[1]
+    def departures(self, controls: Floats, begin: int) -> Floats:
+        """Metres by which drift and actuators may lead the robot away in each step of `controls`, from `begin` on.
+
+        They count from the grid time `begin`, at which the pose is known, and drift from the last measurement, at which
+        the factors are.
+        """
+        step, known = self.problem.step, self.sets.known
+        later = replace(known, time=known.time - begin * step)
+        until: Floats = np.asarray(step * np.arange(1, len(controls) + 1), dtype=float)
+        ahead = Commands(self.problem.fleet.system, controls, step)
+        return departure(ahead, self.errors, later, np.zeros(len(until)), until)[1]
+
+    def bulge(self, k: int) -> float:
+        """Metres by which the robot may leave the segment between the places at grid times `k` and ``k + 1``."""
+        step, commands, (a, b) = self.problem.step, self._commands, self.sets.known.most
+        n = min(k, len(commands.v) - 1)
+        arc = step**2 / 8 * a * b * abs(commands.v[n] * commands.omega[n])
+        here = Factors(k * step, np.array([-a, a]), np.array([-b, b]), (a, b))
+        ends = np.array([k * step]), np.array([(k + 1) * step])
+        return float(arc + 2 * departure(commands, self.errors, here, *ends)[1][0])
 
     def _refused(self, measurement: Measurement) -> str | None:
         """Why a measurement can't be used; empty for one that was seen before."""
@@ -125,9 +141,23 @@ class Tracker:
             return f"measurement ignored: {measurement.time:.2f} s is not within the {latest:.2f} s commanded so far"
         return None
 
-    def _contradicted(self, before: PoseSet | None, measurement: Measurement) -> str:
+    def _seen(self, measurement: Measurement) -> bool:
+        """Let the sets learn; False if nothing is consistent."""
+        place = np.array([measurement.x, measurement.y])
+        return self.sets.observe(self._commands, measurement.time, place, measurement.heading)
+
+    def _past(self, sets: Membership, until: float) -> list[PoseSet] | None:
+        """The sets at the grid times up to a time that are not remembered yet; None if one is empty."""
+        step, first = self.problem.step, len(self.past)
+        count = max(int(np.floor(until / step + NEAR)) + 1 - first, 0)
+        found = [sets.pose(self._commands, k * step) for k in range(first, first + count)] if len(sets.times) else []
+        poses = [pose for pose in found if pose is not None]
+        return poses if len(poses) == len(found) else None
+
+    def _contradicted(self, before: Membership, measurement: Measurement) -> str:
         """No parameters fit: start again, with the same ranges after a jump and with wider ones otherwise."""
-        if before is not None and self._jumped(before, measurement):
+        expected = before.pose(self._commands, measurement.time) if len(before.times) else None
+        if expected is not None and self._jumped(expected, measurement):
             self.sets.restart(self.sets.assumed)
             return "the robot is where it can't have driven to: it was moved, or measured wrongly"
         self.widened += 1
@@ -143,13 +173,3 @@ class Tracker:
         fastest = 2 * float(self.sets.factors[0][1]) * max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
         distance = float(np.hypot(measurement.x - before.position[0], measurement.y - before.position[1]))
         return bool(distance > before.away + 2 * self.errors.position + fastest * since)
-
-    def _remember(self) -> None:
-        """The grid times up to the newest measurement are past."""
-        step = self.problem.step
-        while (k := len(self.path)) * step <= self.time + NEAR:
-            pose = self.pose(max(k * step, self.time))
-            if pose is None:
-                return
-            self.path.append(pose.position)
-            self.away.append(pose.away)
