@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import sys
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -203,3 +204,71 @@ def test_a_notebook_shows_its_map(path: Path) -> None:
     import matplotlib.pyplot as plt
 
     plt.close("all")
+
+
+class Escape(ec.OdeSystem):
+    """x runs off to infinity whatever the command, from some start on."""
+
+    name, states, positions = "escape", ("x", "y"), ("x", "y")
+    controls, control_units, input_bounds = ("u",), ("1",), ((-2.0, 2.0),)
+    parameters: ClassVar[dict[str, float]] = {"k": 1.0}
+
+    def xdot(self, x: Any, u: Any, psi: Any) -> list[Any]:
+        return [psi["k"] * x[0] ** 2 + u[0], 0 * x[1]]
+
+
+def escape(start: float, bound: float) -> ec.OdeProblem:
+    """Keep x small; it can be kept where ``k x^2`` is below the bound of the command."""
+    fleet = ec.OdeFleet(
+        Escape(),
+        {"k": ec.Interval(0.9, 1.2)},
+        {"x": start},
+        input_lower=np.array([-bound]),
+        input_upper=np.array([bound]),
+    )
+    return ec.OdeProblem("escape", fleet, duration=2.0, steps=20, task=parse("G (x <= 3 and y <= 1)"))
+
+
+def test_a_fleet_that_runs_away_is_no_plan_and_says_what_when_and_for_whom(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    problem = escape(0.9, 0.2).with_(solve=ec.SolveOptions(max_iterations=30))
+    plan = ec.plan(problem, check=False, log=tmp_path / "solver.log")
+    (conflict,) = plan.conflicts()
+    assert (plan.status, plan.replayed, plan.verified) == ("infeasible", None, False)
+    assert conflict.what == "x leaves all bounds at t = 1.3 s for k = 0.9"
+    assert conflict.time == pytest.approx(1.3)
+    assert [line for line in summary_lines(plan) if line.startswith("  violated")] == [f"  violated   {conflict.what}"]
+    with pytest.raises(ec.SolveError, match=r"no plan was found.*x leaves all bounds at t = 1\.3 s for k = 0\.9"):
+        ec.plan(problem)
+    written = capfd.readouterr()
+    assert written.out == written.err == ""
+
+
+@pytest.mark.parametrize("guess", [np.full((20, 1), 2.0), np.full((7, 1), 2.0)])
+def test_a_guess_that_runs_away_is_one_guess_less(guess: Floats) -> None:
+    plan = ec.plan(escape(0.9, 2.0), guess=guess)
+    assert plan.verified
+
+
+def test_the_command_finds_no_plan_for_a_fleet_that_runs_away(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    head = "from typing import Any, ClassVar\nimport ensemble_ctrl as ec\n\n"
+    (tmp_path / "own.py").write_text(head + inspect.getsource(Escape))
+    (tmp_path / "a.yaml").write_text("""
+fleet:
+  model: {python: own.py:Escape}
+  parameters: {k: {range: [0.9, 1.2]}}
+  start: {x: 0.9}
+  input_bounds: {u: [-0.2, 0.2]}
+horizon: {duration: 2 s, steps: 20}
+task: "G (x <= 3 and y <= 1)"
+solve: {max_iterations: 30}
+""")
+    assert invoke(["run", str(tmp_path / "a.yaml"), "--trust", "-q", "-o", str(tmp_path / "out")]) == 3
+    written = capfd.readouterr()
+    assert written.err == (
+        "error: a: no plan was found; violated near the best guess: x leaves all bounds at t = 1.3 s for k = 0.9\n"
+    )
+    assert not list((tmp_path / "out").glob("*.png"))

@@ -11,7 +11,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ensemble_ctrl._version import __version__
-from ensemble_ctrl.errors import ConfigError, EnsembleError, ProblemError, SolveError, UnsupportedError
+from ensemble_ctrl.errors import (
+    ConfigError,
+    EnsembleError,
+    ProblemError,
+    RunawayError,
+    SolveError,
+    UnsupportedError,
+)
 
 if TYPE_CHECKING:
     from ensemble_ctrl.api import Plan, plan
@@ -101,6 +108,7 @@ __all__ = [
     "Replay",
     "ReportOptions",
     "Risk",
+    "RunawayError",
     "Samples",
     "Solid",
     "SolveError",

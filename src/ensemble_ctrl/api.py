@@ -17,7 +17,7 @@ from ensemble_ctrl.arrival import arrival, risk
 from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
-from ensemble_ctrl.errors import ProblemError, SolveError
+from ensemble_ctrl.errors import ProblemError, RunawayError, SolveError
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.readonly import ReadOnlyArrays
@@ -318,8 +318,8 @@ def plan(
     Returns
     -------
     Plan
-        Already replayed with ``problem.verify``. Where a time is to be as short as possible, its problem is that of
-        the time found, and ``details["soonest"]`` says what was tried (`ensemble_ctrl.soonest.Soonest`).
+        Already replayed with ``problem.verify``, unless states run away under the controls found. Where a time is to
+        be as short as possible, its problem is that of the time found, and ``details["soonest"]`` says what was tried (`ensemble_ctrl.soonest.Soonest`).
 
     Raises
     ------
@@ -344,9 +344,13 @@ def plan(
     solution, soonest = solve(problem, progress=progress, guess=controls, log=log)
     if progress is not None:
         progress("replay", None)
-    run = replay(solution.problem, solution.controls)
     details = _details(solution) | ({} if soonest is None else {"soonest": asdict(soonest)})
-    found = Plan(solution.problem, solution.controls, solution.status, details, run, solution.certificate)
+    found = Plan(solution.problem, solution.controls, solution.status, details, None, solution.certificate)
+    try:
+        found = replace(found, replayed=found.replay())
+    except RunawayError:
+        known = {name: what for name, what in details.items() if name not in asdict(solution.attempt.value)}
+        found = replace(found, status="infeasible" if found.status == "planned" else found.status, details=known)
     if check and not (found.status == "planned" and found.verified):
         raise SolveError(failure_message(found), found)
     return found
@@ -403,11 +407,19 @@ def _details(solution: Solution) -> dict[str, Any]:
         "build_seconds": solution.build_seconds,
         "solve_seconds": solution.solve_seconds,
         "seconds": solution.seconds,
-        "arrival": arrival(solution.problem, solution.controls),
+        "arrival": _arrival(solution),
         "at_risk": risk(solution.problem, solution.controls),
         "routes": [{**vars(route), "corners": route.corners.tolist()} for route in solution.routes],
         **({} if solution.nlp is None else {"minlp": _mixed_details(solution.nlp.value.cost, solution)}),
     }
+
+
+def _arrival(solution: Solution) -> dict[str, Any]:
+    """How close the fleet comes to its target; nothing where it runs away."""
+    try:
+        return arrival(solution.problem, solution.controls)
+    except RunawayError:
+        return {}
 
 
 def _mixed_details(nlp_cost: float, solution: Solution) -> dict[str, Any]:

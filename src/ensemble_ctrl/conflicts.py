@@ -17,6 +17,7 @@ from ensemble_ctrl.constraints.stl import (
     member_robustness,
 )
 from ensemble_ctrl.duties import grounded, other_parts, window_of
+from ensemble_ctrl.errors import RunawayError
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay, states
@@ -34,9 +35,9 @@ class Conflict:
     Attributes
     ----------
     what : str
-        The obstacle, or the part of the task as text.
+        The obstacle, the part of the task as text, or which state runs away, when and for whom.
     amount : float
-        Metres by which the worst member falls short, > 0.
+        Metres by which the worst member falls short, > 0; infinite where a state runs away.
     parameters : dict of str to float
         That member's parameters.
     time : float
@@ -50,13 +51,21 @@ class Conflict:
 
 
 def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
-    """Everything that fails under `controls`, worst first."""
+    """Everything that fails under `controls`, worst first; where states run away, that alone."""
+    try:
+        return _conflicts(problem, controls)
+    except RunawayError as error:
+        return (Conflict(error.what, np.inf, error.parameters, error.time),)
+
+
+def _conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
+    """Everything that fails, where all states are known."""
     parameters = problem.fleet.grid(MEMBERS)
+    paths = states(problem, controls, parameters)
     run = replay(problem, controls, parameters=parameters, substeps=4)
     found = [
         Conflict(f"avoid({c.obstacle})", -c.distance, c.parameters, c.time) for c in run.clearances if c.distance < 0
     ]
-    paths = states(problem, controls, parameters)
     for part in other_parts(problem):
         found += _failing(problem, part, paths, parameters)
     return tuple(sorted(found, key=lambda c: -c.amount))

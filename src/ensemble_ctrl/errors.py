@@ -35,6 +35,28 @@ class ProblemError(EnsembleError, ValueError):
     findings: tuple[Any, ...] = ()
 
 
+class RunawayError(ProblemError):
+    """States under some controls leave all bounds, or change too fast for their accuracy to be known.
+
+    Attributes
+    ----------
+    what : str
+        Which state does what, when and for whom.
+    parameters : dict of str to float
+        Of the member.
+    time : float
+        Seconds.
+    """
+
+    def __init__(self, message: str, what: str, parameters: dict[str, float], time: float) -> None:
+        super().__init__(message)
+        self.what, self.parameters, self.time = what, parameters, time
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """All arguments: an error is made again from its message alone otherwise."""
+        return type(self), (str(self), self.what, self.parameters, self.time)
+
+
 class SolveError(EnsembleError):
     """No plan was found; `plan` holds the last iterate, and a notebook draws it with the message."""
 

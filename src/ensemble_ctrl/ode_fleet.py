@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints.stl.leaves import RESERVED
 from ensemble_ctrl.ensemble import Ensemble
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.errors import ProblemError, RunawayError
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.readonly import ReadOnlyMapping
 from ensemble_ctrl.systems import OdeSystem
@@ -197,7 +197,7 @@ class OdeFleet(Ensemble):
 
         Raises
         ------
-        ProblemError
+        RunawayError
             If a state is not finite, or the system is too stiff for the rule.
         """
         key = np.asarray(controls, dtype=float).tobytes(), step
@@ -245,10 +245,10 @@ class OdeFleet(Ensemble):
                 self._require_finite(fine, members, step)
             if 2 * count >= MOST_SUBSTEPS:
                 self._require_finite(fine, members, step)
-                message = f"expected an error of at most {accuracy:g} with {MOST_SUBSTEPS} steps of integration in each"
-                raise ProblemError(
-                    f"{self.system.name}: {message} step of {step:g} s, got {error.max():.2g}: too stiff"
-                )
+                member, k, state = np.unravel_index(int(error.argmax()), error.shape)
+                rule_text = f"{MOST_SUBSTEPS} steps of integration in each step of {step:g} s"
+                what = f"too stiff: {self.states[state]} is known to {error.max():.2g} only with {rule_text}"
+                raise self._runaway(f"{what}, not to {accuracy:g},", members[member], int(k), step)
             count, coarse = 2 * count, fine
 
     def _require_finite(self, states: Floats, members: Floats, step: float) -> None:
@@ -256,9 +256,11 @@ class OdeFleet(Ensemble):
         bad = ~np.isfinite(states)
         if bad.any():
             member, k, state = np.argwhere(bad)[0]
-            told = ", ".join(f"{n} = {v:g}" for n, v in self.named(members[member]).items()) or "every member"
-            name = self.states[state]
-            raise ProblemError(
-                f"{self.system.name}: expected finite states, got {states[member, k, state]} for {name} at "
-                f"t = {k * step:.4g} s ({told})"
-            )
+            raise self._runaway(f"{self.states[state]} leaves all bounds", members[member], int(k), step)
+
+    def _runaway(self, what: str, member: Floats, k: int, step: float) -> RunawayError:
+        """What happens to a member at a grid time, as an error."""
+        parameters = self.named(member)
+        told = ", ".join(f"{n} = {v:g}" for n, v in parameters.items()) or "every member"
+        text = f"{what} at t = {k * step:.4g} s for {told}"
+        return RunawayError(f"{self.system.name}: {text}", text, parameters, k * step)

@@ -247,14 +247,16 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
     """The search for fleets that follow a differential equation (`ensemble_ctrl.ocp.shooting`).
 
     Each guess is solved for the middle member; the best is solved for the whole fleet, the next best where that fails.
+    One that was given stands alone, unless a state runs away under it.
     """
     require_traceable(problem.fleet)
     search.tell("guess")
     steps = problem.steps
-    starts = guesses(problem, steps) if guess is None else []
+    first = None if guess is None else shooting.given(problem, _refined(given(problem, guess, steps), steps))
+    starts = [] if first is not None and not shooting.runs_away(first[0]) else guesses(problem, steps)
     seconds = {"guess": time.perf_counter() - search.began}
     search.tell("solve")
-    if guess is None:
+    if starts:
 
         def work(own: _Search, candidate: int) -> tuple[Attempt, Floats]:
             return shooting.first(problem, starts[candidate], own, own.watch("first solve"))
@@ -264,7 +266,7 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
             one or shooting.given(problem, start.iterate.controls) for one, start in zip(done, starts, strict=True)
         ]
     else:
-        found = [shooting.given(problem, _refined(given(problem, guess, steps), steps))]
+        found = [] if first is None else [first]
     ranked = sorted(range(len(found)), key=lambda k: shooting.rank(found[k][0]))
     which, attempt = ranked[0], found[ranked[0]][0]
     work_done = [one for one, _ in found]

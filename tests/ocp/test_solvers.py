@@ -169,10 +169,14 @@ def test_ctrl_c_stops_the_solve_and_is_raised(watched: bool, capfd: pytest.Captu
 def test_a_handler_that_raises_nothing_stops_nothing() -> None:
     seen: list[int] = []
     before = signal.signal(signal.SIGINT, lambda number, _: seen.append(number))
+
+    def watch(iteration: Iteration) -> bool:
+        if iteration.count == 1:
+            signal.raise_signal(signal.SIGINT)
+        return False
+
     try:
-        outcome = run(
-            program(valley), watch=lambda it: it.count == 1 and signal.raise_signal(signal.SIGINT) is not None
-        )
+        outcome = run(program(valley), watch=watch)
     finally:
         signal.signal(signal.SIGINT, before)
     assert (outcome.status, seen) == ("solved", [signal.SIGINT])

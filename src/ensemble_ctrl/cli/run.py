@@ -12,6 +12,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
+from ensemble_ctrl.errors import RunawayError
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.report import route_lines, summary_lines
 from ensemble_ctrl.results import controls_csv, summary, to_json, write_report, write_results
@@ -133,6 +134,8 @@ def _draw(found: Plan, folder: Path, options: RunOptions) -> str:
             write_report(found, folder / REPORT, folder)
         if options.animation is not None:
             found.animate(folder / f"animation.{options.animation}")
+    except RunawayError:
+        return ""  # nothing can be drawn of a fleet that leaves all bounds; the summary says so
     except Exception as error:
         for half_written in [*folder.glob("*.png"), folder / REPORT]:
             with suppress(OSError):

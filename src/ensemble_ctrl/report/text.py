@@ -232,7 +232,9 @@ def _share(run: Replay) -> str:
 
 
 def conflict_text(c: Conflict) -> str:
-    """One violated constraint, with amount, parameter and time."""
+    """One violated constraint, with amount, parameter and time; a state that runs away is said with all of that."""
+    if not np.isfinite(c.amount):
+        return c.what
     return f"{c.what} by {c.amount:.3g} m ({member_text(c.parameters)}, t = {c.time:.2f} s)"
 
 

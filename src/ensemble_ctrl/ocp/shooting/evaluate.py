@@ -20,7 +20,7 @@ MEMBERS = {0: 1, 1: 17, 2: 7, 3: 4}
 """Chebyshev points for each of so many parameters, else 3, ends included: the members looked at."""
 FLEET = 400
 """Members drawn for a task that speaks of the fleet as a whole."""
-FAR = 1e6
+INFINITE = 1e6
 """Metres of shortfall where a state is not finite."""
 
 
@@ -32,7 +32,7 @@ def evaluate(problem: OdeProblem, controls: Floats) -> Value:
     fine = np.repeat(controls, LOOKS, axis=0)
     states = fleet.integrated(fine, members, step / LOOKS, 1)
     if not np.isfinite(states).all():
-        return Value(FAR, -FAR, 0.0, effort, -FAR, excess)
+        return Value(INFINITE, -INFINITE, 0.0, effort, -INFINITE, excess)
     worst = _robustness(problem, states[:, ::LOOKS], controls)
     gap = _gap(problem, states[..., fleet.place_columns])
     terminal = _terminal(problem, controls)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.duties import duties
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp.rounds import GAIN, Attempt, with_work
-from ensemble_ctrl.ocp.shooting.evaluate import evaluate
+from ensemble_ctrl.ocp.shooting.evaluate import INFINITE, evaluate
 from ensemble_ctrl.ocp.shooting.guess import Guess
 from ensemble_ctrl.ocp.shooting.planes import separate
 from ensemble_ctrl.ocp.shooting.transcription import Iterate, transcribe
@@ -95,6 +95,11 @@ def given(problem: OdeProblem, controls: Floats) -> tuple[Attempt, Floats]:
     """A caller's controls as an attempt that cost nothing, with the middle member's states."""
     stage = Stage(problem, nominal(problem), _substeps(problem, controls))
     return _start(stage, controls), np.nan_to_num(stage.simulated(controls).states)
+
+
+def runs_away(attempt: Attempt) -> bool:
+    """Whether some state is not finite."""
+    return attempt.value.gap <= -INFINITE
 
 
 def _substeps(problem: OdeProblem, controls: Floats) -> int:
