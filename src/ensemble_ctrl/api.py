@@ -319,7 +319,8 @@ def plan(
     -------
     Plan
         Already replayed with ``problem.verify``, unless states run away under the controls found. Where a time is to
-        be as short as possible, its problem is that of the time found, and ``details["soonest"]`` says what was tried (`ensemble_ctrl.soonest.Soonest`).
+        be as short as possible, its problem is that of the time found, and ``details["soonest"]`` says what was
+        tried (`ensemble_ctrl.soonest.Soonest`).
 
     Raises
     ------
