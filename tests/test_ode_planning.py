@@ -5,10 +5,11 @@ from __future__ import annotations
 import inspect
 import json
 import sys
+from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -211,7 +212,7 @@ class Escape(ec.OdeSystem):
 
     name, states, positions = "escape", ("x", "y"), ("x", "y")
     controls, control_units, input_bounds = ("u",), ("1",), ((-2.0, 2.0),)
-    parameters: ClassVar[dict[str, float]] = {"k": 1.0}
+    parameters: Mapping[str, float] = {"k": 1.0}
 
     def xdot(self, x: Any, u: Any, psi: Any) -> list[Any]:
         return [psi["k"] * x[0] ** 2 + u[0], 0 * x[1]]
@@ -254,7 +255,7 @@ def test_a_guess_that_runs_away_is_one_guess_less(guess: Floats) -> None:
 def test_the_command_finds_no_plan_for_a_fleet_that_runs_away(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    head = "from typing import Any, ClassVar\nimport ensemble_ctrl as ec\n\n"
+    head = "from collections.abc import Mapping\nfrom typing import Any\nimport ensemble_ctrl as ec\n\n"
     (tmp_path / "own.py").write_text(head + inspect.getsource(Escape))
     (tmp_path / "a.yaml").write_text("""
 fleet:
