@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.constraints.stl.leaves import RESERVED
+from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.errors import ProblemError, RunawayError
 from ensemble_ctrl.moments import Law

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from lark import Lark, Token, Transformer, v_args
 from lark.exceptions import UnexpectedCharacters, UnexpectedToken
@@ -28,6 +29,7 @@ from ensemble_ctrl.constraints.stl import (
     Share,
     Until,
 )
+from ensemble_ctrl.constraints.stl._text import BeforeEnd
 from ensemble_ctrl.errors import ProblemError
 
 Window = tuple[float, float] | None
@@ -37,7 +39,7 @@ WORDS = {
     "NAME": "a state",
     "PLACE": "a name",
     "_LPAR": "'('",
-    "_LSQB": "'['",
+    "_OPEN": "'['",
     "_RSQB": "']'",
     "_COMMA": "','",
     "COMPARE": "'>=', '<='",
@@ -91,8 +93,22 @@ def _in_words(terminals: set[str]) -> str:
     return " or ".join(words) if len(words) < 3 else ", ".join(words[:-1]) + " or " + words[-1]
 
 
-def time_value(text: str) -> float:
-    return math.inf if text == "T" else float(text)
+UNITS = {"s": 1.0, "ms": 1000.0, "min": 1 / 60, "h": 1 / 3600}
+"""How many there are in a second."""
+
+
+class End(NamedTuple):
+    """One end of a window: seconds or, with `before`, seconds before the plan's end; its text, unit and column."""
+
+    seconds: float
+    before: float | None
+    text: str
+    unit: str
+    column: int
+
+    @property
+    def value(self) -> float:
+        return BeforeEnd(self.before) if self.before else self.seconds
 
 
 @dataclass(slots=True)
@@ -128,6 +144,13 @@ class Builder(Transformer[Token, Formula]):
         """``f => g``."""
         with _at(_column(arrow)):
             return left.implies(right)
+
+    def equivalence(self, left: Formula, word: Token, right: Formula) -> Formula:
+        """``f iff g`` and ``f xor g``."""
+        with _at(_column(word)):
+            if word == "xor":
+                return (left | right) & (~left | ~right)
+            return (~left | right) & (left | ~right)
 
     def until_(self, left: Formula, word: Token, window: Window, right: Formula) -> Formula:
         """``f U[a,b] g``."""
@@ -172,21 +195,47 @@ class Builder(Transformer[Token, Formula]):
         with _at(_column(word)):
             return Share(float(p), child)
 
-    def window(self, a: Token, b: Token) -> Window:
-        """``[a,b]``."""
-        low, high = time_value(a), time_value(b)
-        if high < low:
-            raise FormulaError(_column(b), f"a window's end of {a} or later", str(b))
-        return low, high
+    def time(self, first: Token, *rest: Token | None) -> End:
+        """A number with a unit, or T minus one."""
+        sign, number, unit = (None, first, rest[0]) if first.type == "NUMBER" else rest
+        if number is None:
+            return End(math.inf, None, "T", "", _column(first))
+        if sign is not None and sign != "-":
+            raise FormulaError(_column(sign), "'-' or the window's end", "'+'")
+        if math.isinf(float(number)):
+            raise FormulaError(_column(number), "a finite number", str(number))
+        seconds = float(number) / UNITS[unit or "s"]
+        if first.type == "NUMBER":
+            return End(seconds, None, str(number), unit or "", _column(first))
+        return End(math.inf, seconds, f"T-{seconds:g}", unit or "", _column(first))
 
-    def predicate(self, left: _Sum, comparison: Token, right: _Sum) -> Formula:
-        """``a x + b >= c``."""
-        sign = 1.0 if comparison.startswith(">") else -1.0
-        total = _Sum({}, 0.0, left.column)
-        total.add(left, sign)
-        total.add(right, -sign)
-        with _at(left.column):
-            return Predicate(tuple(total.terms.items()), total.offset, column=left.column)
+    def window(self, a: End, b: End) -> Window:
+        """``[a,b]``."""
+        ends = (a.before or 0.0, b.before or 0.0)
+        if (
+            ends[1] > ends[0]
+            if a.seconds == b.seconds == math.inf
+            else b.seconds < a.seconds < math.inf or (a.seconds == math.inf and not a.before)
+        ):
+            raise FormulaError(b.column, f"a window's end of {a.text} or later", b.text)
+        bare, other = (a, b.unit) if not a.unit else (b, a.unit)
+        if other not in ("", "s") and not bare.unit and 0 < bare.seconds < math.inf:
+            raise FormulaError(bare.column, "a unit at both ends", bare.text)
+        return a.value, b.value
+
+    def predicate(self, first: _Sum, *rest: Any) -> Formula:
+        """``a x + b >= c``, or a chain of such."""
+        if len({comparison[0] for comparison in rest[::2]}) > 1:
+            raise FormulaError(first.column, "comparisons that run one way", "both")
+        sums, sign = (first, *rest[1::2]), 1.0 if rest[0].startswith(">") else -1.0
+        parts = []
+        for left, right in pairwise(sums):
+            total = _Sum({}, 0.0, left.column)
+            total.add(left, sign)
+            total.add(right, -sign)
+            with _at(first.column):
+                parts.append(Predicate(tuple(total.terms.items()), total.offset, column=left.column))
+        return parts[0] if len(parts) == 1 else And(tuple(parts))
 
     def sum(self, sign: Token | None, first: _Sum, *rest: Any) -> _Sum:
         """``[+-] term +- term ...``."""

@@ -15,8 +15,10 @@ OPERANDS = ["x >= 1", "x<y", "in(goal)", "avoid ( a-b.c )", "(x)", "x", "2", "1.
 TOKENS = re.findall(
     r"\S+",
     "x y x1 and or not U F G T in avoid mean share until always eventually goal a-b.c ç _ 0 1 2.5 .5 1e3 "
-    "1e999 ( ( ( ) ) ) [ ] , [0,1] [0,T] [2,1] >= <= > < = => -> ! & && | || + - * / share( in( mean( $ .",
+    "1e999 ( ( ( ) ) ) [ ] , : [0,1] [0:T] _[0,1] [T-1,T] [1ms,2] ms min [2,1] >= <= > < = == => -> "
+    "<-> iff xor implies finally globally <> [] ~ /\\ \\/ ! & && | || + - * / share( in( mean( $ .",
 )
+BINARY = (" and ", "&", "&& ", " or ", "|", " ||", "=>", " -> ", " implies ", " iff ", " <-> ", "<=>", " xor ")
 soups = st.lists(st.sampled_from([*TOKENS, *OPERANDS]), min_size=1, max_size=14)
 blanks = st.sampled_from([" ", "", "\n", "\t "])
 
@@ -49,7 +51,7 @@ def sentences(draw: st.DrawFn) -> str:
         return range(draw(st.sampled_from([0, 0, 0, 1, 2])))
 
     def window() -> str:
-        return pick("", "", "[0,1]", "[ 0.5 , T ]", "[T,T]", "[1,.5]")
+        return pick("", "", "[0,1]", "[ 0.5 , T ]", "_[T,T]", "[1,.5]", "[T-2:T]", "[1 s, 2min]", "[0,500ms]", "[1,3h]")
 
     def factor(depth: int) -> str:
         if depth and draw(st.booleans()):
@@ -66,15 +68,15 @@ def sentences(draw: st.DrawFn) -> str:
 
     def formula(depth: int) -> str:
         if not depth:
-            comparison = total(2) + pick(">=", "<=", " > ", "<") + total(1)
+            comparison = total(2) + pick(">=", "<=", " > ", "<") + total(1) + pick("", "", ">y", "<= 2")
             return pick("x>=1", "y < 2", "in(goal)", "avoid(U)", comparison)
         left, right = formula(depth - 1), formula(depth - 1)
         return pick(
             left,
-            left + pick(" and ", "&", "&& ", " or ", "|", " ||", "=>", " -> ") + right,
+            left + pick(*BINARY) + right,
             left + pick(" U", " until") + window() + " " + right,
-            pick("F", "G ", "always", "eventually") + window() + " " + left,
-            pick("not ", "!") + left,
+            pick("F", "G ", "always", "eventually", "finally", "globally", "<>", "[]") + window() + " " + left,
+            pick("not ", "!", "~") + left,
             pick("mean(", "share(0.5,", "share( 1 ,", "(", " ( ", "(") + left + ")",
         )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ensemble_ctrl.checks.finding import Finding, Path
 from ensemble_ctrl.constraints.stl import Formula
-from ensemble_ctrl.constraints.stl.leaves import RESERVED
+from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.moments import Law, Mixture, Samples
 from ensemble_ctrl.systems import ArcSystem
 

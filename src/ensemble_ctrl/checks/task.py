@@ -32,7 +32,7 @@ def task_findings(problem: Problem) -> Iterator[Finding]:
 def _from_formula(error: FormulaError, hint: str = "") -> Finding:
     """A formula's error as a finding."""
     offset = error.column - 1 if error.column else None
-    return Finding(("task",), f"expected {error.expected}, got {error.came}", hint, offset=offset)
+    return Finding(("task",), f"expected {error.expected}, got {error.came}", hint or error.hint, offset=offset)
 
 
 def mentioned(problem: Problem) -> tuple[set[str], set[str]]:

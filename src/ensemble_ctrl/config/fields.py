@@ -12,7 +12,7 @@ from ensemble_ctrl.checks import ALL_OBSTACLES
 from ensemble_ctrl.config.units import pattern, quantity
 from ensemble_ctrl.config.wrong import Wrong, only, show, suggestion
 from ensemble_ctrl.constraints.stl import Formula, parse
-from ensemble_ctrl.constraints.stl.leaves import RESERVED
+from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.problem import MAX_ORDER
 from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS
 from ensemble_ctrl.systems.bicycle import STEEPEST

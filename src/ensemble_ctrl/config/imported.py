@@ -18,7 +18,7 @@ from ensemble_ctrl.checks import ALL_OBSTACLES
 from ensemble_ctrl.config.maps import Area, areas_from_file, box_of, is_box
 from ensemble_ctrl.config.messages import Diagnostic, layout
 from ensemble_ctrl.config.tree import TextError
-from ensemble_ctrl.constraints.stl.leaves import RESERVED
+from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.errors import ConfigError
 
 Floats = NDArray[np.float64]

@@ -123,7 +123,7 @@ def _raised(path: Path, error: Exception) -> Finding:
         return Finding((*path, *error.path), error.message, error.hint, offset=error.offset, on_key=error.on_key)
     if isinstance(error, FormulaError):
         offset = error.column - 1 if error.column else None
-        return Finding(path, f"expected {error.expected}, got {error.came}", offset=offset)
+        return Finding(path, f"expected {error.expected}, got {error.came}", error.hint, offset=offset)
     return Finding(path, str(error))
 
 

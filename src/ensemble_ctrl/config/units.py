@@ -8,16 +8,14 @@ from collections.abc import Callable
 from typing import Any
 
 from ensemble_ctrl.config.wrong import Wrong, show
+from ensemble_ctrl.constraints.stl._tokens import TIME_UNITS
 
 UNITS: dict[str, tuple[str, float, float]] = {
     "m": ("length", 1, 1),
     "cm": ("length", 1, 100),
     "mm": ("length", 1, 1000),
     "km": ("length", 1000, 1),
-    "s": ("time", 1, 1),
-    "ms": ("time", 1, 1000),
-    "min": ("time", 60, 1),
-    "h": ("time", 3600, 1),
+    **{name: ("time", *factor) for name, factor in TIME_UNITS.items()},
     "rad": ("angle", 1, 1),
     "deg": ("angle", math.pi, 180),
 }

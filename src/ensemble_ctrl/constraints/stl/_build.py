@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain, islice, pairwise
 from typing import cast
 
-from ensemble_ctrl.constraints.stl._tokens import FormulaError
+from ensemble_ctrl.constraints.stl._constants import simplified
+from ensemble_ctrl.constraints.stl._linear import Sum, absolute, compared, divided, multiplied
+from ensemble_ctrl.constraints.stl._tokens import FormulaError, Token
 from ensemble_ctrl.constraints.stl.formula import (
     Always,
     And,
@@ -17,24 +20,11 @@ from ensemble_ctrl.constraints.stl.formula import (
     Share,
     Until,
 )
-from ensemble_ctrl.constraints.stl.leaves import Predicate
+from ensemble_ctrl.constraints.stl.rewrite import leaves
 from ensemble_ctrl.errors import ProblemError
 
-
-@dataclass(slots=True)
-class Sum:
-    """A linear expression while it is read."""
-
-    terms: dict[str, float]
-    offset: float
-    column: int
-
-    def add(self, other: Sum, factor: float) -> None:
-        """Add a multiple of another expression in place."""
-        for name, value in other.terms.items():
-            self.terms[name] = self.terms.get(name, 0.0) + factor * value
-        self.offset += factor * other.offset
-
+MOST_TWICE = 1000
+"""Leaves that ``iff`` and ``xor`` may hold: each stands in the formula twice, and so again for each one around."""
 
 Operand = Formula | Sum
 
@@ -69,20 +59,40 @@ class Operator:
     window: tuple[float, float] | None = None
     share: float = 0.0
 
+    def chain(self, token: Token) -> None:
+        """Take one more operand, after the same operator again.
+
+        Raises
+        ------
+        FormulaError
+            For comparisons that don't run one way.
+        """
+        if self.kind == "compare" and token.text[0] != self.text[0]:
+            hint = "write the two comparisons with 'and' between them"
+            raise FormulaError(token.column, f"'{self.text[0]}' again", repr(token.text), hint)
+        self.count += 1
+
 
 def built(operator: Operator, operands: list[Operand]) -> Operand:
     """The operator on its operands, which are of the right kinds."""
-    if operator.kind == "sign":
-        return _sum(operator, cast(list[Sum], operands))
-    if operator.kind == "times":
-        left, right = cast(list[Sum], operands)
-        return _divided(left, right) if operator.text == "/" else _multiplied(left, right)
-    if operator.kind in ("(", "sum(", "end"):
-        return operands[0]
+    match operator.kind:
+        case "sign":
+            return _signed(operator, cast(list[Sum], operands))
+        case "times":
+            left, right = cast(list[Sum], operands)
+            return divided(left, right) if operator.text == "/" else multiplied(left, right)
+        case "abs":
+            return absolute(cast(Sum, operands[0]), operator.column)
+        case "(" | "sum(" | "end":
+            return operands[0]
     try:
         if operator.kind == "compare":
-            return _predicate(operator, *cast(list[Sum], operands))
+            sums = cast(list[Sum], operands)
+            parts = [compared(left, right, operator.text[0]) for left, right in pairwise(sums)]
+            return parts[0] if len(parts) == 1 else And(tuple(parts))
         return _formula(operator, cast(list[Formula], operands))
+    except FormulaError:
+        raise
     except ProblemError as error:
         wanted, _, came = str(error).partition(": expected ")[2].rpartition(", got ")
         raise FormulaError(operator.column, wanted, came) from None
@@ -92,56 +102,58 @@ def _formula(operator: Operator, parts: list[Formula]) -> Formula:
     """An operator on formulas."""
     a, b = operator.window or (None, None)
     match operator.kind:
+        case "iff":
+            _bounded(operator, parts)
+            left, right = parts
+            return _both(And, _both(Or, _not(left), right), _both(Or, left, _not(right)))
+        case "xor":
+            _bounded(operator, parts)
+            left, right = parts
+            return _both(And, _both(Or, left, right), _both(Or, _not(left), _not(right)))
         case "=>":  # f => g => h
-            return Or((*map(Not, parts[:-1]), parts[-1]))
+            return _both(Or, *map(_not, parts[:-1]), parts[-1])
         case "or":
-            return Or(tuple(parts))
+            return _both(Or, *parts)
         case "and":
-            return And(tuple(parts))
+            return _both(And, *parts)
         case "U":
-            return Until(parts[0], parts[1], a, b, column=operator.column)
+            return simplified(Until(parts[0], parts[1], a, b, column=operator.column))
         case "not":
-            return Not(parts[0])
+            return _not(parts[0])
         case "F":
-            return Eventually(parts[0], a, b, column=operator.column)
+            return simplified(Eventually(parts[0], a, b, column=operator.column))
         case "G":
-            return Always(parts[0], a, b, column=operator.column)
+            return simplified(Always(parts[0], a, b, column=operator.column))
         case "mean":
-            return Mean(parts[0])
+            return simplified(Mean(parts[0]))
         case "share":
-            return Share(operator.share, parts[0])
+            return simplified(Share(operator.share, parts[0]))
     raise AssertionError(operator)
 
 
-def _predicate(operator: Operator, left: Sum, right: Sum) -> Formula:
-    """``left >= right``."""
-    sign = 1.0 if operator.text.startswith(">") else -1.0
-    total = Sum({}, 0.0, left.column)
-    total.add(left, sign)
-    total.add(right, -sign)
-    return Predicate(tuple(total.terms.items()), total.offset, column=left.column)
+def _not(part: Formula) -> Formula:
+    """``not f``."""
+    return simplified(Not(part))
 
 
-def _sum(operator: Operator, operands: list[Sum]) -> Sum:
+def _both(kind: type[And] | type[Or], *parts: Formula) -> Formula:
+    """A conjunction or disjunction."""
+    return simplified(kind(parts))
+
+
+def _bounded(operator: Operator, parts: list[Formula]) -> None:
+    """Refuse to write long formulas twice."""
+    found = chain.from_iterable(map(leaves, parts))
+    if len(list(islice(found, MOST_TWICE + 1))) > MOST_TWICE:
+        wanted = f"at most {MOST_TWICE} predicates and places around {operator.kind!r}, which stand in it twice"
+        raise FormulaError(operator.column, wanted, "more")
+
+
+def _signed(operator: Operator, operands: list[Sum]) -> Sum:
     """``left + right``, or ``+ right``, or with minus."""
     left = operands[0] if operator.count == 2 else Sum({}, 0.0, operator.column)
     left.add(operands[-1], -1.0 if operator.text == "-" else 1.0)
     return left
 
 
-def _multiplied(left: Sum, right: Sum) -> Sum:
-    """The product, if it is linear."""
-    if left.terms and right.terms:
-        raise FormulaError(right.column, "a number, as predicates are linear", "a product of states")
-    linear, factor = (left, right.offset) if left.terms else (right, left.offset)
-    total = Sum({}, 0.0, left.column)
-    total.add(linear, factor)
-    return total
-
-
-def _divided(left: Sum, right: Sum) -> Sum:
-    """The quotient, if it is linear."""
-    if right.terms or right.offset == 0:
-        raise FormulaError(right.column, "a number that is not zero", "a state" if right.terms else "0")
-    scaled = {name: value / right.offset for name, value in left.terms.items()}
-    return Sum(scaled, left.offset / right.offset, left.column)
+__all__ = ["MOST_TWICE", "Operand", "Operator", "Sum", "built"]

@@ -9,8 +9,9 @@ time t of evaluation::
     rho(f U[a,b] g) = max over t' in [t+a, t+b] of min(rho(g, t'), min over [t, t'] of rho(f))
 
 A window without numbers is the rest of the horizon: from t to the last time at which the operand still fits
-in it. ``math.inf`` in a window stands for ``T``, the duration of the plan. A formula is read for every member
-of the fleet; ``Mean`` reads it for the mean state, ``Share`` for a share of the members.
+in it. In a window, ``math.inf`` stands for ``T``, the duration of the plan, and ``BeforeEnd(2)`` for ``T - 2``.
+A formula is read for every member of the fleet; ``Mean`` reads it for the mean state, ``Share`` for a share of
+the members.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from ensemble_ctrl.constraints.stl._text import number, window_text
+from ensemble_ctrl.constraints.stl._text import backwards, number, window_text
 from ensemble_ctrl.errors import ProblemError
 
 MAX_DEPTH = 200
@@ -289,5 +290,5 @@ def _check_window(node: Formula, a: float | None, b: float | None) -> None:
         return
     if a is None or b is None or math.isnan(a) or math.isnan(b) or a < 0:
         raise ProblemError(f"{name}: expected a window [a, b] with 0 <= a <= b, or none, got [{a}, {b}]")
-    if b < a:
+    if backwards(a, b):
         raise ProblemError(f"{name}: expected a window that ends after it starts, got {window_text(a, b)}")

@@ -8,13 +8,10 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from ensemble_ctrl.constraints.stl._text import number
+from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.errors import ProblemError
 
-RESERVED = frozenset({"F", "G", "U", "T", "not", "and", "or", "in", "avoid", "eventually", "always", "until"}) | {
-    "mean",
-    "share",
-}
 _STATE = re.compile(r"[^\W\d]\w*")
 _PLACE = re.compile(r"[^\W\d][\w.-]*")
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import is_
 
 from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.constraints.polyhedron import Polyhedron
+from ensemble_ctrl.constraints.stl._text import resolved_time
 from ensemble_ctrl.constraints.stl.formula import (
     Always,
     And,
@@ -133,13 +133,13 @@ def resolve(formula: Formula, duration: float) -> Formula:
     Raises
     ------
     ProblemError
-        If that makes a window run backwards.
+        If that makes a window run backwards, or begin before now.
     """
     parts = [resolve(part, duration) for part in formula.parts]
     formula = rebuilt(formula, parts)
-    if isinstance(formula, Eventually | Always | Until | Release) and math.inf in (formula.a, formula.b):
-        a, b = (duration if time == math.inf else time for time in (formula.a, formula.b))
-        return replace(formula, a=a, b=b)
+    if isinstance(formula, Eventually | Always | Until | Release):
+        a, b = (resolved_time(time, duration) for time in (formula.a, formula.b))
+        return formula if a is formula.a and b is formula.b else replace(formula, a=a, b=b)
     return formula
 
 

@@ -2,23 +2,25 @@
 
 From loose to tight::
 
-    formula = or ["=>" formula]                        also "->"
-    or      = and {"or" and}                           also "|", "||"
-    and     = until {"and" until}                      also "&", "&&"
-    until   = unary ["U" [window] until]               also "until"
-    unary   = "not" unary                              also "!"
-            | ("F" | "G") [window] unary               also "eventually", "always"
+    formula = implied ["iff" formula]                  also "xor"
+    implied = or ["=>" implied]
+    or      = and {"or" and}
+    and     = until {"and" until}
+    until   = unary ["U" [window] until]
+    unary   = "not" unary
+            | ("F" | "G") [window] unary
             | "(" formula ")" | "mean" "(" formula ")" | "share" "(" number "," formula ")"
-            | "in" "(" place ")" | "avoid" "(" place ")"
-            | sum (">=" | "<=" | ">" | "<") sum
-    window  = "[" time "," time "]"                    seconds; without one, the whole horizon
-    time    = number | "T"                             T is the duration
+            | "in" "(" place ")" | "avoid" "(" place ")" | "true" | "false"
+            | sum compare sum {compare sum}            compare is ">=", "<=", ">" or "<"
+    window  = "[" time ("," | ":") time "]"            without one, the rest of the horizon
+    time    = number [unit] | "T" ["-" number [unit]]  T is the duration; "inf)" may end a window
     sum     = ["+" | "-"] product {("+" | "-") product}
     product = factor {("*" | "/") factor}              linear in the states
-    factor  = number | state | "(" sum ")"
+    factor  = number | state | "(" sum ")" | "abs" "(" sum ")"
 
-So ``F[0,5] a and b`` is ``(F[0,5] a) and b``, and ``=>`` and ``U`` group to the right. A state is a letter
-and then letters, digits and ``_``; a place may have ``.`` and ``-`` too, and be a word of the language.
+Other spellings of the words and symbols are in `_tokens.SPELLINGS`. So ``F[0,5] a and b`` is ``(F[0,5] a) and b``,
+and ``iff``, ``=>`` and ``U`` group to the right. A state is a letter and then letters, digits and ``_``; a place may
+have ``.`` and ``-`` too, and be a word of the language.
 """
 
 from __future__ import annotations
@@ -27,17 +29,28 @@ import math
 
 from ensemble_ctrl.constraints.stl._build import Operand, Operator, Sum, built
 from ensemble_ctrl.constraints.stl._tokens import FormulaError, Token, Tokens
+from ensemble_ctrl.constraints.stl._window import read_window
 from ensemble_ctrl.constraints.stl.formula import Formula
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known
 
 __all__ = ["FormulaError", "parse"]
 
-LEVELS = {"=>": 1, "or": 2, "and": 3, "U": 4, "not": 5, "F": 5, "G": 5, "compare": 6, "sign": 7, "times": 8}
+LEVELS = {"iff": 1, "xor": 1, "=>": 2, "or": 3, "and": 4, "U": 5, "not": 6, "F": 6, "G": 6} | {
+    "compare": 7,
+    "sign": 8,
+    "times": 9,
+}
 """How tightly an operator binds; open brackets are at 0."""
 
 UNARY, COMPARE, SIGN = LEVELS["not"], LEVELS["compare"], LEVELS["sign"]
-_AT_TOP = ("and", "or", "=>", "U", "end")
-_IN_BRACKET = ("and", "or", "=>", "U", ")")
+_LISTS = ("and", "or", "=>", "compare")
+"""Operators that become one with more operands where they follow each other."""
+
+_BINARY = ("and", "or", "=>", "iff", "xor", "U")
+_AT_TOP, _IN_BRACKET = (*_BINARY, "end"), (*_BINARY, ")")
+_SUMS = ("sum(", "abs")
+"""Open brackets that hold a sum."""
+
 WORDS = {
     "compare": "'>=', '<='",
     "sign": "'+'",
@@ -100,6 +113,9 @@ class _Parser:
             while self._waiting and not self._read_operator():
                 pass
         (result,) = self._operands
+        if isinstance(result, Known):
+            fact = "true" if result.value > 0 else "false"
+            raise FormulaError(1, "a formula about a state or a place", f"one that is always {fact}")
         assert isinstance(result, Formula)
         return result
 
@@ -108,7 +124,7 @@ class _Parser:
         while True:
             token, before = self._tokens.next(), self._waiting[-1]
             kind, column = token.kind, token.column
-            whole = before.level <= UNARY and before.kind != "sum("  # the place takes any formula
+            whole = before.level <= UNARY and before.kind not in _SUMS  # the place takes any formula
             if kind == "name" or kind == "number":
                 self._operands.append(_factor(token))
                 return
@@ -118,6 +134,12 @@ class _Parser:
                 self._wait(Operator(kind, SIGN, column, 1, token.text))
             elif whole and (kind == "in" or kind == "avoid"):
                 self._operands.append(self._place(kind))
+                return
+            elif kind == "abs":
+                self._tokens.take("(", "'('")
+                self._wait(Operator(kind, 0, column, 1))
+            elif whole and (kind == "true" or kind == "false"):
+                self._operands.append(Known(math.inf if kind == "true" else -math.inf))
                 return
             elif whole and kind in ("not", "F", "G", "mean", "share"):
                 self._wait(self._prefix(token))
@@ -135,7 +157,7 @@ class _Parser:
         """An operator in front of a formula, with its window, or its share and bracket."""
         operator = Operator(token.kind, LEVELS.get(token.kind, 0), token.column, 1)
         if token.kind == "F" or token.kind == "G":
-            operator.window = self._window()
+            operator.window = read_window(self._tokens)
         elif token.kind != "not":
             self._tokens.take("(", "'('")
         if token.kind == "share":
@@ -145,23 +167,6 @@ class _Parser:
                 raise FormulaError(p.column, "a share above 0 and up to 1", p.text)
             self._tokens.take(",", "','")
         return operator
-
-    def _window(self) -> tuple[float, float] | None:
-        """``[a,b]``, if it is there."""
-        if not self._tokens.skip("["):
-            return None
-        (low, a), (high, b) = self._time(","), self._time("]")
-        if high < low:
-            raise FormulaError(b.column, f"a window's end of {a.text} or later", b.text)
-        return low, high
-
-    def _time(self, after: str) -> tuple[float, Token]:
-        """One end of a window, infinity for ``T``, and what has to follow it."""
-        token = self._tokens.next()
-        if token.kind != "number" and token.kind != "T":
-            raise token.refused("a number or T")
-        self._tokens.take(after, f"'{after}'")
-        return math.inf if token.kind == "T" else float(token.text), token
 
     def _read_operator(self) -> bool:
         """Read what may follow an operand; whether another operand has to follow that."""
@@ -176,12 +181,12 @@ class _Parser:
             return False
         level = LEVELS[kind]
         self._combine(level if level > COMPARE else level + 1)  # and, or, => become one list; U groups right
-        if kind == self._waiting[-1].kind != "U":
-            self._waiting[-1].count += 1
+        if kind == self._waiting[-1].kind and kind in _LISTS:
+            self._waiting[-1].chain(token)
             return True
         operator = Operator(kind, level, token.column, 2, token.text)
         if kind == "U":
-            operator.window = self._window()
+            operator.window = read_window(self._tokens)
         elif kind == "compare":
             left = self._operands[-1]
             assert isinstance(left, Sum)
@@ -199,8 +204,8 @@ class _Parser:
             place -= 1
         match self._waiting[place].kind:
             case "compare":
-                return ("sign", "times", *after_formula)
-            case "sum(":
+                return ("compare", "sign", "times", *after_formula)
+            case "sum(" | "abs":
                 return ("sign", "times", ")")
             case "(":
                 return ("compare", "sign", "times", ")")
@@ -235,7 +240,7 @@ def _operand_words(before: Operator, token: Token, whole: bool) -> str:
     """What should have been in an operand's place."""
     if not whole:
         return "a number, a state, '(' or '+'" if before.level < SIGN else "a number, a state or '('"
-    if token.kind == "T":
+    if token.text == "T":
         return "a state's name"
     return "a formula or '['" if before.kind in ("F", "G", "U") and before.window is None else "a formula"
 
