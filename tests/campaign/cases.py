@@ -1,0 +1,373 @@
+"""Random and hostile cases, each made anew from a seed and an index."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from .arcs import Motion
+from .laws import is_exact
+from .model import Case, Floats, Law, Long, Node, Polygon, ends_of, reach
+
+Random = np.random.Generator
+AWAY = (0.0, 1e-12, 1e-9, 1e-6, 1e-3, 2e-3, 1e-2, 0.1, 0.3)
+"""Metres, at scale 1, by which something is moved to either side of touching."""
+NUDGES = (0.0, 2.0**-52, 1e-12, 5e-10, 1e-9, 3e-9, 1e-8, 9e-7, 1e-6, 1e-4)
+"""Seconds by which times miss the grid."""
+WIDTHS = (0.0, 1e-12, 5e-10, 5e-9, 9e-7, 1e-5, 1e-3)
+"""Seconds that tiny windows last."""
+NAMES: tuple[dict[str, float], ...] = (
+    {"traction": 0.1},
+    {"linear_traction": 0.1},
+    {"angular_traction": 0.1},
+    {"start_heading": 0.1},
+    {"start_x": 0.2},
+    {"linear_traction": 0.1, "angular_traction": 0.05},
+    {"traction": 0.1, "start_x": 0.1, "start_y": 0.05},
+    {"start_heading": 0.05, "start_y": 0.1},
+    {"linear_traction": 0.05, "angular_traction": 0.03, "start_heading": 0.02},
+)
+"""Parameters of a fleet with their half ranges."""
+
+
+def make(seed: int, index: int) -> Case:
+    """The case with this index."""
+    rng = np.random.default_rng([seed, index])
+    weights = np.array([weight for weight, _ in FAMILIES.values()], dtype=float)
+    name = list(FAMILIES)[int(rng.choice(len(FAMILIES), p=weights / weights.sum()))]
+    return of_family(name, rng)
+
+
+def of_family(name: str, rng: Random) -> Case:
+    """A case of one family."""
+    return replace(FAMILIES[name][1](rng), family=name)
+
+
+def _pick(rng: Random, values: tuple[float, ...]) -> float:
+    """One of some numbers."""
+    return float(values[int(rng.integers(len(values)))])
+
+
+def _away(rng: Random, scale: float) -> float:
+    """A distance to either side of touching; mostly one that shows."""
+    size = _pick(rng, AWAY) if rng.random() < 0.4 else float(rng.uniform(2e-3, 0.4))
+    return float(rng.choice([-1.0, 1.0])) * size * scale
+
+
+def _fleet(
+    rng: Random,
+    scale: float = 1.0,
+    steps: int = 0,
+    turn: float = 2.0,
+    origin: float = 0.0,
+    kinds: tuple[dict[str, float], ...] = NAMES,
+    equal: float = 0.2,
+) -> Case:
+    """A fleet with controls and no task yet."""
+    steps = steps or int(rng.choice([1, 2, 3, 5, 8, 12]))
+    dt = _pick(rng, (0.1, 0.25, 0.5, 1.0, 1 / 3, 0.7))
+    controls = rng.uniform([-2.0, -turn], [2.0, turn], (steps, 2)) * (rng.random((steps, 2)) < [0.9, 0.65])
+    if rng.random() < 0.3:
+        controls = np.round(controls * 4) / 4
+    controls[:, 0] *= scale
+    kind = kinds[int(rng.integers(len(kinds)))]
+    width = 0.0 if rng.random() < equal else _pick(rng, (1e-6, 0.01, 0.3, 1.0, 2.0))
+    parameters: dict[str, Law] = {}
+    for name, half in kind.items():
+        middle, size = (0.0, half) if name.startswith("start") else (1.0, half)
+        size *= width * (scale if name in ("start_x", "start_y") else 1.0)
+        parameters[name] = ("uniform", middle - size, middle + size)
+    place = rng.uniform(-1, 1, 2) * scale + origin * rng.choice([-1.0, 1.0], 2)
+    if rng.random() < 0.3:
+        place = np.round(place)
+    heading = 0.0 if rng.random() < 0.3 else float(rng.uniform(-np.pi, np.pi))
+    radius = float(rng.uniform(0.01, 0.2)) * scale if rng.random() < 0.3 else 0.0
+    rows = tuple((float(v), float(w)) for v, w in controls)
+    axis = "y" if rng.random() < 0.2 else "x"
+    start = float(place[0]), float(place[1])
+    task = ("pred", 1.0, 0.0, 0.0)
+    return Case("", "unicycle", axis, 0.3, parameters, start, heading, radius, dt * steps, rows, task)
+
+
+def _seen(case: Case, rng: Random) -> tuple[Floats, Floats, float]:
+    """Where a member is at some time, its direction there, and the time."""
+    ends = np.array([ends_of(law) for law in case.laws.values()]).reshape(-1, 2)
+    member = np.where(rng.random(len(ends)) < 0.5, ends[:, 0], ends[:, 1])[None]
+    time = float(rng.random()) * case.duration
+    if rng.random() < 0.4:
+        time = case.duration / len(case.controls) * int(rng.integers(len(case.controls) + 1))
+    path = Motion(case).paths(member, np.array([time, time + 1e-3 * case.duration], dtype=Long))[0]
+    along = (path[1] - path[0]).astype(float)
+    size = float(np.hypot(*along))
+    return path[0].astype(float), along / size if size > 0 else np.array([1.0, 0.0]), time
+
+
+def _polygon(rng: Random, case: Case, scale: float, size: float) -> Polygon:
+    """A convex polygon that a member passes at about the distance of `_away`, or one that it is driven into."""
+    place, along, _ = _seen(case, rng)
+    normal = np.array([-along[1], along[0]]) * rng.choice([-1.0, 1.0])
+    gap = case.radius + _away(rng, scale)
+    if rng.random() < 0.4:
+        low = place + gap * np.abs(normal) + np.where(normal < 0, -size * scale, 0.0)
+        low = low + np.where(normal < 0, -2 * gap * np.abs(normal), 0.0)
+        (x0, y0), (x1, y1) = low, low + size * scale * rng.uniform(0.5, 1.0, 2)
+        return tuple((float(x), float(y)) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+    corners = int(rng.choice([3, 4, 6, 24]))
+    angles = np.linspace(0, 2 * np.pi, corners, endpoint=False) + rng.uniform(0, 2 * np.pi)
+    centre = place + (gap + size * scale * np.cos(np.pi / corners) * rng.choice([0.0, 1.0], p=[0.1, 0.9])) * normal
+    points = centre + size * scale * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return tuple((float(x), float(y)) for x, y in points)
+
+
+def _time(rng: Random, case: Case, most: float) -> float:
+    """A time up to `most`: on the grid, next to it, or anywhere."""
+    dt = case.duration / len(case.controls)
+    kind = rng.random()
+    if kind < 0.35:
+        return float(rng.uniform(0, most))
+    time = dt * int(rng.integers(int(most / dt) + 1))
+    if kind < 0.7:
+        time += float(rng.choice([-1.0, 1.0])) * _pick(rng, NUDGES)
+    return float(min(max(time, 0.0), most))
+
+
+def _window(rng: Random, case: Case, most: float) -> tuple[float, float]:
+    """A window that ends by `most`: of any size, tiny, or one instant."""
+    first = _time(rng, case, most)
+    if rng.random() < 0.3:
+        return first, min(first + _pick(rng, WIDTHS), most)
+    second = _time(rng, case, most)
+    return min(first, second), max(first, second)
+
+
+def _leaf(rng: Random, case: Case, scale: float) -> Node:
+    """A predicate whose line a member passes closely, or a region or an obstacle of the map."""
+    kind = rng.random()
+    if kind < 0.2 and case.regions:
+        leaf: Node = ("in", str(rng.choice(list(case.regions))))
+        return ("not", leaf) if rng.random() < 0.3 else leaf
+    if kind < 0.3 and case.obstacles and not case.motions:
+        return ("avoid", str(rng.choice(list(case.obstacles))))
+    place, _, _ = _seen(case, rng)
+    angle = float(rng.uniform(0, 2 * np.pi))
+    row = rng.choice([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [np.cos(angle), np.sin(angle)], [2.0, -3.0]])
+    cx, cy = float(row[0]), float(row[1])
+    offset = -(cx * place[0] + cy * place[1]) + _away(rng, scale)
+    return ("pred", cx, cy, float(offset))
+
+
+def _formula(rng: Random, case: Case, scale: float, depth: int, most: float) -> Node:
+    """A formula that looks ahead by at most `most` seconds."""
+    kind = rng.random()
+    if depth == 0 or kind < 0.1:
+        return _leaf(rng, case, scale)
+    if kind < 0.25:
+        parts = [_formula(rng, case, scale, depth - 1, most) for _ in range(2)]
+        return (str(rng.choice(["and", "or"])), *parts)
+    if kind < 0.32:
+        return ("not", _formula(rng, case, scale, depth - 1, most))
+    window: tuple[float | None, float | None] = (None, None)
+    left = most
+    if rng.random() < 0.7:
+        share = most if depth == 1 else most * float(rng.uniform(0.2, 0.8))
+        window = _window(rng, case, share)
+        left = max(most - float(window[1] or 0.0) - 1e-9, 0.0)
+    if kind < 0.42:
+        parts = [_formula(rng, case, scale, depth - 1, left) for _ in range(2)]
+        return ("U", *window, *parts)
+    return (str(rng.choice(["F", "G"])), *window, _formula(rng, case, scale, depth - 1, left))
+
+
+def _with_map(rng: Random, case: Case, scale: float, size: float = 0.4, obstacles: int = 2) -> Case:
+    """Obstacles and a region that members come close to."""
+    count = int(rng.integers(obstacles + 1))
+    found: dict[str, tuple[Polygon, ...]] = {
+        f"o{k}": (_polygon(rng, case, scale, size * float(rng.uniform(0.3, 1.5))),) for k in range(count)
+    }
+    place, _, _ = _seen(case, rng)
+    half = rng.uniform(0.1, 1.0, 2) * scale
+    low, high = place - half * rng.random(2), place + half
+    return replace(
+        case, obstacles=found, regions={"r": ((float(low[0]), float(high[0])), (float(low[1]), float(high[1])))}
+    )
+
+
+def _duties(rng: Random, case: Case) -> list[Node]:
+    """What is kept out of, each through a window of its own."""
+    found: list[Node] = []
+    for name in case.obstacles:
+        window: tuple[float | None, float | None] = (None, None)
+        if rng.random() < 0.6:
+            window = _window(rng, case, case.duration)
+        found.append(("G", *window, ("avoid", name)))
+    return found
+
+
+def _tasked(rng: Random, case: Case, scale: float, depth: int = 2) -> Case:
+    """The case with duties and perhaps another part, which keeps within the horizon."""
+    parts = _duties(rng, case)
+    if not parts or rng.random() < 0.5:
+        part = _formula(rng, case, scale, depth, case.duration)
+        if reach(part) <= case.duration:
+            parts.append(part)
+    parts = parts or [("G", None, None, _leaf(rng, replace(case, obstacles={}), scale))]
+    flat: list[Node] = []
+    for part in parts:
+        flat += part[1:] if part[0] == "and" else (part,)
+    return replace(case, task=flat[0] if len(flat) == 1 else ("and", *flat))
+
+
+def _plain(rng: Random) -> Case:
+    return _tasked(rng, _with_map(rng, _fleet(rng), 1.0), 1.0)
+
+
+def _windows(rng: Random) -> Case:
+    case = _with_map(rng, _fleet(rng, kinds=NAMES[:5]), 1.0, obstacles=1)
+    return _tasked(rng, case, 1.0, depth=1)
+
+
+def _nested(rng: Random) -> Case:
+    case = _with_map(rng, _fleet(rng, kinds=NAMES[:4], equal=0.5), 1.0, obstacles=0)
+    return _tasked(rng, case, 1.0, depth=3)
+
+
+def _far(rng: Random) -> Case:
+    case = _fleet(rng, scale=_pick(rng, (0.01, 0.1, 1.0)), origin=_pick(rng, (1e3, 5e5, 5e6, 1e7)))
+    return _tasked(rng, _with_map(rng, case, 1.0, size=_pick(rng, (0.02, 0.05, 0.3)), obstacles=1), 0.2)
+
+
+def _scaled(rng: Random) -> Case:
+    scale = _pick(rng, (1e-6, 1e-4, 1e-2, 1e2, 1e4, 1e6))
+    return _tasked(rng, _with_map(rng, _fleet(rng, scale=scale, kinds=NAMES[:6], equal=0.5), scale), scale)
+
+
+def _turning(rng: Random) -> Case:
+    case = _fleet(rng, turn=_pick(rng, (6.0, 20.0, 100.0)), kinds=NAMES[:5], equal=0.4)
+    if rng.random() < 0.3:  # full circles, or halves of them, in each step
+        dt = case.duration / len(case.controls)
+        turn = float(rng.choice([1.0, 2.0])) * np.pi / dt
+        case = replace(case, controls=tuple((v, turn) for v, _ in case.controls))
+    return _tasked(rng, _with_map(rng, case, 1.0, obstacles=1), 1.0)
+
+
+def _ranged(rng: Random) -> Case:
+    case = _fleet(rng, kinds=NAMES[:4])
+    name = next(iter(case.parameters))
+    low = _pick(rng, (-1.0, -0.2, 0.0, 0.0, 0.5))
+    case = replace(case, ranges={name: (low, low + _pick(rng, (0.0, 0.2, 1.0, 2.0)))})
+    return _tasked(rng, _with_map(rng, case, 1.0, obstacles=1), 1.0)
+
+
+def _starts(rng: Random) -> Case:
+    return _tasked(rng, _with_map(rng, _fleet(rng, kinds=NAMES[4:], equal=0.0), 1.0), 1.0, depth=1)
+
+
+def _moving(rng: Random) -> Case:
+    case = _fleet(rng, kinds=NAMES[:7])
+    _, _, time = _seen(case, rng)
+    case = replace(case, obstacles={"o0": (_polygon(rng, case, 1.0, 0.3),)})
+    count = int(rng.integers(2, 5))
+    times = [0.0, *np.sort(rng.uniform(0, case.duration, count - 2)).tolist(), case.duration]
+    offsets = rng.uniform(-1, 1, (count, 2)) * _pick(rng, (0.01, 0.5, 3.0))
+    if rng.random() < 0.5:  # where it is when a member is there
+        offsets = offsets - np.array([np.interp(time, times, offsets[:, k]) for k in (0, 1)])
+    motion = tuple(times), tuple((float(x), float(y)) for x, y in offsets)
+    case = replace(case, motions={"o0": motion})
+    return replace(case, task=_duties(rng, case)[0])
+
+
+def _cars(rng: Random) -> Case:
+    case = _fleet(rng, turn=float(rng.uniform(0.1, 1.4)))
+    return _tasked(rng, _with_map(rng, replace(case, system="bicycle"), 1.0, obstacles=1), 1.0)
+
+
+def _spread(rng: Random, case: Case) -> Case:
+    """The same fleet under other laws."""
+    laws: dict[str, Law] = {}
+    for name, law in case.parameters.items():
+        low, high = ends_of(law)
+        if high - low < 1e-3:
+            low, high = low - 0.05, high + 0.05
+        laws[name] = _law(rng, low, high)
+    cloud: tuple[str, ...] = ()
+    bends = [name for name in laws if name not in ("start_x", "start_y")]
+    if bends and rng.random() < 0.4:
+        count, cloud = int(rng.integers(2, 8)), tuple(bends)
+        for name in bends:
+            laws[name] = ("samples", tuple(rng.uniform(*ends_of(laws[name]), count).tolist()))
+    return replace(case, parameters=laws, cloud=cloud)
+
+
+def _law(rng: Random, low: float, high: float) -> Law:
+    """Any law on a range."""
+    middle = (low + high) / 2
+    simple: list[Law] = [
+        ("uniform", low, high),
+        ("beta", low, high, float(rng.uniform(0.5, 5)), float(rng.uniform(0.5, 5))),
+        ("normal", low, high, float(rng.uniform(low, high)), float(rng.uniform(0.1, 1.0)) * (high - low)),
+        ("samples", tuple(rng.uniform(low, high, int(rng.integers(1, 8))).tolist())),
+    ]
+    if rng.random() < 0.15:
+        parts = ("uniform", low, low + 0.3 * (high - low)), ("beta", middle, high, 2.0, 2.0)
+        return ("mixture", tuple((part, float(rng.uniform(0.2, 2.0))) for part in parts))
+    return simple[int(rng.integers(len(simple)))]
+
+
+def _shares(rng: Random) -> Case:
+    case = _spread(rng, _fleet(rng, kinds=(NAMES[0], NAMES[1], NAMES[3], NAMES[5])))
+    case = _with_map(rng, case, 1.0, obstacles=1)
+    child = ("G", None, None, _leaf(rng, replace(case, obstacles={}), 1.0))
+    if case.obstacles and rng.random() < 0.5:
+        child = _duties(rng, case)[0]
+    share = _pick(rng, (0.2, 0.5, 0.75, 0.9, 1 / 3, 1.0))
+    if rng.random() < 0.4 and is_exact(case):
+        temporal = str(rng.choice(["F", "G"]))
+        return replace(
+            case, task=(temporal, None, None, ("share", share, _leaf(rng, replace(case, obstacles={}), 1.0)))
+        )
+    return replace(case, task=("share", share, child))
+
+
+def _means(rng: Random) -> Case:
+    case = _spread(rng, _fleet(rng, kinds=NAMES[:6]))
+    case = _with_map(rng, case, 1.0, obstacles=0)
+    part = _formula(rng, case, 1.0, 2, case.duration)
+    if reach(part) > case.duration:
+        part = ("G", None, None, _leaf(rng, case, 1.0))
+    return replace(case, task=("mean", part))
+
+
+def _long(rng: Random) -> Case:
+    case = _fleet(rng, steps=int(rng.choice([200, 500, 2000])), kinds=NAMES[:2], equal=0.6)
+    return _tasked(rng, _with_map(rng, case, 1.0, obstacles=1), 1.0, depth=1)
+
+
+def _touching(rng: Random) -> Case:
+    """Straight ways of equal robots to a line that is touched but for roundings."""
+    case = _fleet(rng, turn=0.0, equal=1.0, kinds=NAMES[:2], origin=_pick(rng, (0.0, 0.0, 1e3, 1e6)))
+    end = Motion(case).paths(np.ones((1, 1)), np.array([case.duration], dtype=Long))[0, 0]
+    row = (-float(np.cos(case.heading)), -float(np.sin(case.heading)))
+    offset = -(Long(row[0]) * end[0] + Long(row[1]) * end[1])
+    nudge = float(rng.choice([-1, 0, 1])) * float(np.spacing(float(abs(offset))))
+    return replace(case, task=("G", None, None, ("pred", *row, float(offset) + nudge)))
+
+
+FAMILIES: dict[str, tuple[float, Callable[[Random], Case]]] = {
+    "plain": (14, _plain),
+    "windows": (18, _windows),
+    "nested": (14, _nested),
+    "far": (8, _far),
+    "scaled": (8, _scaled),
+    "turning": (8, _turning),
+    "ranged": (6, _ranged),
+    "starts": (6, _starts),
+    "moving": (7, _moving),
+    "cars": (5, _cars),
+    "shares": (5, _shares),
+    "means": (4, _means),
+    "touching": (5, _touching),
+    "long": (0.2, _long),
+}
+"""Families of cases with how many of each there are, in parts."""

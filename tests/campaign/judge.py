@@ -1,0 +1,196 @@
+"""A certificate judged by the oracle: every claim that is false, and whether brute force decides what was left open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.errors import ProblemError
+
+from . import laws, subject
+from .model import Case, Floats, Long, Node, conjuncts
+from .oracle import Duty, Oracle, duties_of, reads_fleet
+
+SPARE = 1e-3
+"""Metres with which brute force decides a case that a certificate should decide too."""
+DOUBLE = 2.0**-52
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A false claim.
+
+    Attributes
+    ----------
+    kind : str
+        ``false yes``, ``bound``, ``false no``, ``counter-example``, ``refusal`` or ``crash``.
+    what : str
+        The obstacle or the part, and what was said of it.
+    excess : float
+        Metres by which the claim is wrong.
+    """
+
+    kind: str
+    what: str
+    excess: float
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What was said of a case, and what is true."""
+
+    verdict: str
+    truth: float
+    missed: float
+    faults: tuple[Fault, ...]
+
+    @property
+    def decided(self) -> str:
+        """What brute force says with a millimetre to spare; nothing if it is closer."""
+        return "no" if self.truth <= -SPARE else "yes" if self.truth - self.missed >= SPARE else ""
+
+
+def judge(case: Case) -> Judgement:
+    """The certificate of a case against the oracle."""
+    oracle = Oracle(case)
+    try:
+        certificate = subject.certified(case)
+    except ProblemError as error:
+        truth, missed = _true_value(oracle)
+        wrong = truth - missed >= SPARE
+        faults = (Fault("refusal", str(error), truth),) if wrong and not _is_legal(str(error)) else ()
+        return Judgement("refused", truth, missed, faults)
+    except Exception as error:
+        return Judgement("crash", math.nan, 0.0, (Fault("crash", repr(error), math.inf),))
+    return _judged(case, oracle, certificate)
+
+
+def _is_legal(message: str) -> bool:
+    """Whether a problem is refused for a reason that has nothing to do with its task."""
+    return any(word in message for word in ("expected", "unreachable", "inside obstacle"))
+
+
+def _true_value(oracle: Oracle) -> tuple[float, float]:
+    """The smallest value of all parts, and by how much it may be below the truth."""
+    values, missed = [], 0.0
+    for part in oracle.case.conjuncts:
+        duties = duties_of(oracle.case, part)
+        values += [oracle.clearance(duty) for duty in duties]
+        if not duties:
+            values.append(_share_value(oracle, part) if part[0] == "share" else oracle.worst(part))
+            missed = max(missed, oracle.missed(part))
+    return min(values), missed
+
+
+def _share_value(oracle: Oracle, part: Node) -> float:
+    """The value that about this share of the fleet reaches."""
+    rows, weights = laws.drawn(oracle.case, 33)
+    values = oracle.member_values(part[2], rows)
+    order = np.argsort(-values)
+    return float(values[order][(np.cumsum(weights[order]) >= part[1] - 1e-12).argmax()])
+
+
+def _judged(case: Case, oracle: Oracle, certificate: Certificate) -> Judgement:
+    """Each bound against what was found."""
+    duties = [duty for part in case.conjuncts for duty in duties_of(case, part)]
+    others = [part for part in case.conjuncts if not duties_of(case, part)]
+    faults: list[Fault] = []
+    truths: list[float] = []
+    missed = 0.0
+    for duty, bound in zip(duties, certificate.clearances, strict=True):
+        near = _member(case, bound.parameters)
+        truth = oracle.clearance(duty, near)
+        truths.append(truth)
+        faults += _too_high(bound.obstacle, bound.proven, truth + float(oracle.slack))
+        if near is not None and math.isfinite(bound.sampled):
+            faults += _witness(oracle, duty, bound.sampled, near, bound.time)
+    for part, task in zip(others, certificate.parts, strict=True):
+        near = _member(case, task.parameters)
+        if part[0] == "share" and not reads_fleet(part[2]):
+            truths.append(_share_value(oracle, part))
+            faults += _share_faults(oracle, part, task.proven, task.share)
+            continue
+        truth = oracle.worst(part, near)
+        truths.append(truth)
+        missed = max(missed, oracle.missed(part))
+        faults += _too_high(task.part, task.proven, truth + oracle.missed(part) + float(oracle.slack))
+        if near is not None and math.isfinite(task.sampled):
+            lowest = float(oracle.robustness(part, near)[0]) - float(oracle.knots[1] + oracle.slack)
+            faults += _too_low(oracle, task.part, task.sampled, lowest)
+    truth = min(truths)
+    if certificate.proven == "yes" and truth + missed + float(oracle.slack) < 0:
+        faults.append(Fault("false yes", "the task", -truth))
+    if certificate.proven == "no" and certificate.counter_example is None:
+        faults.append(Fault("counter-example", "none with a no", math.inf))
+    return Judgement(certificate.proven, truth, missed, tuple(faults))
+
+
+def _member(case: Case, parameters: dict[str, float]) -> Floats | None:
+    """A member as a row; None where there is none."""
+    if not parameters and case.laws:
+        return None
+    return np.array([[parameters[name] for name in case.laws]]).reshape(1, len(case.laws))
+
+
+def _too_high(what: str, proven: float, truth: float) -> Iterator[Fault]:
+    """A bound above the truth; NaN is above everything."""
+    if not proven <= truth:
+        yield Fault("bound", f"{what}: proven {proven!r}, found {truth!r}", proven - truth)
+
+
+def _too_low(oracle: Oracle, what: str, said: float, lowest: float) -> Iterator[Fault]:
+    """A violation that is none, or more of one than there is."""
+    if said < 0 < lowest:
+        yield Fault("false no", f"{what}: said {said!r}, true {lowest!r}", lowest)
+    elif said + _rounding(oracle) < lowest:
+        yield Fault("counter-example", f"{what}: said {said!r}, true {lowest!r}", lowest - said)
+
+
+def _witness(oracle: Oracle, duty: Duty, said: float, near: Floats, time: float) -> Iterator[Fault]:
+    """A distance seen that isn't there, by a member or at a time that the claim isn't about."""
+    low, high = oracle.ends.T
+    outside = max(float((low - near).max(initial=0.0)), float((near - high).max(initial=0.0)))
+    if outside > 0 and said < 0:
+        yield Fault("counter-example", f"{duty.name}: a member {outside!r} outside the ranges", outside)
+    early, late = Long(duty.begin), min(Long(duty.end), oracle.motion.grid[-1])
+    width = Long(8 * DOUBLE) * oracle.motion.grid[-1]
+    if not early - width <= Long(time) <= late + width:
+        if said < 0:
+            yield Fault("false no", f"{duty.name}: seen at {time!r} s, outside {duty.begin!r}..{duty.end!r}", -said)
+        return
+    times = np.clip(Long(time) + width * np.array([-1, 0, 1], dtype=Long), early, late)
+    yield from _too_low(oracle, duty.name, said, float(oracle.distances(duty, near, times).min() - oracle.slack))
+
+
+def _rounding(oracle: Oracle) -> float:
+    """What double precision may leave a distance by that is only seen, not proven."""
+    return 1e4 * float(oracle.slack) / 2 + 64 * DOUBLE * oracle.extent
+
+
+def _share_faults(oracle: Oracle, part: Node, proven: float, share: float | None) -> Iterator[Fault]:
+    """A share of the fleet that is less than claimed."""
+    if not math.isfinite(proven):
+        if proven > 0:
+            yield Fault("bound", f"share: proven {proven!r}", math.inf)
+        return
+    exact = laws.is_exact(oracle.case)
+    for count in (32, 512):
+        rows, weights = laws.drawn(oracle.case, count)
+        values = oracle.member_values(part[2], rows)
+        slack = float(oracle.slack) + max(oracle.missed(inner) for inner in _others(oracle, part[2]))
+        found = float(weights[values + slack >= proven].sum())
+        wanted = max(part[1], share or 0.0)
+        if found >= wanted - (1e-9 if exact else 3.0 / math.sqrt(count) / (1 if len(oracle.case.laws) > 1 else 3)):
+            return
+        if exact:
+            break
+    yield Fault("bound", f"share: {wanted!r} of the fleet at {proven!r}, found {found!r}", wanted - found)
+
+
+def _others(oracle: Oracle, part: Node) -> list[Node]:
+    """Parts of a share that have a robustness; something harmless if there are none."""
+    return [node for node in conjuncts(part) if not duties_of(oracle.case, node)] or [("pred", 1.0, 0.0, 0.0)]

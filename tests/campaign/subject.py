@@ -1,0 +1,60 @@
+"""A case given to the package: its problem, and what the certificate says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ensemble_ctrl.certificate import Certificate, certify
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.motion import Motion
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
+
+from . import model
+from .model import Case
+
+
+def law_of(law: model.Law) -> Law:
+    """The package's law."""
+    kind, *rest = law
+    if kind == "samples":
+        return Samples(rest[0])
+    if kind == "mixture":
+        return Mixture(*((law_of(part), weight) for part, weight in rest[0]))
+    makers: dict[str, Any] = {"uniform": Interval, "beta": Beta, "normal": TruncatedNormal}
+    made: Law = makers[kind](*rest)
+    return made
+
+
+def problem_of(case: Case) -> Problem:
+    """The problem of a case, with input bounds that its controls keep."""
+    most = np.maximum(np.abs(np.array(case.controls)).max(axis=0), 1e-3) * 2
+    system: ArcSystem = Unicycle("y" if case.heading_from == "y" else "x")
+    if case.system == "bicycle":
+        system, most[1] = Bicycle("y" if case.heading_from == "y" else "x", case.wheelbase), 1.5
+    cloud = {name: np.array(case.parameters[name][1]) for name in case.cloud} or None
+    parameters = {name: law_of(law) for name, law in case.parameters.items()}
+    fleet = Fleet(
+        system, parameters, np.array(case.position), case.heading, -most, most, radius=case.radius, cloud=cloud
+    )
+    return Problem(
+        "case",
+        fleet,
+        case.duration,
+        len(case.controls),
+        parse(model.text(case.task)),
+        {name: Polyhedron.box(box) for name, box in case.regions.items()},
+        {name: tuple(map(Obstacle.polygon, pieces)) for name, pieces in case.obstacles.items()},
+        {name: Motion(np.array(times), np.array(places)) for name, (times, places) in case.motions.items()},
+    )
+
+
+def certified(case: Case) -> Certificate:
+    """What is proven of a case's controls."""
+    ranges = {name: Interval(*ends) for name, ends in (case.ranges or {}).items()}
+    return certify(problem_of(case), np.array(case.controls), ranges or None)
