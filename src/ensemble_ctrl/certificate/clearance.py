@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import START, Flow, Track, first_cells, signs_of
 from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.exact import hull
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.motion import Motion
 
@@ -308,12 +309,11 @@ def _moved(motion: Motion | None, times: Floats) -> Floats:
 
 
 def grown(obstacle: Obstacle, shift: Floats) -> Obstacle:
-    """The Minkowski sum of an obstacle and the box ``[-shift, shift]``: its sides are those of both."""
-    inward, level = -obstacle.unit_rows()[0], -obstacle.unit_rows()[1]
-    low, high = obstacle.vertices.min(axis=0), obstacle.vertices.max(axis=0)
-    A = np.concatenate([inward, np.eye(2), -np.eye(2)])
-    b = np.concatenate([level - np.abs(inward) @ shift, low - shift, -(high + shift)])
-    return Obstacle(A, b)
+    """The Minkowski sum of an obstacle and the box ``[-shift, shift]``, rounded outwards: the hull of its corners."""
+    low, high = (obstacle.vertices + way * shift for way in (-1, 1))
+    low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
+    corners = [np.column_stack([x, y]) for x in (low[:, 0], high[:, 0]) for y in (low[:, 1], high[:, 1])]
+    return Obstacle.polygon(hull(np.concatenate(corners)))
 
 
 def separation(corners: Floats, sides: Floats, vertices: Floats) -> Floats:

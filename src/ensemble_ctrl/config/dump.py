@@ -15,7 +15,6 @@ from ensemble_ctrl.config.targets import target_data
 from ensemble_ctrl.config.tree import SCALARS
 from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
 from ensemble_ctrl.constraints.stl import Predicate
-from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Objective, OdeProblem, Problem
@@ -134,7 +133,10 @@ def _region(region: Polyhedron, places: Places) -> Data:
     if np.array_equal(region.A, np.eye(len(places))) and np.isfinite([region.lower, region.upper]).all():
         return {"box": np.column_stack([region.lower, region.upper]).tolist()}
     if np.isinf(region.upper).all() and np.isfinite(region.lower).all():
-        return _rows(region.A, region.lower, places)
+        corners = _corners_of(region) if len(places) == 2 else None
+        if corners is not None:
+            return {"polygon": corners.tolist()}
+        return {"halfspaces": _inequalities(region.A, region.lower, places)}
     G, h = region.unit_rows()
     return {"halfspaces": _inequalities(-G, -h, places)}
 
@@ -148,23 +150,19 @@ def _obstacle(pieces: tuple[Obstacle, ...], places: Places) -> Data | list[Data]
 def _piece(piece: Obstacle, places: Places) -> Data:
     """One convex piece in the shortest form that is exact."""
     box = np.column_stack([piece.vertices.min(axis=0), piece.vertices.max(axis=0)])
-    exact = _same((Solid if len(box) == 3 else Obstacle).box(box), piece.A, piece.b)
-    return {"box": box.tolist()} if exact else _rows(piece.A, piece.b, places)
+    if _same((Solid if len(box) == 3 else Obstacle).box(box), piece.A, piece.b):
+        return {"box": box.tolist()}
+    if len(places) == 2 and _same(Obstacle.polygon(piece.vertices), piece.A, piece.b):
+        return {"polygon": piece.vertices.tolist()}
+    return {"halfspaces": _inequalities(piece.A, piece.b, places)}
 
 
-def _rows(A: Floats, b: Floats, places: Places) -> Data:
-    """The set ``A x >= b`` by its corners if that is exact in the plane, else by its inequalities."""
-    if A.shape[1] != 2:
-        return {"halfspaces": _inequalities(A, b, places)}
-    try:
-        corners = np.round(Obstacle(A, b).vertices, 12) + 0.0
-        match = (A[0] == Obstacle.polygon(corners).A).all(axis=1)
-        corners = np.roll(corners, -int(match.argmax()), axis=0)
-        if _same(Obstacle.polygon(corners), A, b):
-            return {"polygon": corners.tolist()}
-    except ProblemError:
-        pass
-    return {"halfspaces": _inequalities(A, b, places)}
+def _corners_of(region: Polyhedron) -> Floats | None:
+    """The corners from which a polygon has exactly these rows, if there are any."""
+    if region.is_empty or not region.is_bounded or len(region.vertices) < 3:
+        return None
+    made = Polyhedron.polygon(region.vertices)
+    return region.vertices if np.array_equal(made.A, region.A) and np.array_equal(made.lower, region.lower) else None
 
 
 def _same(obstacle: Obstacle, A: Floats, b: Floats) -> bool:

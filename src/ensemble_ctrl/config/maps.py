@@ -18,6 +18,7 @@ from ensemble_ctrl.config.tree import TextError
 from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.cells import DECIMALS
+from ensemble_ctrl.constraints.polygon import LARGEST
 from ensemble_ctrl.errors import ProblemError
 
 Floats = NDArray[np.float64]
@@ -26,8 +27,6 @@ MAX_PIECES = 1_000
 MAX_CORNERS = 10_000
 """Convex pieces and corners that one map may have, before and after they are cut: a problem file has to hold them."""
 MAX_NESTING = 20
-LARGEST = 1e7
-"""Metres: an Earth's quarter."""
 CELLS = 2.0
 """Cells by which an occupancy grid may grow unless a tolerance is given."""
 _EXAMPLE = "for example 'POLYGON ((0 0, 2 0, 1 1, 0 0))'"
@@ -67,6 +66,18 @@ def is_box(corners: Floats) -> bool:
 def box_of(corners: Floats) -> Floats:
     """The smallest box along the axes round some points, ``[[x low, x high], [y low, y high]]``."""
     return np.column_stack([corners.min(axis=0), corners.max(axis=0)])
+
+
+def area_of_polygon(corners: Sequence[tuple[float, float]]) -> Area:
+    """A polygon that stands in a problem file, by the same rule as one of a map.
+
+    Raises
+    ------
+    TextError
+        If it is not simple, or too large.
+    """
+    (area,) = _areas([Shape("", [list(corners)], "")], 0.0)
+    return area
 
 
 def areas_from_wkt(text: str, tolerance: float = 0.0) -> list[Area]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -20,11 +20,11 @@ from pydantic import (
 
 from ensemble_ctrl.checks import STATES
 from ensemble_ctrl.config import fields as f
-from ensemble_ctrl.config.maps import Area, areas_from_file, areas_from_wkt, wrong
+from ensemble_ctrl.config.maps import Area, area_of_polygon, areas_from_file, areas_from_wkt, wrong
 from ensemble_ctrl.config.source import checked_path
 from ensemble_ctrl.config.tree import TextError
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
-from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid, convex_pieces
+from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.errors import EnsembleError
 
@@ -106,9 +106,9 @@ class RegionShape(f.Model):
         places = _places(info)
         forms: dict[str, Callable[[Any], Polyhedron]] = {
             "box": Polyhedron.box,
-            "polygon": lambda corners: _convex(_cut(corners)),
+            "polygon": lambda corners: _convex([area_of_polygon(corners)]),
             "halfspaces": lambda rows: _intersection(rows, places),
-            "file": lambda name: _convex(_pieces(_mapped(name, self.feature, 0.0, info))),
+            "file": lambda name: _convex(_mapped(name, self.feature, 0.0, info)),
         }
         self._area = _built(self, forms)
         return self
@@ -146,7 +146,7 @@ class ObstacleShape(f.Model):
         kind = Solid if len(places) == 3 else Obstacle
         forms: dict[str, Callable[[Any], Pieces]] = {
             "box": lambda box: (kind.box(box),),
-            "polygon": _cut,
+            "polygon": lambda corners: area_of_polygon(corners).pieces,
             "halfspaces": lambda rows: (kind(*_rows(rows, places)),),
             "wkt": lambda text: _pieces(areas_from_wkt(text)),
             "file": lambda name: _pieces(_mapped(name, self.feature, self.tolerance, info)),
@@ -207,17 +207,13 @@ def _pieces(areas: Iterable[Area]) -> Pieces:
     return tuple(piece for area in areas for piece in area.pieces)
 
 
-def _cut(corners: ArrayLike) -> Pieces:
-    """The convex pieces of a polygon."""
-    return tuple(Obstacle.polygon(piece) for piece in convex_pieces(corners))
-
-
-def _convex(pieces: Pieces) -> Polyhedron:
+def _convex(areas: Iterable[Area]) -> Polyhedron:
     """A convex polygon as a region."""
+    pieces = [corners for area in areas for corners in area.corners]
     if len(pieces) > 1:
         hint = f"it splits into {len(pieces)} convex ones: name each and write in(a) or in(b)"
         raise Wrong("expected a convex polygon, got one that is not", hint)
-    return Polyhedron(pieces[0].A, pieces[0].b, np.full(len(pieces[0].b), np.inf))
+    return Polyhedron.polygon(pieces[0])
 
 
 def _intersection(halfplanes: list[Predicate], places: tuple[str, ...]) -> Polyhedron:

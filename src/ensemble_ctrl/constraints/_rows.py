@@ -56,54 +56,34 @@ def _eliminate_last(G: Array, h: Array) -> tuple[Array, Array]:
 
 def is_cone_trivial(G: Array) -> bool:
     """Whether ``G d <= 0`` has no solution but zero, so that ``G x <= h`` is bounded for every h."""
-    if G.shape[1] == 2:  # no two neighbouring normals are half a turn or more apart
-        angles = np.sort(np.arctan2(G[:, 1], G[:, 0]))
-        return len(G) > 2 and bool((np.diff(angles, append=angles[0] + 2 * np.pi) < np.pi - TOLERANCE).all())
     sides = np.vstack([np.eye(G.shape[1]), -np.eye(G.shape[1])])
     base = np.zeros(len(G))
     return not any(is_feasible(np.vstack([G, side]), np.append(base, -1.0)) for side in sides)
 
 
-def boundary_vertices(G: Array, h: Array) -> Array:
-    """Corners of the bounded plane set ``G x <= h`` (unit rows), counter-clockwise, without repeats."""
-    first, second = np.triu_indices(len(G), k=1)
-    det = G[first, 0] * G[second, 1] - G[first, 1] * G[second, 0]
-    crossing = np.abs(det) > 1e-12
-    first, second, det = first[crossing], second[crossing], det[crossing]
-    x = (h[first] * G[second, 1] - h[second] * G[first, 1]) / det
-    y = (G[first, 0] * h[second] - G[second, 0] * h[first]) / det
-    points = np.stack([x, y], axis=1)
-    slack = TOLERANCE * max(1.0, float(np.abs(h).max()))
-    return _ordered(points[(points @ G.T <= h + slack).all(axis=1)], slack)
+def space_vertices(G: Array, h: Array) -> Array:
+    """Corners of the bounded set ``G x <= h`` (unit rows) in space, without repeats, shape (corners, 3).
 
-
-def _ordered(points: Array, slack: float) -> Array:
-    """Points of a convex curve by angle round their centre, near-equal ones merged."""
-    if not len(points):
-        return points
-    offset = points - points.mean(axis=0)
-    points = points[np.argsort(np.arctan2(offset[:, 1], offset[:, 0]), kind="stable")]
+    Corners are found twice: about the origin, and then about their middle, so that what counts as equal is a share of
+    the set's size and not of its distance.
+    """
+    rough = _crossings(G, h, TOLERANCE * max(1.0, float(np.abs(h).max(initial=0.0))))
+    if not len(rough):
+        return rough
+    middle = rough.mean(axis=0)
+    size, far = float(np.abs(rough - middle).max()), float(np.abs(rough).max())
+    slack = TOLERANCE * size + 16 * float(np.finfo(float).eps) * far
     kept: list[Array] = []
-    for point in points:
+    for point in _crossings(G, h - G @ middle, slack):
         if not any(np.abs(point - other).max() <= 10 * slack for other in kept):
             kept.append(point)
-    vertices = np.array(kept)
-    vertices.setflags(write=False)
-    return vertices
+    return np.asarray(np.array(kept).reshape(-1, 3) + middle)
 
 
-def space_vertices(G: Array, h: Array) -> Array:
-    """Corners of the bounded set ``G x <= h`` (unit rows) in space, without repeats, shape (corners, 3)."""
+def _crossings(G: Array, h: Array, slack: float) -> Array:
+    """Where three planes cross inside of all others, or at most `slack` outside."""
     triples = np.array(list(combinations(range(len(G)), 3)), dtype=np.int64).reshape(-1, 3)
     rows = G[triples]
     crossing = np.abs(np.linalg.det(rows)) > 1e-12
     points = np.linalg.solve(rows[crossing], h[triples[crossing]][..., None])[..., 0]
-    slack = TOLERANCE * max(1.0, float(np.abs(h).max(initial=0.0)))
-    points = points[(points @ G.T <= h + slack).all(axis=1)]
-    kept: list[Array] = []
-    for point in points:
-        if not any(np.abs(point - other).max() <= 10 * slack for other in kept):
-            kept.append(point)
-    vertices = np.array(kept).reshape(-1, 3)
-    vertices.setflags(write=False)
-    return vertices
+    return np.asarray(points[(points @ G.T <= h + slack).all(axis=1)])

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.constraints.exact import turn
+
 Floats = NDArray[np.float64]
 Shapes = NDArray[np.object_]
 """An array of shapely polygons."""
@@ -133,13 +135,13 @@ def with_fewer_corners(corners: Floats, area: Any, most: int) -> Floats:
     Returns
     -------
     ndarray, shape (m, 2)
-        *Guarantee*: contains the polygon, to rounding.
+        *Guarantee*: contains the polygon.
     """
     import shapely
 
     while len(corners) > most:
         tips = _tips(corners)
-        sides = np.flatnonzero(np.isfinite(tips).all(axis=1))
+        sides = np.flatnonzero([_holds(corners, side, tip) for side, tip in enumerate(tips)])
         ears = shapely.polygons(np.stack([corners, tips, np.roll(corners, -1, axis=0)], axis=1)[sides])
         order = np.argsort(shapely.area(ears), kind="stable").tolist()
         side = next((int(sides[k]) for k in order if shapely.covers(area, ears[k])), None)
@@ -151,11 +153,26 @@ def with_fewer_corners(corners: Floats, area: Any, most: int) -> Floats:
 
 
 def _tips(corners: Floats) -> Floats:
-    """Where the neighbours of each side meet beyond it, shape (n, 2); not finite where they do not."""
+    """Where the neighbours of each side meet beyond it, shape (n, 2), a few roundings further out; else not finite."""
     along = np.roll(corners, -1, axis=0) - corners
+    along /= np.linalg.norm(along, axis=1)[:, None]
     before, behind = np.roll(along, 1, axis=0), np.roll(along, -1, axis=0)
-    turn = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0]
-    share = along[:, 0] * behind[:, 1] - along[:, 1] * behind[:, 0]
+    gap = np.roll(corners, -1, axis=0) - corners
+    sine = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0]
+    share = gap[:, 0] * behind[:, 1] - gap[:, 1] * behind[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ahead = np.where(turn > 1e-12, share / turn, np.nan)
-    return np.asarray(corners + ahead[:, None] * before)
+        ahead = np.where(sine > 1e-12, share / sine, np.nan)
+    outwards = np.stack([before[:, 1] + behind[:, 1], -before[:, 0] - behind[:, 0]], axis=1)
+    outwards /= 1 + np.einsum("ij,ij->i", before, behind)[:, None]
+    further = 64 * np.finfo(float).eps * np.abs(corners).max()
+    return np.asarray(corners + ahead[:, None] * before + further * outwards)
+
+
+def _holds(corners: Floats, side: int, tip: Floats) -> bool:
+    """Whether a polygon with a tip in place of a side still holds both ends of the side and is convex, exactly."""
+    if not np.isfinite(tip).all():
+        return False
+    two_before, before, first, last, behind, two_behind = corners[(side + np.arange(-2, 4)) % len(corners)].tolist()
+    outside = tip.tolist()
+    kept = turn(before, first, outside) <= 0 and turn(outside, last, behind) <= 0
+    return kept and turn(two_before, before, outside) > 0 and turn(outside, behind, two_behind) > 0

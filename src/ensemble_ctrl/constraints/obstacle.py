@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.constraints._rows import TOLERANCE, boundary_vertices, checked_rows, is_cone_trivial
-from ensemble_ctrl.constraints.polygon import is_convex, ring
+from ensemble_ctrl.constraints import exact
+from ensemble_ctrl.constraints._rows import checked_rows
+from ensemble_ctrl.constraints.polygon import check_size, facets, is_convex, ring
 from ensemble_ctrl.constraints.polyhedron import SignedMoments
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.readonly import ReadOnlyArrays
@@ -68,14 +70,26 @@ class Obstacle(ReadOnlyArrays):
 
     A: Array
     b: Array
+    _corners: Array = field(init=False, repr=False)
 
     def __init__(self, A: ArrayLike, b: ArrayLike) -> None:
-        self._set_rows(A, b, 2, "polygon")
-        if len(self.vertices) < 3 or self._centre_depth <= TOLERANCE * float(np.abs(self.b).max()):
+        self._set_rows(A, b, 2)
+        corners, bounded = exact.intersection(-self.A, -self.b)
+        if not bounded:
+            raise ProblemError("Obstacle: expected a bounded polygon, got an unbounded set")
+        corners = exact.hull(corners)
+        if len(corners) < 3:
             raise ProblemError("Obstacle: expected a polygon with an area, got an empty or flat set")
+        self._set_corners(corners)
 
-    def _set_rows(self, A: ArrayLike, b: ArrayLike, dimension: int, kind: str) -> None:
-        """Keep the rows, checked to be finite, of the right shape, and those of a bounded set."""
+    def _set_corners(self, corners: Array) -> None:
+        """Keep the corners."""
+        check_size(corners, type(self).__name__)
+        corners.setflags(write=False)
+        object.__setattr__(self, "_corners", corners)
+
+    def _set_rows(self, A: ArrayLike, b: ArrayLike, dimension: int) -> None:
+        """Keep the rows, checked to be finite and of the right shape."""
         name = type(self).__name__
         A = checked_rows(A, f"{name}.A")
         b = np.array(b, dtype=float)
@@ -87,8 +101,14 @@ class Obstacle(ReadOnlyArrays):
         b.setflags(write=False)
         object.__setattr__(self, "A", A)
         object.__setattr__(self, "b", b)
-        if not is_cone_trivial(self.unit_rows()[0]):
-            raise ProblemError(f"{name}: expected a bounded {kind}, got an unbounded set")
+
+    @classmethod
+    def _of(cls, A: ArrayLike, b: ArrayLike, corners: Array) -> Self:
+        """The set of some rows, with its corners as they were given."""
+        made = cls.__new__(cls)
+        made._set_rows(A, b, corners.shape[1])
+        made._set_corners(corners)
+        return made
 
     @classmethod
     def box(cls, bounds: ArrayLike) -> Obstacle:
@@ -99,11 +119,17 @@ class Obstacle(ReadOnlyArrays):
         if not (pairs[:, 0] < pairs[:, 1]).all():
             raise ProblemError(f"Obstacle.box: expected low < high, got {pairs.tolist()}")
         (x0, x1), (y0, y1) = pairs
-        return cls(np.array([[1, 0], [0, -1], [-1, 0], [0, 1]], float), np.array([x0, -y1, -x1, y0]))
+        rows = np.array([[1, 0], [0, -1], [-1, 0], [0, 1]], float)
+        return cls._of(rows, np.array([x0, -y1, -x1, y0]), np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]))
 
     @classmethod
     def polygon(cls, vertices: ArrayLike) -> Obstacle:
         """Convex polygon by its corners, shape (corners, 2), metres, either direction; unit rows.
+
+        Notes
+        -----
+        *Guarantee*: it may only grow. Its `vertices` are the corners of the hull of those given, to the last bit, and
+        all of them satisfy its rows exactly.
 
         Raises
         ------
@@ -113,14 +139,14 @@ class Obstacle(ReadOnlyArrays):
         corners = ring(vertices, "Obstacle.polygon")
         if not is_convex(corners):
             raise ProblemError("Obstacle.polygon: expected a convex polygon, got another; use convex_pieces(vertices)")
-        along = np.roll(corners, -1, axis=0) - corners
-        normals = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
-        return cls(normals, np.einsum("ij,ij->i", normals, corners))
+        if (exact.corner_turns(corners) < 0).any():
+            corners = exact.hull(corners)
+        return cls._of(*facets(corners, inwards=False), corners)
 
-    @cached_property
+    @property
     def vertices(self) -> Array:
-        """Corners, counter-clockwise, shape (corners, 2), in metres."""
-        return boundary_vertices(*self.unit_rows())
+        """Corners, counter-clockwise, shape (corners, 2), in metres; as given, where corners were given."""
+        return self._corners
 
     def facet_clearance(self, points: ArrayLike) -> Array:
         """``max_i (b_i - a_i x)`` with unit rows: (..., 2) to (...), metres.
@@ -172,12 +198,6 @@ class Obstacle(ReadOnlyArrays):
         lower = -M * positive[:, None] - np.outer(negative, xi)
         upper = np.outer(positive, xi) + M * negative[:, None]
         return BigMBounds(lower, upper, M * (positive - negative))
-
-    @property
-    def _centre_depth(self) -> float:
-        """Depth of the mean corner: positive if and only if the polygon has an area."""
-        G, h = self.unit_rows()
-        return float((h - G @ self.vertices.mean(axis=0)).min())
 
     @cached_property
     def _sides(self) -> list[tuple[Array, Array, float]]:

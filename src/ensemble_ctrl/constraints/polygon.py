@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ensemble_ctrl.constraints import exact
 from ensemble_ctrl.constraints.cover import CORNERS, Shapes, adding_at_most, joined, with_fewer_corners, within
 from ensemble_ctrl.errors import ProblemError
 
@@ -15,6 +16,11 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 Array = NDArray[np.float64]
+
+LARGEST = 1e8
+"""Metres: no map has larger coordinates."""
+STRAIGHT = 1e-10
+"""Sine of the largest turn to the right that a polygon counts as convex with: corners on one line, but for rounding."""
 
 
 def convex_pieces(vertices: ArrayLike, holes: Iterable[ArrayLike] = ()) -> list[Array]:
@@ -31,7 +37,8 @@ def convex_pieces(vertices: ArrayLike, holes: Iterable[ArrayLike] = ()) -> list[
     -------
     list of ndarray, shape (corners, 2)
         Counter-clockwise; a convex polygon comes back as one piece. The number of pieces is at most four
-        times the smallest possible (Hertel and Mehlhorn 1983).
+        times the smallest possible (Hertel and Mehlhorn 1983). Their corners are corners of the polygon, to the last
+        bit, and together they cover it.
 
     Raises
     ------
@@ -69,7 +76,7 @@ def convex_cover(vertices: ArrayLike, holes: Iterable[ArrayLike], tolerance: flo
 
     Notes
     -----
-    *Guarantee*: together they cover the polygon, to rounding, and no point of them is further than `tolerance` from it.
+    *Guarantee*: together they cover the polygon, and no point of them is further than `tolerance` from it.
 
     Examples
     --------
@@ -109,17 +116,59 @@ def _valid(corners: Array, inner: list[Array], name: str) -> Polygon:
 
 
 def ring(vertices: ArrayLike, name: str) -> Array:
-    """The corners of a simple polygon, counter-clockwise, without repeated or needless ones."""
+    """The corners of a simple polygon, counter-clockwise, without repeats and those exactly on a straight side."""
     corners = np.array(vertices, dtype=float)
     if corners.ndim != 2 or corners.shape[1] != 2:
         raise ProblemError(f"{name}: expected corners of shape (corners, 2), got {corners.shape}")
-    if not np.isfinite(corners).all():
-        raise ProblemError(f"{name}: expected finite numbers, got {corners.tolist()}")
+    check_size(corners, name)
     corners = _without_straight_corners(corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)])
     if len(corners) < 3:
         raise ProblemError(f"{name}: expected a polygon with an area, got corners on one line")
     _check_simple(corners, name)
     return corners if signed_area(corners) > 0 else corners[::-1].copy()
+
+
+def check_size(corners: Array, name: str) -> None:
+    """Refuse coordinates that are not finite, or that no robot will ever see."""
+    wrong = np.flatnonzero(~(np.abs(corners) <= LARGEST).all(axis=1))
+    if wrong.size:
+        place = ", ".join(f"{value:g}" for value in corners[wrong[0]])
+        raise ProblemError(f"{name}: expected finite numbers of at most {LARGEST:g} m, got [{place}]")
+
+
+def facets(corners: Array, inwards: bool) -> tuple[Array, Array]:
+    """The sides of a convex counter-clockwise polygon as ``A x >= b``, with unit rows, rounded to one side.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (corners, 2)
+        Metres.
+    inwards : bool
+        Whether the set of the rows may only lose points by rounding, or only gain some.
+
+    Returns
+    -------
+    A, b : ndarray, shapes (corners, 2) and (corners,)
+        Row k is the side from corner k to the next one.
+
+    Notes
+    -----
+    *Guarantee*: outwards, every corner satisfies every row exactly; inwards, every point that satisfies all rows
+    exactly is in the polygon. Sides along the axes are exact. The allowance for the others is 8 roundings of the
+    largest coordinate: 2 for the products, 3 for the normal, times a diameter of at most 2.83 coordinates.
+    """
+    along = directions(corners)
+    A = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    ends = np.stack([np.einsum("ij,ij->i", A, corners), np.einsum("ij,ij->i", A, np.roll(corners, -1, axis=0))])
+    allowance = 8 * np.finfo(float).eps * np.abs(corners).max() * A.all(axis=1)
+    return A, ends.max(axis=0) + allowance if inwards else ends.min(axis=0) - allowance
+
+
+def directions(corners: Array) -> Array:
+    """Unit vector from each corner to the next one."""
+    along = np.roll(corners, -1, axis=0) - corners
+    along /= np.abs(along).max(axis=1, keepdims=True)  # so that no square of a tiny side is zero
+    return np.asarray(along / np.hypot(*along.T)[:, None])
 
 
 def signed_area(corners: Array) -> float:
@@ -129,25 +178,18 @@ def signed_area(corners: Array) -> float:
 
 
 def is_convex(corners: Array) -> bool:
-    """Whether a simple counter-clockwise polygon turns left at every corner."""
-    return bool((_turns(corners) > 0).all())
-
-
-def _turns(corners: Array) -> Array:
-    """Sine of the turn at every corner, zero where it is straight to rounding."""
-    before = corners - np.roll(corners, 1, axis=0)
-    after = np.roll(corners, -1, axis=0) - corners
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    sine = cross / (np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1))
-    return np.asarray(np.where(np.abs(sine) > 1e-10, sine, 0.0))
+    """Whether a simple counter-clockwise polygon turns left, or straight on to rounding, at every corner."""
+    along = directions(corners)
+    before = np.roll(along, 1, axis=0)
+    return bool((before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0] > -STRAIGHT).all())
 
 
 def _without_straight_corners(corners: Array) -> Array:
-    """Drop corners in the middle of a straight side; a spike that turns back is left for `_check_simple`."""
+    """Drop corners exactly on a straight side; a spike that turns back is left for `_check_simple`."""
     while len(corners) > 2:
         before = corners - np.roll(corners, 1, axis=0)
         after = np.roll(corners, -1, axis=0) - corners
-        middle = (_turns(corners) == 0) & (np.einsum("ij,ij->i", before, after) > 0)
+        middle = (exact.corner_turns(corners) == 0) & (np.einsum("ij,ij->i", before, after) > 0)
         if not middle.any():
             break
         corners = corners[~middle]
@@ -158,11 +200,10 @@ def _check_simple(corners: Array, name: str) -> None:
     """Refuse a polygon that crosses or touches itself."""
     from shapely import Polygon
 
-    polygon = Polygon(corners)
-    scale = float(np.ptp(corners, axis=0).max())
-    if polygon.area <= 1e-12 * scale**2:
-        raise ProblemError(f"{name}: expected a polygon with an area, got area {polygon.area:g}")
-    _check_valid(polygon, name, "a polygon that does not cross itself")
+    area, scale = abs(signed_area(corners)), float(np.ptp(corners, axis=0).max())
+    if area <= 1e-12 * scale**2:
+        raise ProblemError(f"{name}: expected a polygon with an area, got area {area:g}")
+    _check_valid(Polygon(corners), name, "a polygon that does not cross itself")
 
 
 def _check_valid(polygon: Polygon, name: str, wanted: str) -> None:

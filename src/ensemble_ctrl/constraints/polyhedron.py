@@ -9,14 +9,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.constraints._rows import (
-    boundary_vertices,
-    checked_rows,
-    is_cone_trivial,
-    is_feasible,
-    space_vertices,
-)
+from ensemble_ctrl.constraints import exact
+from ensemble_ctrl.constraints._rows import checked_rows, is_cone_trivial, is_feasible, space_vertices
 from ensemble_ctrl.constraints._sides import closed, joined
+from ensemble_ctrl.constraints.polygon import facets, is_convex, ring
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.readonly import ReadOnlyArrays
 
@@ -80,6 +76,30 @@ class Polyhedron(ReadOnlyArrays):
         if pairs.ndim != 2 or pairs.shape[1] != 2 or not len(pairs):
             raise ProblemError(f"Polyhedron.box: expected [[low, high], ...], got shape {pairs.shape}")
         return cls(np.eye(len(pairs)), pairs[:, 0], pairs[:, 1])
+
+    @classmethod
+    def polygon(cls, vertices: ArrayLike) -> Polyhedron:
+        """Convex polygon by its corners, shape (corners, 2), metres, either direction; unit rows.
+
+        Raises
+        ------
+        ProblemError
+            If it is not convex, crosses itself or has no area.
+
+        Notes
+        -----
+        *Guarantee*: it may only shrink, by rounding: every point that satisfies its rows exactly is in the polygon. Its
+        `vertices` are those given.
+        """
+        corners = ring(vertices, "Polyhedron.polygon")
+        if not is_convex(corners):
+            raise ProblemError("Polyhedron.polygon: expected a convex polygon, got one that is not")
+        A, lower = facets(corners, inwards=True)
+        made = cls(A, lower, np.full(len(lower), np.inf))
+        if made.contains(corners.mean(axis=0)):
+            corners.setflags(write=False)
+            vars(made)["_plane"] = corners, True
+        return made
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether each point is inside or on the boundary: (..., n) to (...)."""
@@ -176,12 +196,16 @@ class Polyhedron(ReadOnlyArrays):
 
     @cached_property
     def is_empty(self) -> bool:
-        """Whether no point satisfies every row (to 1e-9 of the largest bound)."""
+        """Whether no point satisfies every row; exact in the plane, else to 1e-9 of the largest bound."""
+        if self.A.shape[1] == 2:
+            return not len(self._plane[0])
         return not is_feasible(*self.unit_rows())
 
     @cached_property
     def is_bounded(self) -> bool:
         """Whether the set fits in some ball; an empty set does."""
+        if self.A.shape[1] == 2:
+            return self._plane[1]
         return self.is_empty or is_cone_trivial(self.unit_rows()[0])
 
     @cached_property
@@ -192,12 +216,23 @@ class Polyhedron(ReadOnlyArrays):
         if self.is_empty or not self.is_bounded:
             state = "an empty" if self.is_empty else "an unbounded"
             raise ProblemError(f"Polyhedron.vertices: expected a bounded set with points in it, got {state} one")
+        if self.A.shape[1] == 2:
+            return self._plane[0]
         G, h = self.unit_rows()
         if self.A.shape[1] == 1:
             ends = np.array([[(h / G[:, 0])[G[:, 0] < 0].max()], [(h / G[:, 0])[G[:, 0] > 0].min()]])
             ends.setflags(write=False)
             return ends
-        return boundary_vertices(G, h) if self.A.shape[1] == 2 else space_vertices(G, h)
+        return space_vertices(G, h)
+
+    @cached_property
+    def _plane(self) -> tuple[Array, bool]:
+        """Corners in the plane, those of a frame far away included, and whether there are none of these."""
+        above, below = np.isfinite(self.upper), np.isfinite(self.lower)
+        G, h = np.vstack([self.A[above], -self.A[below]]), np.concatenate([self.upper[above], -self.lower[below]])
+        corners, bounded = exact.intersection(G, h)
+        corners.setflags(write=False)
+        return corners, bounded
 
     def _points(self, points: ArrayLike) -> Array:
         """The points as an array whose last axis is checked."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.constraints._rows import TOLERANCE, space_vertices
+from ensemble_ctrl.constraints._rows import TOLERANCE, is_cone_trivial, space_vertices
 from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.errors import ProblemError
 
@@ -39,9 +40,15 @@ class Solid(Obstacle):
     """
 
     def __init__(self, A: ArrayLike, b: ArrayLike) -> None:
-        self._set_rows(A, b, 3, "polyhedron")
-        if len(self.vertices) < 4 or self._centre_depth <= TOLERANCE * float(np.abs(self.b).max(initial=1.0)):
+        self._set_rows(A, b, 3)
+        G, h = self.unit_rows()
+        if not is_cone_trivial(G):
+            raise ProblemError("Solid: expected a bounded polyhedron, got an unbounded set")
+        corners = space_vertices(G, h)
+        depth = (h - G @ corners.mean(axis=0)).min() if len(corners) else 0.0
+        if len(corners) < 4 or depth <= TOLERANCE * np.ptp(corners, axis=0).max():
             raise ProblemError("Solid: expected a polyhedron with a volume, got an empty or flat set")
+        self._set_corners(corners)
 
     @classmethod
     def box(cls, bounds: ArrayLike) -> Solid:
@@ -52,32 +59,36 @@ class Solid(Obstacle):
             raise ProblemError(f"Solid.box: expected {wanted}, got shape {pairs.shape}")
         if not (pairs[:, 0] < pairs[:, 1]).all():
             raise ProblemError(f"Solid.box: expected low < high, got {pairs.tolist()}")
-        return cls(np.vstack([np.eye(3), 0.0 - np.eye(3)]), np.concatenate([pairs[:, 0], 0.0 - pairs[:, 1]]))
+        levels = np.concatenate([pairs[:, 0], 0.0 - pairs[:, 1]])
+        return cls._of(np.vstack([np.eye(3), 0.0 - np.eye(3)]), levels, np.array(list(product(*pairs))))
 
     @classmethod
     def hull(cls, points: ArrayLike) -> Solid:
-        """Convex hull of points in space, shape (points, 3), metres."""
+        """Convex hull of points in space, shape (points, 3), metres.
+
+        Notes
+        -----
+        *Guarantee*: it may only grow. Its `vertices` are some of the points, and all of them satisfy its rows.
+        """
         from scipy.spatial import ConvexHull, QhullError
 
         corners = np.asarray(points, dtype=float)
         if corners.ndim != 2 or corners.shape[1] != 3 or not np.isfinite(corners).all():
             raise ProblemError(f"Solid.hull: expected finite points of shape (points, 3), got shape {corners.shape}")
         try:
-            rows = np.unique(np.round(ConvexHull(corners).equations, 12), axis=0)
+            found = ConvexHull(corners)
         except (QhullError, ValueError):
             raise ProblemError("Solid.hull: expected points with a volume, got too few or flat ones") from None
-        return cls(-rows[:, :3], rows[:, 3])
-
-    @cached_property
-    def vertices(self) -> Array:
-        """Corners, shape (corners, 3), in metres."""
-        return space_vertices(*self.unit_rows())
+        normals = np.unique(np.round(found.equations[:, :3], 12), axis=0)
+        levels = (normals @ corners.T).max(axis=1) + 8 * np.finfo(float).eps * np.abs(corners).max()
+        return cls._of(-normals, -levels, corners[found.vertices])
 
     @cached_property
     def edges(self) -> Array:
         """Both ends of every edge, shape (edges, 2, 3), metres."""
         G, h = self.unit_rows()
-        on = np.abs(self.vertices @ G.T - h) <= 1e-7 * max(1.0, float(np.abs(h).max()))
+        near = 1e-7 * np.ptp(self.vertices, axis=0).max() + 64 * np.finfo(float).eps * np.abs(self.vertices).max()
+        on = np.abs(self.vertices @ G.T - h) <= near
         shared = on.astype(int) @ on.T.astype(int)
         first, second = np.nonzero(np.triu(shared >= 2, 1))
         return np.stack([self.vertices[first], self.vertices[second]], axis=1)
