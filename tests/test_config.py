@@ -920,3 +920,33 @@ def test_importing_config_loads_no_solver() -> None:
     script = "import sys, ensemble_ctrl.config as c; c.load(sys.argv[1]); print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", script, str(FIVE)], capture_output=True, text=True, check=True)
     assert not {"casadi", "scipy", "matplotlib", "shapely"} & set(re.findall(r"[\w.]+", run.stdout))
+
+
+def _with_polygon(corners: list[list[float]]) -> str:
+    """The small problem with one obstacle more."""
+    return GOOD.replace("obstacles:\n", f"obstacles:\n  o: {{polygon: {json.dumps(corners)}}}\n")
+
+
+def _circle(count: int) -> list[list[float]]:
+    angles = 2 * math.pi * np.arange(count) / count
+    return np.column_stack([12 + np.cos(angles), np.sin(angles)]).tolist()  # type: ignore[no-any-return]
+
+
+def test_a_polygon_of_ten_thousand_corners_is_read_as_it_is() -> None:
+    """All pairs of its sides would be 50 million, and their table 30 GB."""
+    problem = config.load_text(_with_polygon(_circle(10_000)))
+    (piece,) = problem.obstacles["o"]
+    assert len(piece.vertices) == len(piece.b) == 10_000
+
+
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        (_circle(10_001), "at most 10000 corners, got 10001"),
+        ([[0, 0], [1e300, 0], [1, 1]], r"at most 1e\+08 m, got \[1e\+300, 0\]"),
+    ],
+    ids=["corners", "far"],
+)
+def test_a_polygon_in_the_file_keeps_to_the_limits_of_a_map(corners: list[list[float]], message: str) -> None:
+    with pytest.raises(ConfigError, match=f"obstacles.o.polygon: expected .*{message}"):
+        config.load_text(_with_polygon(corners))
