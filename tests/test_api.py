@@ -10,6 +10,8 @@ import signal
 import subprocess
 import sys
 import threading
+import tracemalloc
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -86,13 +88,11 @@ def test_save_and_load(plan: ec.Plan, tmp_path: Path) -> None:
 def test_a_failed_save_leaves_the_earlier_file(plan: ec.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = plan.save(tmp_path / "mine.npz")
     before = file.read_bytes()
-    write = Path.write_bytes
 
-    def full(path: Path, content: bytes) -> int:
-        write(path, bytes(content)[:100])
+    def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(os, "replace", full)
     with pytest.raises(OSError, match="No space left"):
         plan.save(file)
     assert file.read_bytes() == before
@@ -105,6 +105,31 @@ def test_load_names_the_file(tmp_path: Path) -> None:
     np.savez(tmp_path / "evil.npz", controls=np.array([print], dtype=object), problem="", facts="{}")
     with pytest.raises(ec.ProblemError, match=r"evil\.npz: expected a plan\.npz of this package"):
         ec.Plan.load(tmp_path / "evil.npz")
+
+
+def test_a_small_file_that_unpacks_to_much_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+    """60 MB of zeros, or a header that speaks of 8 TB, in a file of some kilobytes."""
+    shape = "{'descr': '<f8', 'fortran_order': False, 'shape': (%d,), }"
+    for size, count in ((60_000_000, 7_000_000), (80, 10**12)):
+        header = (shape % count).ljust(117) + "\n"
+        content = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(size)
+        with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in ("controls", "problem", "facts"):
+                archive.writestr(f"{name}.npy", content)
+        assert (tmp_path / "bomb.npz").stat().st_size < 1_000_000
+        del content
+        tracemalloc.start()
+        with pytest.raises(ec.ProblemError, match=r"bomb\.npz: expected a plan\.npz of this package"):
+            ec.Plan.load(tmp_path / "bomb.npz")
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert most < 10_000_000
+
+
+def test_a_plan_that_is_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "plan.npz")
+    with pytest.raises(ec.ProblemError, match=r"plan\.npz: can't be read \(this is a pipe or a device"):
+        ec.Plan.load(tmp_path)
 
 
 @pytest.mark.parametrize(

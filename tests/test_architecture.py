@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ ROOT = Path(ensemble_ctrl.__file__).parent
 LAYERS: tuple[frozenset[str], ...] = tuple(
     frozenset(layer.split())
     for layer in (
-        "errors _version plain readonly",
+        "errors _version plain readonly files",
         "moments systems",
         "constraints ensemble motion risk target",
         "fleet ode_fleet",
@@ -25,8 +26,9 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "ocp",
         "replay certificate",
         "arrival conflicts planner",
-        "receding report soonest suggest twin planfile folder",
+        "receding report soonest suggest twin planfile",
         "config",
+        "folder",
         "export",
         "api",
         "comparison widening results",
@@ -159,3 +161,24 @@ def test_the_rooms_below_load_no_solver_and_no_plots(module: str) -> None:
     code = f"import sys, ensemble_ctrl.{module}; print([m for m in ('matplotlib', 'casadi') if m in sys.modules])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def writes(path: Path) -> Iterator[str]:
+    """Calls by which a module writes a file by itself, with their places."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call):
+            continue
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        modes = [arg.value for arg in [*node.args, *(k.value for k in node.keywords)] if isinstance(arg, ast.Constant)]
+        opens = name == "open" and any(isinstance(mode, str) and re.fullmatch("[wxa][bt+]*", mode) for mode in modes)
+        moves = ast.unparse(node.func) in ("os.replace", "os.rename", "shutil.move", "shutil.copyfile")
+        if opens or moves or (isinstance(node.func, ast.Attribute) and name in ("write_text", "write_bytes")):
+            yield f"{path.relative_to(ROOT)}:{node.lineno}"
+
+
+def test_files_are_written_in_one_place() -> None:
+    """The results folder is moved; a solver's log grows in a folder that is hidden, or in the user's own."""
+    allowed = {"files", "folder", "ocp"}
+    found = [place for path in FILES if room_of(path) not in allowed for place in writes(path)]
+    assert [place for place in found if not place.startswith("cli/streams.py")] == []
+    assert any(writes(ROOT / "files" / "writing.py"))

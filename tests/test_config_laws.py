@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -210,6 +211,34 @@ def test_a_table_that_is_missing(tmp_path: Path) -> None:
     (tmp_path / "measured.csv").write_text("1\n")
     expected = (4, 25, ".samples", "mesured.csv: no such file", "did you mean 'measured.csv'?")
     assert wrong("{samples: mesured.csv}", tmp_path) == expected
+
+
+@pytest.mark.parametrize("name", ["../secret.csv", "/etc/passwd", "/dev/stdin", "/proc/self/environ", "link.csv"])
+@pytest.mark.parametrize("key", ["{samples: NAME}", "{mixture: [{samples: NAME}]}"])
+def test_a_table_elsewhere_is_not_read(name: str, key: str, tmp_path: Path) -> None:
+    folder = tmp_path / "inner"
+    folder.mkdir()
+    (tmp_path / "secret.csv").write_text("1\n")
+    (folder / "link.csv").symlink_to(tmp_path / "secret.csv")
+    *_, message, hint = wrong(key.replace("NAME", name), folder)
+    assert message == f"expected a file in the same folder or below, got '{name}'"
+    assert hint == "copy it there"
+
+
+def test_measured_robots_elsewhere_are_not_read(tmp_path: Path) -> None:
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "secret.csv").write_text("traction\n1\n")
+    (tmp_path / "inner/problem.yaml").write_text(
+        "fleet: {model: unicycle, cloud: ../secret.csv, start: {position: [0, 0], heading: 0}}\n"
+        "horizon: {duration: 1 s}\ntask: F x >= 1\n"
+    )
+    with pytest.raises(ConfigError, match=r"fleet\.cloud: expected a file in the same folder or below, got '\.\./sec"):
+        load(tmp_path / "inner/problem.yaml")
+
+
+def test_a_table_that_is_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    assert wrong("{samples: pipe}", tmp_path)[-2] == "expected the name of a file, got 'pipe', which is none"
 
 
 def test_as_many_samples_as_allowed_are_written_and_read_again() -> None:

@@ -241,6 +241,27 @@ def test_bags_replace_only_bags(tmp_path: Path) -> None:
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["bag", "mine"]
 
 
+@pytest.mark.parametrize("kind", ["beside a bag of ours", "with a file called metadata.yaml", "in a recorded bag"])
+def test_no_file_of_the_user_s_is_lost_with_a_bag(tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("rosbags")
+    plan, path = made("one traction"), tmp_path / "bag"
+    if kind == "beside a bag of ours":
+        plan.export(path, "rosbag")
+        (path / "thesis.tex").write_text("mine")
+    elif kind == "in a recorded bag":
+        plan.export(path, "rosbag")
+        metadata = (path / "metadata.yaml").read_text()
+        (path / "metadata.yaml").write_text(metadata.replace("ensemble-plan export", "a recorder"))
+    else:
+        path.mkdir()
+        (path / "metadata.yaml").write_text("title: thesis")
+        (path / "thesis.tex").write_text("mine")
+    before = {entry.name: entry.read_bytes() for entry in path.iterdir()}
+    with pytest.raises(EnsembleError, match="only a bag that an export wrote, and nothing beside it, is replaced"):
+        plan.export(path, "rosbag", overwrite=True)
+    assert {entry.name: entry.read_bytes() for entry in path.iterdir()} == before
+
+
 def test_without_rosbags_it_is_said_clearly_and_nothing_is_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,18 +5,24 @@ from __future__ import annotations
 import io
 import json
 import os
-from contextlib import suppress
 from dataclasses import dataclass
+from math import prod
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.files import put_file, read_regular
 
 Floats = NDArray[np.float64]
+
+MOST_BYTES = 50_000_000
+"""Largest file, and largest array in it once it is unpacked: ten times what the largest problem takes."""
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +61,7 @@ def write(path: Path, saved: Saved) -> None:
     facts = json.dumps({"version": __version__, "status": saved.status, "details": saved.details})
     content = io.BytesIO()
     np.savez(content, controls=saved.controls, problem=np.array(saved.problem), facts=np.array(facts))
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_bytes(content.getbuffer())
-        os.replace(part, path)
-    except BaseException:
-        with suppress(OSError):
-            part.unlink()
-        raise
+    put_file(path, content.getvalue())
 
 
 def read(path: Path) -> Saved:
@@ -74,7 +73,7 @@ def read(path: Path) -> Saved:
         If the file is missing, or is not a whole plan.
     """
     try:
-        content = path.read_bytes()
+        content = read_regular(path, MOST_BYTES)
     except (FileNotFoundError, NotADirectoryError):
         found = "a folder without one" if path.name == "plan.npz" and path.parent.is_dir() else "no such file"
         raise ProblemError(f"{path}: expected a saved plan, found {found}") from None
@@ -88,11 +87,21 @@ def read(path: Path) -> Saved:
 
 def _parsed(content: bytes) -> Saved:
     """The plan in a file's bytes."""
-    with np.load(io.BytesIO(content), allow_pickle=False) as data:
-        facts = json.loads(str(data["facts"]))
-        return Saved(
-            np.asarray(data["controls"], dtype=float),
-            str(data["problem"]),
-            str(facts["status"]),
-            dict(facts["details"]),
-        )
+    with ZipFile(io.BytesIO(content)) as archive:
+        controls, problem, facts = (_array(archive, name) for name in ("controls", "problem", "facts"))
+    told = json.loads(str(facts))
+    return Saved(np.asarray(controls, dtype=float), str(problem), str(told["status"]), dict(told["details"]))
+
+
+def _array(archive: ZipFile, name: str) -> NDArray[Any]:
+    """One array of an archive; its size is known, and judged, before any of it is unpacked."""
+    size = archive.getinfo(f"{name}.npy").file_size
+    if size > MOST_BYTES:
+        raise ValueError(f"{name}: expected at most {MOST_BYTES} bytes, got {size}")
+    with archive.open(f"{name}.npy") as packed:
+        raw = io.BytesIO(packed.read(MOST_BYTES))
+    shape, _, kind = _HEADERS[np.lib.format.read_magic(raw)](raw)
+    if prod(shape) * kind.itemsize != size - raw.tell():
+        raise ValueError(f"{name}: expected {shape} values, got other bytes")
+    raw.seek(0)
+    return np.asarray(np.lib.format.read_array(raw, allow_pickle=False))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
-import shutil
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,22 +16,25 @@ from ensemble_ctrl.api import Plan
 from ensemble_ctrl.certificate import as_data
 from ensemble_ctrl.config import dump
 from ensemble_ctrl.config.ode_section import source_file
+from ensemble_ctrl.files import put_file, read_regular
 from ensemble_ctrl.plain import to_json as to_json
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.replay import Replay
 
 SCHEMA = 1
 """Version of ``summary.json`` and of the JSON that the command prints."""
+MOST_LOG = 50_000_000
+"""Bytes of a solver's log that are read."""
 LIBRARIES = ("casadi", "numpy", "scipy", "shapely", "pydantic", "pyyaml", "typer", "matplotlib")
 
 
 def write_results(plan: Plan, folder: Path, command: Sequence[str]) -> None:
     """Write every file of a plan into `folder`, except the figures and the report."""
     plan.save(folder / "plan.npz")
-    (folder / "controls.csv").write_text(controls_csv(plan), encoding="utf-8")
-    (folder / "problem.yaml").write_text(dump(plan.problem), encoding="utf-8")
+    put_file(folder / "controls.csv", controls_csv(plan))
+    put_file(folder / "problem.yaml", dump(plan.problem))
     if isinstance(plan.problem, OdeProblem) and (source := source_file(plan.problem.fleet.system)):
-        shutil.copyfile(source, folder / source.name)
+        put_file(folder / source.name, source.read_bytes())
     if plan.certificate is not None:
         _write_json(folder / "certificate.json", as_data(plan.certificate))
     _write_json(folder / "summary.json", summary(plan))
@@ -60,7 +61,10 @@ def write_report(plan: Plan, path: Path, folder: Path) -> Path:
     from ensemble_ctrl.report.html import report_html
 
     def text(name: str) -> str:
-        return (folder / name).read_text(encoding="utf-8", errors="replace") if (folder / name).is_file() else ""
+        try:
+            return read_regular(folder / name, MOST_LOG).decode("utf-8", "replace")
+        except OSError:
+            return ""
 
     try:
         facts = json.loads(text("provenance.json") or "{}")
@@ -68,13 +72,7 @@ def write_report(plan: Plan, path: Path, folder: Path) -> Path:
         facts = {}
     facts = facts if isinstance(facts, dict) else {}
     page = report_html(plan, dump(plan.problem), facts, text("solver.log"))
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_text(page, encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise OSError(error.errno, error.strerror, str(path)) from None
+    put_file(path, page)
     return path
 
 
@@ -145,4 +143,4 @@ def installed_version(name: str) -> str | None:
 
 def _write_json(path: Path, data: dict[str, Any]) -> None:
     """Write readable, strict JSON: numbers that JSON lacks become null."""
-    path.write_text(to_json(data, indent=2) + "\n", encoding="utf-8")
+    put_file(path, to_json(data, indent=2) + "\n")

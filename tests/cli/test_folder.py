@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 import resource
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import ensemble_ctrl as ec
+from ensemble_ctrl import folder as folder_module
 from ensemble_ctrl.cli import run as run_module
+from ensemble_ctrl.files import release
 from ensemble_ctrl.folder import FolderError, ResultsFolder
 
 from .conftest import Command
@@ -125,6 +128,107 @@ def test_overwrite_leaves_the_working_directory_alone(
     assert "--overwrite can't replace the working directory" in done.err
 
 
+@pytest.mark.parametrize("kind", ["file", "folder", "cache"])
+def test_overwrite_keeps_python_of_the_user_s_own(command: Command, results: Path, kind: str) -> None:
+    mine = {"file": "analysis.py", "folder": "d.py/thesis.tex", "cache": "__pycache__/analysis.cpython-311.pyc"}[kind]
+    (results / mine).parent.mkdir(exist_ok=True)
+    (results / mine).write_text("mine")
+    done = command(*QUICK, "-o", "results", "--overwrite")
+    assert done.code == 2
+    assert f"--overwrite would remove {Path(mine).parts[0]}, which is not a result" in done.err
+    assert (results / mine).read_text() == "mine"
+
+
+def test_overwrite_removes_a_folder_or_a_link_with_a_result_s_name_no_more_than_others(
+    command: Command, results: Path, place: Path
+) -> None:
+    (results / "figure-controls.png").mkdir()
+    assert "would remove figure-controls.png" in command(*QUICK, "-o", "results", "--overwrite").err
+    (results / "figure-controls.png").rmdir()
+    (results / "report.html").symlink_to(place / "small.yaml")
+    assert "would remove report.html" in command(*QUICK, "-o", "results", "--overwrite").err
+
+
+def test_overwrite_replaces_the_python_file_that_the_problem_names(results: Path) -> None:
+    text = "fleet: {model: {python: own.py:Own}}\n"
+    (results / "problem.yaml").write_text(text)
+    (results / "own.py").write_text("class Own: ...")
+    (results / "__pycache__").mkdir()
+    (results / "__pycache__/own.cpython-311.pyc").touch()
+    folder = ResultsFolder(results, overwrite=True)
+    (folder.working / "plan.npz").touch()
+    folder.commit()
+    assert os.listdir(results) == ["plan.npz"]
+
+
+def test_a_comparison_can_be_replaced(place: Path) -> None:
+    (place / "compared").mkdir()
+    (place / "compared/compare.json").touch()
+    (place / "compared/compare.png").touch()
+    folder = ResultsFolder(Path("compared"), overwrite=True)
+    (folder.working / "compare.json").write_text("new")
+    folder.commit()
+    assert left(place / "compared") == ["compare.json"]
+
+
+def test_files_that_came_while_the_plan_was_made_are_kept(results: Path) -> None:
+    folder = ResultsFolder(results, overwrite=True)
+    (folder.working / "plan.npz").write_text("new")
+    (results / "notes.txt").write_text("mine")
+    assert folder.commit().name == "results-2"
+    assert (results / "notes.txt").exists()
+    assert (results.parent / "results-2/plan.npz").read_text() == "new"
+
+
+def test_a_place_that_was_taken_while_the_plan_was_made(place: Path) -> None:
+    folder, inside = ResultsFolder(Path("x")), None
+    (folder.working / "plan.npz").write_text("ours")
+    (place / "x").mkdir()
+    (place / "x/plan.npz").write_text("theirs")
+    assert folder.commit() == Path("x-2")
+    (place / "empty").mkdir()
+    inside = ResultsFolder(Path("empty"))
+    (inside.working / "plan.npz").write_text("ours")
+    (place / "empty/plan.npz").write_text("theirs")
+    assert inside.commit() == Path("empty-2")
+    for name in ("x", "empty"):
+        assert (place / name / "plan.npz").read_text() == "theirs"
+        assert (place / f"{name}-2/plan.npz").read_text() == "ours"
+    assert not [name for name in left(place) if ".ensemble" in name]
+
+
+@pytest.mark.parametrize("there", ["nothing", "an empty folder", "earlier results"])
+def test_a_place_is_taken_at_the_start(results: Path, place: Path, there: str) -> None:
+    target = Path({"nothing": "new/x", "an empty folder": "empty", "earlier results": "results"}[there])
+    (place / "empty").mkdir()
+    first = ResultsFolder(target, overwrite=True)
+    with pytest.raises(FolderError, match="another run is about to write its results here"):
+        ResultsFolder(place / target, overwrite=True)
+    first.discard()
+    assert (place / target).exists() == (there != "nothing")
+    ResultsFolder(target, overwrite=True).discard()
+
+
+def test_the_next_run_removes_what_a_killed_one_left(place: Path) -> None:
+    code = "import os\nfrom pathlib import Path\nfrom ensemble_ctrl.folder import ResultsFolder\n"
+    code += "folder = ResultsFolder(Path('plans/x'))\n(folder.working / 'solver.log').touch()\nos.kill(os.getpid(), 9)"
+    subprocess.run([sys.executable, "-c", code], cwd=place, env=environment(), timeout=60)
+    assert len(list((place / "plans").iterdir())) == 1
+    folder = ResultsFolder(Path("plans/y"))
+    assert list((place / "plans").iterdir()) == [folder.working.resolve()]
+    assert not list(folder.working.iterdir())
+    folder.discard()
+
+
+def without_exchange(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a file system that can't exchange two names."""
+
+    def none(*_: object) -> None:
+        raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(folder_module, "exchange", none)
+
+
 def test_earlier_results_are_still_there_if_they_can_not_be_replaced(
     results: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -136,13 +240,72 @@ def test_earlier_results_are_still_there_if_they_can_not_be_replaced(
             raise OSError("no")
         rename(source, target)
 
+    without_exchange(monkeypatch)
     monkeypatch.setattr(os, "rename", broken)
     with pytest.raises(OSError, match="no"):
         folder.commit()
     folder.discard()
     assert (results / "plan.npz").exists()
-    assert left(results.parent) == left(results.parent)
     assert not [name for name in os.listdir(results.parent) if name.startswith(".")]
+
+
+def test_earlier_results_are_replaced_without_an_exchange_of_names(
+    results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without_exchange(monkeypatch)
+    folder = ResultsFolder(results, overwrite=True)
+    (folder.working / "plan.npz").write_text("new")
+    folder.commit()
+    assert left(results) == ["plan.npz"]
+    assert not [name for name in os.listdir(results.parent) if name.startswith(".")]
+
+
+def test_a_kill_between_two_renames_is_mended_by_the_next_run(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = ResultsFolder(results, overwrite=True)
+    rename = os.rename
+
+    def killed(source: Path, target: Path) -> None:
+        rename(source, target)
+        raise SystemExit  # what comes after that rename does not happen
+
+    without_exchange(monkeypatch)
+    monkeypatch.setattr(os, "rename", killed)
+    with pytest.raises(SystemExit):
+        folder.commit()
+    release(folder._held)
+    monkeypatch.setattr(os, "rename", rename)
+    assert not results.exists()
+    with pytest.raises(FolderError, match="this folder is not empty"):
+        ResultsFolder(results)
+    assert (results / "plan.npz").exists()
+    ResultsFolder(results, overwrite=True).discard()
+    assert not [name for name in os.listdir(results.parent) if name.startswith(".")]
+
+
+def test_a_link_to_a_folder_that_is_not_there_yet(command: Command, place: Path) -> None:
+    (place / "link").symlink_to("elsewhere/results")
+    assert command(*QUICK, "-o", "link").code == 0
+    assert (place / "link").is_symlink()
+    assert (place / "elsewhere/results/plan.npz").exists()
+    (place / "loop").symlink_to("loop")
+    done = command(*QUICK, "-o", "loop")
+    assert done.code == 2
+    assert "loop: can't write results here" in done.err
+
+
+def test_nothing_is_written_through_the_links_of_a_foreign_folder(command: Command, results: Path, place: Path) -> None:
+    mine = place / "mine.txt"
+    mine.write_text("mine")
+    names = [".report.html.part", ".animation.gif.part", ".again.npz.part", "figure-controls.png", "report.html"]
+    for name in [*names, "animation.gif"]:
+        (results / name).symlink_to(mine)
+    assert command("report", "results").code == 0
+    assert command("animate", "results", "--seconds", "0.2").code == 0
+    assert command("plot", "results", "controls").code == 0
+    ec.Plan.load(results).save(results / "again.npz")
+    assert mine.read_text() == "mine"
+    for name in ("figure-controls.png", "report.html", "animation.gif", "again.npz"):
+        assert not (results / name).is_symlink()
 
 
 def test_a_discarded_folder_leaves_nothing(place: Path) -> None:

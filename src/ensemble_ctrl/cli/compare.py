@@ -9,6 +9,7 @@ from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.comparison import Compared, compare, left_out, table
 from ensemble_ctrl.config import read
+from ensemble_ctrl.files import put_file
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.results import SCHEMA, to_json
 
@@ -33,12 +34,13 @@ def compare_guarantees(
                 "left_out": without,
             }
             text = to_json(data, indent=2)
-            (folder.working / "compare.json").write_text(text + "\n", encoding="utf-8")
+            put_file(folder.working / "compare.json", text + "\n")
             if plots:
+                from ensemble_ctrl.report.canvas import save
                 from ensemble_ctrl.report.figures import draw_comparison
 
                 figure = draw_comparison(problem, [(_title(row), row.plan.controls) for row in rows])
-                figure.savefig(folder.working / "compare.png", dpi=150)
+                save(figure, folder.working / "compare.png")
             placed = folder.commit()
     finally:
         folder.discard()

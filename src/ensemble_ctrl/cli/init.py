@@ -8,8 +8,11 @@ from pathlib import Path
 
 from ensemble_ctrl.cli.newfile import EDITOR_LINE, write_new
 from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.files import read_regular
+from ensemble_ctrl.folder import write_text
 
 SCHEMA_FILE = "problem.schema.json"
+MOST_SCHEMA = 1_000_000
 
 
 def start(target: Path, with_schema: bool) -> None:
@@ -44,8 +47,9 @@ def print_schema(output: Path | None) -> None:
         say(schema_text().rstrip("\n"))
         return
     if _is_schema(output):
-        output.unlink()
-    write_new(output, schema_text())
+        write_text(output, schema_text(), overwrite=True)
+    else:
+        write_new(output, schema_text())
     say(f"wrote {output}; name it on a problem file's first line: {EDITOR_LINE}{output}")
 
 
@@ -70,7 +74,7 @@ def _shown(target: Path) -> str:
 def _is_schema(path: Path) -> bool:
     """Whether a file is a schema that this command wrote."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(read_regular(path, MOST_SCHEMA))
     except (OSError, ValueError):
         return False
     return isinstance(found, dict) and found.get("title") == "A problem file of ensemble_ctrl"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ensemble_ctrl.errors import EnsembleError
+from ensemble_ctrl.files import put_file
 
 EDITOR_LINE = "# yaml-language-server: $schema="
 """How a problem file names its schema for an editor, on its first line."""
@@ -19,12 +20,7 @@ def write_new(path: Path, content: str | bytes) -> None:
         If it is there already, or can't be written.
     """
     try:
-        with path.open("xb") as file:
-            try:
-                file.write(content.encode() if isinstance(content, str) else content)
-            except OSError:
-                path.unlink(missing_ok=True)
-                raise
+        put_file(path, content, new=True)
     except FileExistsError:
         kind = "a folder of this name" if path.is_dir() else "this file"
         raise EnsembleError(f"{path}: {kind} exists already; nothing was written") from None

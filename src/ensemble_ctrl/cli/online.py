@@ -14,6 +14,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
+from ensemble_ctrl.files import put_file
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Problem
@@ -81,7 +82,7 @@ def run_online(options: OnlineRun) -> int:
                 progress("draw", None)
                 drawn = _draw(problem, loop, fleet, outcome, told, first.controls, folder.working)
         facts = _facts(loop, outcome)
-        (folder.working / "outcome.json").write_text(to_json(facts, indent=2) + "\n", encoding="utf-8")
+        put_file(folder.working / "outcome.json", to_json(facts, indent=2) + "\n")
         placed = folder.commit()
     finally:
         folder.discard()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import dump, load
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.files import read_regular
 from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.planfile import MOST_BYTES
 from ensemble_ctrl.replay import Replay
 from ensemble_ctrl.report.text import measured, proven
 from ensemble_ctrl.results import SCHEMA, controls_csv, replay_summary, to_json
@@ -71,7 +74,7 @@ def read_plan(path: Path) -> Plan:
 def _read_csv(path: Path) -> Any:
     """The commands in a table as `controls_csv` writes it."""
     try:
-        rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+        rows = np.loadtxt(StringIO(_text(path)), delimiter=",", skiprows=1, ndmin=2)
     except ValueError as error:
         raise ProblemError(f"{path}: expected a header and rows of numbers ({error})") from None
     return rows[:, 1:]
@@ -104,7 +107,7 @@ def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str
     folder = path if path.is_dir() else path.parent
     found = []
     table, problem, claim = folder / "controls.csv", folder / "problem.yaml", folder / "certificate.json"
-    if table.exists() and table.read_text(encoding="utf-8") != controls_csv(plan):
+    if table.exists() and _text(table) != controls_csv(plan):
         found.append("controls.csv holds other controls than plan.npz")
     if problem.exists() and dump(load(problem)) != dump(plan.problem):
         found.append("problem.yaml is another problem than the one in plan.npz")
@@ -113,10 +116,15 @@ def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str
     return found
 
 
+def _text(path: Path) -> str:
+    """What is in a file of the folder."""
+    return read_regular(path, MOST_BYTES).decode("utf-8", "replace")
+
+
 def _read_json(path: Path) -> dict[str, Any]:
     """An object from a JSON file; anything else claims nothing."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(_text(path))
     except ValueError:
         return {}
     return data if isinstance(data, dict) else {}

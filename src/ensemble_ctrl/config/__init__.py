@@ -9,6 +9,7 @@ from ensemble_ctrl.config.dump import dump, to_data
 from ensemble_ctrl.config.imported import Imported, import_map
 from ensemble_ctrl.config.load import Loaded, load, load_text, read, read_text
 from ensemble_ctrl.config.messages import Diagnostic, layout
+from ensemble_ctrl.config.own import named_source
 
 __all__ = [
     "Diagnostic",
@@ -20,6 +21,7 @@ __all__ = [
     "load",
     "load_text",
     "meanings",
+    "named_source",
     "read",
     "read_text",
     "schema",

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from ensemble_ctrl.config.samples import Columns, columns_from_file, samples
+from ensemble_ctrl.config.samples import Columns, columns_of, samples
 from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, show
 
@@ -47,7 +47,7 @@ def read_cloud(value: Any, folder: Path) -> Columns:
         If a table can't be read, has none of the parameters, or its columns differ in length.
     """
     try:
-        columns = value if isinstance(value, dict) else columns_from_file(folder / value)
+        columns = value if isinstance(value, dict) else columns_of(folder, value)
     except Wrong as error:
         raise Wrong(error.message, error.hint, ("cloud",)) from None
     found = {name: columns[name] for name in KNOWN if name in columns}

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, PrivateAttr, ValidationInfo, WithJsonSchem
 
 from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.config import fields as f
-from ensemble_ctrl.config.samples import Columns, Values, columns_from_file, samples
+from ensemble_ctrl.config.samples import Columns, Values, columns_of, samples
 from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, suggestion
 from ensemble_ctrl.errors import ProblemError
@@ -79,7 +79,7 @@ class PartSection(f.Model):
         if not isinstance(self.samples, str):
             return {"": self.samples or ()}
         try:
-            return columns_from_file(folder / self.samples, self._above)
+            return columns_of(folder, self.samples, self._above)
         except Wrong as error:
             raise Wrong(error.message, error.hint, ("samples",)) from None
 

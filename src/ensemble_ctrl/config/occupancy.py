@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import warnings
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ from ensemble_ctrl.config.source import checked_path
 from ensemble_ctrl.config.tree import TextError, Tree, start
 from ensemble_ctrl.config.wrong import Wrong, is_number, show
 from ensemble_ctrl.constraints.cells import Cells
+from ensemble_ctrl.files import read_regular
 
 MAX_CELLS = 16_000_000
 LARGEST = 1e6
@@ -111,10 +114,11 @@ def _pixels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """The channels of an image, 0 to 1, shape (rows, columns, channels), and which of its pixels are opaque."""
     from PIL import Image, UnidentifiedImageError
 
-    if path.exists() and path.stat().st_size > MAX_IMAGE_BYTES:
-        raise Wrong(f"{path}: expected an image of at most {MAX_IMAGE_BYTES // 1_000_000} MB, got more")
     try:
-        with Image.open(path, formats=("PPM", "PNG")) as image:
+        content = read_regular(path, MAX_IMAGE_BYTES)
+        if len(content) > MAX_IMAGE_BYTES:
+            raise Wrong(f"{path}: expected an image of at most {MAX_IMAGE_BYTES // 1_000_000} MB, got more")
+        with _opened(content) as image:
             if image.width * image.height > MAX_CELLS:
                 raise _too_large(path, f"{image.width} x {image.height}")
             return _channels(image)
@@ -126,6 +130,15 @@ def _pixels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         raise _too_large(path, "many more") from None
     except (OSError, ValueError, SyntaxError, EOFError, MemoryError) as error:
         raise Wrong(f"{path}: this image can't be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def _opened(content: bytes) -> Any:
+    """An image of which nothing but the head is read; how large it may be is ours to say, not Pillow's to warn of."""
+    from PIL import Image
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        return Image.open(BytesIO(content), formats=("PPM", "PNG"))
 
 
 def _channels(image: Any) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

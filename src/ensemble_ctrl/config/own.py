@@ -9,6 +9,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from ensemble_ctrl.config.source import read_bytes, text_of
+from ensemble_ctrl.config.tree import TextError, Tree
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS, OdeSystem
 
@@ -24,6 +26,17 @@ def is_ode(data: Any) -> bool:
     fleet = data.get("fleet") if isinstance(data, dict) else None
     model = fleet.get("model") if isinstance(fleet, dict) else None
     return isinstance(model, dict) or (isinstance(model, str) and model in ODE_SYSTEMS)
+
+
+def named_source(path: Path) -> str | None:
+    """The name of the Python file that a problem file names as its model; None if it names none, or can't be read."""
+    try:
+        data = Tree.read(text_of(read_bytes(path))).data
+    except TextError:
+        return None
+    model = data["fleet"]["model"] if is_ode(data) else None
+    value = model.get("python") if isinstance(model, dict) else None
+    return value.rpartition(":")[0] if isinstance(value, str) else None
 
 
 def system_class(value: Any, context: dict[str, Any] | None) -> type[OdeSystem]:

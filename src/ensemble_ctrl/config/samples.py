@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ensemble_ctrl.checks import MAX_SAMPLES
-from ensemble_ctrl.config.source import MAX_MAP_BYTES, read_bytes, text_of
+from ensemble_ctrl.config.source import MAX_MAP_BYTES, checked_path, read_bytes, text_of
 from ensemble_ctrl.config.tree import TextError
 from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, show
@@ -35,6 +35,24 @@ def samples(value: Any, convert: Convert = POSITIVE) -> Values | str:
     if len(value) > MAX_SAMPLES:
         raise Wrong(f"expected at most {MAX_SAMPLES} numbers, got {len(value)}", _THIN)
     return tuple(_item(i, item, convert) for i, item in enumerate(value))
+
+
+def columns_of(folder: Path, name: str, above: float = -math.inf) -> Columns:
+    """The columns of a CSV file that a problem file in `folder` names: there or below, as every file that it names.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the problem file.
+    name : str
+        Of the CSV file; see `columns_from_file` for what it holds, and for `above`.
+
+    Raises
+    ------
+    Wrong
+        If it is elsewhere, or not what was wanted.
+    """
+    return columns_from_file(checked_path(folder, name), above)
 
 
 def columns_from_file(path: Path, above: float = -math.inf) -> Columns:

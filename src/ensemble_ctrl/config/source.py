@@ -11,6 +11,7 @@ from typing import IO
 
 from ensemble_ctrl.config.tree import Place, TextError
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
+from ensemble_ctrl.files import NotRegular, read_regular
 
 MAX_BYTES = 1_000_000
 MAX_MAP_BYTES = 5_000_000
@@ -50,7 +51,7 @@ def read_source(source: Source) -> Text:
     if isinstance(source, str | os.PathLike) and source != "-":
         path = Path(source)
         return Text(name, text_of(read_bytes(path)), path.parent)
-    stream = sys.stdin.buffer if isinstance(source, str | os.PathLike) else source
+    stream = _stdin() if isinstance(source, str | os.PathLike) else source
     try:
         content = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
@@ -58,11 +59,20 @@ def read_source(source: Source) -> Text:
     return Text(name, text_of(content if isinstance(content, bytes) else content.encode()), Path(name).parent)
 
 
+def _stdin() -> IO[bytes]:
+    """The bytes of standard input."""
+    if sys.stdin is None:  # it was closed before this program began
+        raise TextError("standard input is closed")
+    return sys.stdin.buffer
+
+
 def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
     """The first bytes of a file, one more than are allowed if it has them."""
     try:
-        with path.open("rb") as file:
-            return file.read(most + 1)
+        return read_regular(path, most)
+    except NotRegular as error:
+        hint = "give a program's output as - (standard input), or put it into a file first"
+        raise TextError(f"can't be read: {error.strerror}", hint=hint) from None
     except FileNotFoundError:
         raise TextError("no such file", hint=_similar(path)) from None
     except IsADirectoryError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,15 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.errors import UnsupportedError
 from ensemble_ctrl.export.members import Members
+from ensemble_ctrl.files import read_regular
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
 FRAME = "map"
+METADATA, MOST_METADATA = "metadata.yaml", 1_000_000
+MARK = ("written_by", "ensemble-plan export")
+"""What tells a bag of ours from one that was recorded."""
 COMMAND, DRIVE = "/cmd_vel", "/ackermann_cmd"
 PATH = "/member_{}/path"
 _ACKERMANN = "ackermann_msgs/msg/AckermannDrive"
@@ -60,6 +65,7 @@ def write_bag(path: Path, problem: Problem, controls: Floats, members: Members) 
         store.register(get_types_from_msg(text, name))
     messages = _Messages(store.types)
     with Writer(path, version=8) as writer:
+        writer.set_custom_data(*MARK)
 
         def topic(name: str, kind: str) -> Any:
             connection = writer.add_connection(name, kind, typestore=store)
@@ -73,6 +79,18 @@ def write_bag(path: Path, problem: Problem, controls: Floats, members: Members) 
         send = topic(DRIVE if steers else COMMAND, make(0.0, 0.0, 0.0).__msgtype__)
         for t, (speed, turn) in zip(problem.times, [*controls.tolist(), (0.0, 0.0)], strict=True):
             send(t, make(t, speed, turn))
+
+
+def is_own_bag(path: Path) -> bool:
+    """Whether a folder holds a bag that `write_bag` wrote, and nothing else."""
+    if path.is_symlink() or not path.is_dir():
+        return False
+    try:
+        metadata = read_regular(path / METADATA, MOST_METADATA).decode()
+    except (OSError, UnicodeDecodeError):
+        return False
+    own = all(re.search(rf"\b{word}\b", metadata) for word in MARK)
+    return own and {entry.name for entry in path.iterdir()} == {METADATA, *re.findall(r"[\w.-]+\.db3\b", metadata)}
 
 
 def _nanoseconds(t: float) -> int:

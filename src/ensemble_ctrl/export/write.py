@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from ensemble_ctrl.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.export.members import Members, sampled
 from ensemble_ctrl.export.table import to_csv
 from ensemble_ctrl.export.tube import to_geojson
-from ensemble_ctrl.folder import FolderError, in_place_of, write_text
+from ensemble_ctrl.folder import FolderError, whole_folder, write_text
 from ensemble_ctrl.plain import to_json
 from ensemble_ctrl.problem import OdeProblem, Problem
 
@@ -54,7 +55,7 @@ def export(
     members : int, optional
         Members whose trajectories are written, spread over the ranges of the parameters.
     overwrite : bool
-        Whether a file may be replaced, or a folder with a bag.
+        Whether a file may be replaced, or a folder that holds a bag of an earlier export and nothing else.
 
     Raises
     ------
@@ -117,12 +118,13 @@ def as_json(problem: Problem, controls: Floats, certificate: Certificate | None,
 
 def _bag(problem: Problem, controls: Floats, members: Members, path: Path | None, overwrite: bool) -> None:
     """Write a ROS 2 bag beside its place, then move it there."""
-    from ensemble_ctrl.export.bag import write_bag
+    from ensemble_ctrl.export.bag import is_own_bag, write_bag
 
     if path is None:
         raise ProblemError("path: a ROS 2 bag is a folder; say where to write it")
-    if path.exists() and not (overwrite and (path / "metadata.yaml").is_file()):
-        hint = "add --overwrite to replace it" if (path / "metadata.yaml").is_file() else "choose another name"
+    if os.path.lexists(path) and not (overwrite and is_own_bag(path)):
+        other = "choose another name; only a bag that an export wrote, and nothing beside it, is replaced"
+        hint = "add --overwrite to replace it" if is_own_bag(path) else other
         raise FolderError(f"{path}: this exists already; {hint}")
-    with in_place_of(path) as working:
+    with whole_folder(path) as working:
         write_bag(working, problem, controls, members)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl._version import __version__
+from ensemble_ctrl.files import open_new
 from ensemble_ctrl.plain import to_json
 from ensemble_ctrl.receding.driver import Outcome
 from ensemble_ctrl.receding.loop import Receding, Step
@@ -28,7 +29,7 @@ class RunLog:
     """
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("w", encoding="utf-8")
+        self._file = open_new(path)
 
     def __enter__(self) -> Self:
         return self

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.files import whole_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.film import RATES, AnimationError, require, write_film, write_gif
@@ -56,14 +56,8 @@ def animate(problem: Problem, controls: Floats, path: Path, seconds: float = SEC
         raise AnimationError(f"seconds: expected more than 0 and at most {LONGEST:g}, got {seconds:g}")
     times = np.linspace(0.0, problem.duration, max(2, round(seconds * RATES[kind]) + 1))
     frames = _frames(problem, controls, times, WIDTH[kind])
-    part = path.with_name(f".{path.name}.part")
-    try:
-        (write_gif if kind == "gif" else write_film)(frames, part)
-        os.replace(part, path)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from None
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(path) as file:
+        (write_gif if kind == "gif" else write_film)(frames, file)
     return path
 
 

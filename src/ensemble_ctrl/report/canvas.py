@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.files import whole_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.text import parameter_label
 
@@ -81,16 +82,22 @@ def shown_axes(size: tuple[float, float]) -> Axes:
 
 
 def save(figure: Figure, path: Path, kind: str = "png") -> None:
-    """Write a figure; PNG in one pass and without transparency, where `Figure.savefig` takes two."""
+    """Write a figure, whole or not at all; PNG in one pass, where `Figure.savefig` takes two."""
+    if kind not in FORMATS:
+        raise ProblemError(f"format: expected one of {', '.join(FORMATS)}, got {kind!r}")
+    with whole_file(path) as file:
+        if kind == "png":
+            _write_png(figure, file)
+        else:
+            figure.savefig(file, format=kind)
+
+
+def _write_png(figure: Figure, file: IO[bytes]) -> None:
+    """Draw once, and write the pixels without transparency."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
-    if kind not in FORMATS:
-        raise ProblemError(f"format: expected one of {', '.join(FORMATS)}, got {kind!r}")
-    if kind != "png":
-        figure.savefig(path, format=kind)
-        return
     canvas = FigureCanvasAgg(figure)
     canvas.draw()  # type: ignore[no-untyped-call]
     pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
-    Image.fromarray(np.ascontiguousarray(pixels)).save(path, "PNG", compress_level=4, dpi=(figure.dpi, figure.dpi))
+    Image.fromarray(np.ascontiguousarray(pixels)).save(file, "PNG", compress_level=4, dpi=(figure.dpi, figure.dpi))

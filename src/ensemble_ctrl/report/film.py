@@ -5,9 +5,8 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -42,7 +41,7 @@ def require(what: str, kind: str) -> None:
         raise AnimationError(f"{what}: a film needs the program ffmpeg, which was not found; a .gif needs nothing")
 
 
-def write_gif(frames: Iterator[Image.Image], path: Path, colours: Iterable[str] = ()) -> None:
+def write_gif(frames: Iterator[Image.Image], file: IO[bytes], colours: Iterable[str] = ()) -> None:
     """Frames in one palette, so that only what changes is stored; it has `colours` beside those of every map."""
     from PIL import Image
 
@@ -51,7 +50,7 @@ def write_gif(frames: Iterator[Image.Image], path: Path, colours: Iterable[str] 
     small = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     each = round(1000 / RATES["gif"])
     spans = [each] * (len(small) - 1) + [each + round(1000 * HOLD)]
-    small[0].save(path, format="GIF", save_all=True, append_images=small[1:], duration=spans, loop=0, disposal=1)
+    small[0].save(file, format="GIF", save_all=True, append_images=small[1:], duration=spans, loop=0, disposal=1)
 
 
 def _colours(more: Iterable[str]) -> list[tuple[int, ...]]:
@@ -68,13 +67,13 @@ def _colours(more: Iterable[str]) -> list[tuple[int, ...]]:
     return [(255, 255, 255), *far]
 
 
-def write_film(frames: Iterator[Image.Image], path: Path) -> None:
-    """Frames into ffmpeg as they are drawn; the last for a moment longer."""
+def write_film(frames: Iterator[Image.Image], file: IO[bytes]) -> None:
+    """Frames into ffmpeg as they are drawn; the last for a moment longer. It writes by the file's name."""
     frame = next(frames)
     rate = RATES["mp4"]
     command = ["ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
     command += ["-s", f"{frame.width}x{frame.height}", "-r", f"{rate:g}", "-i", "-", "-an"]
-    command += ["-preset", "veryfast", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(path)]
+    command += ["-preset", "veryfast", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", file.name]
     with (
         TemporaryFile() as said,
         subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=said) as ffmpeg,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.files import whole_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save
@@ -115,7 +116,8 @@ def write_run(run: Run, folder: Path, animated: bool = True) -> list[str]:
     save(draw_run(run), folder / "online.png")
     if not animated or min((len(path) for path in _shown(run).values()), default=0) < 2:
         return ["online.png"]
-    write_gif(_frames(run), folder / "online.gif", (*_colours(run).values(), PLANNED))
+    with whole_file(folder / "online.gif") as file:
+        write_gif(_frames(run), file, (*_colours(run).values(), PLANNED))
     return ["online.png", "online.gif"]
 
 
