@@ -49,6 +49,11 @@ def on_plane(cells: Cells, shape: Any) -> Any:
     return shapely.affinity.affine_transform(shape, [c * size, -s * size, s * size, c * size, *cells.origin])
 
 
+def test_a_grid_may_be_smaller_than_the_tolerance() -> None:
+    pieces = Cells(np.zeros((1, 1), dtype=bool), 1.0).pieces(4.0)
+    assert shapely.union_all([shapely.Polygon(piece) for piece in pieces]).covers(shapely.box(-1, -1, 2, 2))
+
+
 @settings(max_examples=60, deadline=None)
 @given(masks, st.floats(0.01, 3), st.floats(-4, 4), st.floats(-4, 4), st.floats(-50, 50))
 def test_every_occupied_cell_is_covered_and_nothing_grows_by_more(

@@ -113,8 +113,8 @@ def _spread(mask: Mask, reach: float) -> Mask:
 
 
 def _part(shift: int, length: int) -> slice:
-    """The indices that are in range after a shift."""
-    return slice(max(shift, 0), length + min(shift, 0))
+    """The indices that are in range after a shift, which may be longer than the whole."""
+    return slice(max(shift, 0), max(length + min(shift, 0), 0))
 
 
 def _boxes(mask: Mask) -> Any:
