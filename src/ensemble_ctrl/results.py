@@ -13,7 +13,7 @@ import numpy as np
 
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.api import Plan
-from ensemble_ctrl.certificate import as_data
+from ensemble_ctrl.certificate import as_data, claim
 from ensemble_ctrl.config import dump
 from ensemble_ctrl.config.ode_section import source_file
 from ensemble_ctrl.files import put_file, read_regular
@@ -36,7 +36,7 @@ def write_results(plan: Plan, folder: Path, command: Sequence[str]) -> None:
     if isinstance(plan.problem, OdeProblem) and (source := source_file(plan.problem.fleet.system)):
         put_file(folder / source.name, source.read_bytes())
     if plan.certificate is not None:
-        _write_json(folder / "certificate.json", as_data(plan.certificate))
+        _write_json(folder / "certificate.json", claim(plan.certificate))
     _write_json(folder / "summary.json", summary(plan))
     _write_json(folder / "provenance.json", provenance(plan, command))
 

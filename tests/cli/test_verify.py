@@ -83,6 +83,42 @@ def test_an_edited_bound_is_found_out(command: Command, results: Path) -> None:
     assert "DISAGREE" in outcome.out
 
 
+def test_a_certificate_with_an_entry_twice_is_found_out(command: Command, results: Path) -> None:
+    """Some readers take the first one, and Python the last."""
+    path = results / "certificate.json"
+    path.write_text(path.read_text().replace("{", '{"clearance": 9.9, ', 1))
+    assert command("verify", "results").code == 4
+
+
+@pytest.mark.parametrize(
+    ("section", "found"),
+    [
+        ("input_bounds: {v: [0, 0.3]}", "v is 0.4 at t = 1 s, input bounds 0 to 0.3"),
+        ("rate_bounds: {v: 0.5}", "the change of v is 1/s at t = 1 s, rate bounds -0.5 to 0.5"),
+    ],
+)
+def test_commands_beyond_the_bounds_are_named(command: Command, place: Path, section: str, found: str) -> None:
+    kind = section[: section.index("_")]
+    folder = place / "fast"
+    folder.mkdir()
+    rows = [f"{0.2 * k},{0.4 if k > 4 else 0.2},0.0" for k in range(20)]
+    (folder / "controls.csv").write_text("\n".join(["t [s],v [m/s],omega [rad/s]", *rows]) + "\n")
+    (folder / "problem.yaml").write_text(
+        "fleet:\n  model: unicycle\n  start: {position: [0, 0], heading: 0, heading_from: x}\n"
+        f"  {section}\nhorizon: {{duration: 4, steps: 20}}\ntask: F x >= 1\n"
+    )
+    outcome = command("verify", "fast")
+    assert outcome.code == 4
+    assert f"proven, but beyond the {kind} bounds at t = 1 s" in outcome.out
+    assert found in outcome.out
+    data = command("verify", "fast", "--json").data
+    assert (data["verified"], data["exit_code"]) == (False, 4)
+    assert (data["beyond_bounds"]["control"], data["beyond_bounds"]["time"]) == ("v", 1.0)
+    ignored = command("verify", "fast", "--ignore-bounds")
+    assert ignored.code == 0
+    assert f"{found} (ignored)" in ignored.out
+
+
 def test_an_edited_problem_is_found_out(command: Command, results: Path) -> None:
     path = results / "problem.yaml"
     path.write_text(path.read_text().replace("radius: 0.0", "radius: 0.01"))

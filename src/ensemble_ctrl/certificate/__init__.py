@@ -6,7 +6,7 @@ constraints or transcription.
 
 from ensemble_ctrl.certificate.certify import Certificate, CounterExample, certify
 from ensemble_ctrl.certificate.clearance import Bound
-from ensemble_ctrl.certificate.record import as_data, differences
+from ensemble_ctrl.certificate.record import as_data, claim, differences
 from ensemble_ctrl.certificate.task import TaskBound
 
-__all__ = ["Bound", "Certificate", "CounterExample", "TaskBound", "as_data", "certify", "differences"]
+__all__ = ["Bound", "Certificate", "CounterExample", "TaskBound", "as_data", "certify", "claim", "differences"]

@@ -307,13 +307,16 @@ def verify(
         list[str] | None, typer.Option("--range", help="Ask about another range.", metavar="NAME=LOW:HIGH")
     ] = None,
     members: Members = None,
+    ignore_bounds: Annotated[
+        bool, typer.Option("--ignore-bounds", help="Accept commands beyond the input or rate bounds.")
+    ] = False,
     json: Json = False,
     trust: Trust = False,
 ) -> None:
     """Prove a saved plan again from its files alone."""
     from ensemble_ctrl.cli.verify import verify_plan
 
-    raise typer.Exit(verify_plan(plan, parameter_range or [], members, json))
+    raise typer.Exit(verify_plan(plan, parameter_range or [], members, json, ignore_bounds))
 
 
 @app.command(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ensemble_ctrl.api import Plan
+from ensemble_ctrl.bounds import Beyond, beyond_bounds
 from ensemble_ctrl.certificate import Certificate, as_data, differences
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
@@ -37,22 +38,28 @@ class Verified:
     run: Replay | None
     tampered: tuple[str, ...]
     asked: bool
+    beyond: Beyond | None
+    ignore_bounds: bool
 
     @property
     def good(self) -> bool:
-        """Whether the plan is proven, no replayed member violates it, and its files agree."""
+        """Whether the plan is proven, no replayed member violates it, it keeps its bounds, and its files agree."""
         replayed = self.run is None or not self.run.violating.any()
-        return self.certificate.proven == "yes" and replayed and not self.tampered
+        kept = self.ignore_bounds or self.beyond is None
+        return self.certificate.proven == "yes" and replayed and kept and not self.tampered
 
 
-def verify_plan(path: Path, asked: Sequence[str], members: int | None, as_json: bool) -> int:
+def verify_plan(
+    path: Path, asked: Sequence[str], members: int | None, as_json: bool, ignore_bounds: bool = False
+) -> int:
     """Print what is proven; returns 0 if all is well, else 4."""
     plan = read_plan(path)
     ranges = dict(_range(text, plan) for text in asked)
     certificate = plan.certify(ranges)
     run = _replayed(plan, ranges, members) if members else None
     tampered = () if asked else tuple(_disagreements(path, plan, certificate))
-    found = Verified(plan, certificate, run, tampered, bool(asked))
+    beyond = beyond_bounds(plan.problem, plan.controls)
+    found = Verified(plan, certificate, run, tampered, bool(asked), beyond, ignore_bounds)
     code = codes.OK if found.good else codes.NOT_VERIFIED
     if as_json:
         say(to_json(_as_data(found, code)))
@@ -121,21 +128,31 @@ def _text(path: Path) -> str:
     return read_regular(path, MOST_BYTES).decode("utf-8", "replace")
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    """An object from a JSON file; anything else claims nothing."""
+def _read_json(path: Path) -> Any:
+    """What a JSON file says; one that can't be read claims nothing."""
     try:
-        data = json.loads(_text(path))
-    except ValueError:
-        return {}
-    return data if isinstance(data, dict) else {}
+        return json.loads(_text(path), object_pairs_hook=_once)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object, none of whose entries stands there twice: readers differ in which one they take."""
+    if len(dict(pairs)) < len(pairs):
+        raise ValueError("an entry stands there twice")
+    return dict(pairs)
 
 
 def _lines(found: Verified) -> list[str]:
     """The result as text."""
     problem = found.plan.problem
     head = HEADS[found.certificate.proven]
-    agree = "agree with each other" + ("" if head == "NOT COVERED" else " and with the proof")
+    if found.beyond is not None and not found.ignore_bounds:
+        head += f", but beyond the {found.beyond.bounds} bounds at t = {found.beyond.time:g} s"
+    agree = "agree with each other" + ("" if found.certificate.proven == "not covered" else " and with the proof")
     rows = [*proven(found.certificate), *measured(found.run)]
+    if found.beyond is not None:
+        rows.append(("bounds", f"{found.beyond}{' (ignored)' if found.ignore_bounds else ''}"))
     rows += [("files", "DISAGREE, see below" if found.tampered else agree)] if not found.asked else []
     rows += [("inputs", f"sha256 {found.certificate.inputs}")]
     return [f"{problem.name}: {head}", *(f"  {label:<11}{text}" for label, text in rows)]
@@ -149,6 +166,7 @@ def _as_data(found: Verified, code: int) -> dict[str, Any]:
         "verified": found.good,
         "certificate": as_data(found.certificate),
         "replay": None if found.run is None else replay_summary(found.run),
+        "beyond_bounds": None if found.beyond is None else asdict(found.beyond),
         "tampered": list(found.tampered),
         "exit_code": code,
     }
