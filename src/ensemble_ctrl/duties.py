@@ -79,13 +79,15 @@ class Duty:
         return np.asarray(np.minimum.reduce([piece.distance(seen) for piece in self.pieces]) - self.radius)
 
     def steps(self, steps: int, duration: float, begin: float = 0.0) -> NDArray[np.bool_]:
-        """Which of `steps` equal steps from time `begin` on overlap the window, shape (steps,)."""
+        """Which of `steps` equal steps from time `begin` on a plan keeps out in, shape (steps,).
+
+        Those that share more than an instant with the window; for a window that is about an instant, those that touch
+        it. For the planner: a proof looks at the window itself (`ensemble_ctrl.certificate.instants`).
+        """
         edges = np.linspace(begin, begin + duration, steps + 1)
         slack = 1e-9 * duration
-        overlap = (edges[:-1] < self.end - slack) & (edges[1:] > self.begin + slack)
-        if self.begin == self.end:
-            overlap = (edges[:-1] <= self.end + slack) & (edges[1:] >= self.begin - slack)
-        return np.asarray(overlap)
+        slack = -slack if self.end - self.begin <= 2 * slack else slack
+        return np.asarray((edges[:-1] < self.end - slack) & (edges[1:] > self.begin + slack))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,5 +170,5 @@ def clearances(problem: Problem, paths: Floats) -> Floats:
     least = np.full(len(paths), FAR)
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     for duty in duties(problem):
-        least = np.minimum(least, duty.distances(paths, times).min(axis=1))
+        least = np.minimum(least, duty.distances(paths, times).min(axis=1, initial=np.inf))
     return least

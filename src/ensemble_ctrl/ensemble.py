@@ -165,6 +165,19 @@ class Ensemble(ReadOnlyArrays, ABC):
         share[:, :1] = np.linspace(0.0, 1.0, count)[:, None]
         return np.asarray(self.lower + share * (self.upper - self.lower))
 
+    def checked_controls(self, controls: ArrayLike) -> Floats:
+        """Commands as an array of shape (steps, n_u).
+
+        Raises
+        ------
+        ProblemError
+            For commands that are empty, of another shape or not finite; a NaN would fail no comparison.
+        """
+        array, n_u = np.asarray(controls, dtype=float), len(self.input_lower)
+        if array.ndim != 2 or not array.size or array.shape[1] != n_u or not np.isfinite(array).all():
+            raise ProblemError(f"controls: expected finite numbers of shape (steps, {n_u}), got shape {array.shape}")
+        return array
+
     def members(self, parameters: ArrayLike | Sequence[Mapping[str, float]]) -> Floats:
         """Members from numbers or names.
 

@@ -236,16 +236,24 @@ class Fleet(Ensemble):
         Returns
         -------
         float
-            0 to 1.
+            0 to 1; measured members are counted.
         """
-        cloud, total = self.cloud or {}, 1.0
+        cloud, share, together = self.cloud or {}, 1.0, []
+        counted = whole = 1
         for k, (name, law) in enumerate(self.parameters.items()):
-            if name not in cloud:
+            values = cloud.get(name, law.values if isinstance(law, Samples) else None)
+            if values is None:
                 below = np.nextafter(lower[k], -np.inf)
-                total *= float(law.cdf(upper[k]) - law.cdf(below))
-        columns = [(self.names.index(name), column) for name, column in cloud.items()]
-        inside = [(column >= lower[k]) & (column <= upper[k]) for k, column in columns]
-        return max(0.0, total) * (float(np.all(inside, axis=0).mean()) if inside else 1.0)
+                share *= float(law.cdf(upper[k]) - law.cdf(below))
+                continue
+            inside = (values >= lower[k]) & (values <= upper[k])
+            if name in cloud:
+                together.append(inside)
+            else:
+                counted, whole = counted * int(inside.sum()), whole * len(values)
+        if together:
+            counted, whole = counted * int(np.all(together, axis=0).sum()), whole * len(together[0])
+        return max(0.0, share) * (counted / whole)
 
     def rule(self, count: int) -> tuple[Floats, Floats]:
         """As `Ensemble.rule`; measured robots are their own points, each with the same weight."""

@@ -213,7 +213,7 @@ def replay(
     substeps = problem.verify.substeps if substeps is None else substeps
     if substeps < 1:
         raise ProblemError(f"substeps: expected 1 or more, got {substeps}")
-    controls = _finite(controls, len(problem.fleet.system.controls))
+    controls = problem.fleet.checked_controls(controls)
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
     size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
@@ -261,14 +261,6 @@ def states(
 
 
 _Closest = tuple[float, float, Member]
-
-
-def _finite(controls: ArrayLike, n_u: int) -> Floats:
-    """Controls of shape (steps, n_u); a NaN would fail no comparison."""
-    array = np.asarray(controls, dtype=float)
-    if array.ndim != 2 or not array.size or array.shape[1] != n_u or not np.isfinite(array).all():
-        raise ProblemError(f"controls: expected finite numbers of shape (steps, {n_u}), got shape {array.shape}")
-    return array
 
 
 def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:

@@ -17,17 +17,16 @@ from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.certify import SPLITS
 from ensemble_ctrl.certificate.clearance import Prover, grown, separation
 from ensemble_ctrl.certificate.enclosure import Flow, Track
-from ensemble_ctrl.certificate.task import alignment, bound_task, gridded
+from ensemble_ctrl.certificate.instants import Spans
+from ensemble_ctrl.certificate.task import bound_task
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import (
     ExactOps,
     StateSignals,
     ground,
     member_robustness,
-    negation_normal_form,
     parse,
     reads_fleet,
-    resolve,
 )
 from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.fleet import Fleet
@@ -288,40 +287,6 @@ def test_another_range_is_another_question(five: tuple[Problem, Floats]) -> None
     assert certify(problem, controls, {"traction": Interval(0.7, 1.3)}).proven == "no"
 
 
-def test_windows_off_the_grid_are_covered_on_a_finer_one() -> None:
-    problem = problem_of(4, 0.1, "x", {}, "F[0.1,0.6] in(home) and G[0.3,0.31] in(home)")
-    assert [alignment(part, problem.step) for part in other_parts(problem)] == [5, 25]
-    certificate = certify(problem, np.zeros((4, 2)))
-    assert certificate.proven == "yes"
-    assert all(part.covered for part in certificate.parts)
-
-
-@settings(SLOW, max_examples=500)
-@given(seeds, st.integers(2, 12))
-def test_bounds_hold_for_windows_anywhere(seed: int, steps: int) -> None:
-    rng = np.random.default_rng(seed)
-    problem = problem_of(steps, 0.1, "x", {}, "F in(home)")
-    a, b = np.sort(rng.uniform(0.0, 0.45 * problem.duration, 2))
-    c, d = np.sort(rng.uniform(0.0, 0.45 * problem.duration, 2))
-    texts = [
-        f"F[{a:.5f},{b:.5f}] G[{c:.5f},{d:.5f}] x >= 0.2",
-        f"G[{a:.5f},{b:.5f}] F[{c:.5f},{d:.5f}] y <= 0.1",
-        f"(x <= 0.5) U[{a:.5f},{b:.5f}] (y >= 0.2)",
-        f"not ((x <= 0.5) U[{a:.5f},{b:.5f}] (y >= 0.2))",
-    ]
-    formula, controls = parse(texts[int(rng.integers(len(texts)))]), random_controls(rng, steps)
-    bound = bound_task(Flow.of(problem, controls), formula, problem.fleet)
-    substeps = 64
-    fine = trajectories(problem, controls, problem.fleet.grid(5), substeps)
-    signals = StateSignals(fine, ("x", "y"), problem.step / substeps)
-    fitted = gridded(negation_normal_form(resolve(formula, problem.duration)), signals.step, upper=True)
-    if fitted is None:
-        return  # a window between two of the fine times
-    above = member_robustness(fitted, signals, ExactOps()).min()
-    assert bound.proven <= above + 0.1  # 2 m/s for a 64th of 0.25 s at each of two windows
-    assert not bound.covered or bound.proven > -np.inf
-
-
 def test_inputs_hash_changes_with_anything_claimed(five: tuple[Problem, Floats]) -> None:
     problem, controls = five
     original = certify(problem, controls).inputs
@@ -336,7 +301,7 @@ def test_prover_is_bounded_in_boxes() -> None:
     problem = problem_of(30, 0.4, "x", {"o": (Obstacle.box([[1.5, 2.0], [1.5, 2.0]]),)}, "G avoid(o)")
     flow = Flow.of(problem, random_controls(np.random.default_rng(3), 30))
     prover = Prover(flow, problem.fleet.names, limit=600)
-    bound = prover.bound("o", problem.obstacles["o"][0], np.arange(30), 0.0)
+    bound = prover.bound("o", problem.obstacles["o"][0], Spans.whole(np.arange(30)), 0.0)
     assert prover.boxes <= 4 * 600
     assert bound.proven <= bound.sampled
 
@@ -346,7 +311,7 @@ def test_nested_formula_against_dense_sampling() -> None:
     problem = problem_of(20, 0.1, "x", {}, "F in(there)")
     formula = ground(parse("F[0,3] G[0,1] (in(a) or y >= 0.2)"), regions, {})
     controls = np.tile([[0.5, 0.1]], (20, 1))
-    bound = bound_task(Flow.of(problem, controls), formula, problem.fleet)
+    bound = bound_task(problem, controls, problem.fleet.parameters, formula, problem.fleet)
     fine = trajectories(problem, controls, problem.fleet.grid(51), 8)
     dense = member_robustness(formula, StateSignals(fine, ("x", "y"), problem.step / 8), ExactOps()).min()
     assert dense - 3e-2 <= bound.proven <= dense + 1e-9

@@ -8,6 +8,7 @@ import pytest
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.clearance import TIGHT, Prover
 from ensemble_ctrl.certificate.enclosure import Flow
+from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.config import load_text
 from ensemble_ctrl.replay import replay
 
@@ -45,8 +46,8 @@ def test_a_field_is_as_far_as_its_nearest_piece(parameters: str, motions: str, s
     controls = rng.uniform([0, -1], [1, 1], (16, 2))
     [found] = certify(problem, controls).clearances
     prover = Prover(Flow.of(problem, controls), problem.fleet.names)
-    steps, motion = np.arange(16), problem.motions.get("field")
-    each = [prover.bound("field", piece, steps, 0.0, motion) for _, piece in problem.pieces]
+    spans, motion = Spans.whole(np.arange(16)), problem.motions.get("field")
+    each = [prover.bound("field", piece, spans, 0.0, motion) for _, piece in problem.pieces]
     assert found.proven == pytest.approx(min(b.proven for b in each), abs=2 * TIGHT)
     assert found.sampled == pytest.approx(min(b.sampled for b in each), abs=2 * TIGHT)
     assert found.proven <= found.sampled + 1e-12

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import Bound, Prover
 from ensemble_ctrl.certificate.enclosure import Flow
+from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.share import boxes, weighed
-from ensemble_ctrl.certificate.task import TaskBound, alignment, bound_task
-from ensemble_ctrl.constraints.stl import Formula, reads_fleet, resolve
+from ensemble_ctrl.certificate.task import TaskBound, bound_task
+from ensemble_ctrl.constraints.stl import Formula, reads_fleet
 from ensemble_ctrl.duties import Chance, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
@@ -107,6 +108,7 @@ class Certificate:
         )
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what overflows proves nothing
 def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = None) -> Certificate:
     """Prove, refute or leave undecided that `controls` are good for every member.
 
@@ -122,14 +124,14 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     Raises
     ------
     ProblemError
-        For names that are not the fleet's.
+        For names that are not the fleet's, and for controls that are empty, of another shape or not finite.
 
     Returns
     -------
     Certificate
     """
     began = time.perf_counter()
-    laws = _laws(problem, ranges)
+    laws, controls = _laws(problem, ranges), problem.fleet.checked_controls(controls)
     if isinstance(problem, OdeProblem):
         return _not_covered(problem, controls, laws)
     flow = Flow.of(problem, controls, laws)
@@ -213,11 +215,11 @@ def _dynamics(problem: Problem) -> Sequence[object]:
 
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     """The worst piece of one duty."""
-    steps = np.flatnonzero(duty.steps(prover.flow.steps, problem.duration))
+    spans = Spans.of(duty.begin, duty.end, problem.duration, prover.flow.steps)
     found: list[Bound] = []
-    for piece in sorted(duty.pieces, key=lambda piece: prover.nearness(piece, steps, duty.motion)):
+    for piece in sorted(duty.pieces, key=lambda piece: prover.nearness(piece, spans, duty.motion)):
         enough = min((b.sampled for b in found), default=np.inf)
-        found.append(prover.bound(duty.name, piece, steps, duty.radius, duty.motion, enough=enough))
+        found.append(prover.bound(duty.name, piece, spans, duty.radius, duty.motion, enough=enough))
     worst = min(found, key=lambda b: b.sampled)
     return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
 
@@ -230,10 +232,8 @@ def part_bound(
     `wanted` is the robustness in metres that would do, `cells` as for `bound_task`.
     """
     formula = grounded(problem, part)
-    first = alignment(resolve(formula, problem.duration), problem.duration / len(controls))
-    for split in (first * more for more in SPLITS):
-        flow = Flow.of(problem, np.repeat(controls, split, axis=0), laws)
-        bound = bound_task(flow, formula, weighed(problem, laws), cells)
+    for split in SPLITS:
+        bound = bound_task(problem, controls, laws, formula, weighed(problem, laws), split, cells)
         if bound.proven >= wanted or bound.sampled < wanted:
             break
     return replace(bound, part=str(part))

@@ -15,7 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.enclosure import START, Flow, Track, first_cells, signs_of
+from ensemble_ctrl.certificate.enclosure import START, UNIT, Flow, Track, first_cells, lowered, signs_of
+from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.exact import hull
 from ensemble_ctrl.fleet import Member
@@ -23,8 +24,9 @@ from ensemble_ctrl.motion import Motion
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Sample = tuple[float, int, float]
-"""A distance seen, with the centre's index and the time."""
+Sample = tuple[float, int, int, float]
+"""A distance seen, with the centre's index, the step, and the share of it."""
+NOWHERE: Sample = (np.inf, 0, 0, 0.0)
 
 CELLS = {0: 1, 1: 16, 2: 5, 3: 3}
 """Cells of each of so many parameters to begin with; else 2."""
@@ -70,7 +72,7 @@ class Bound:
     proven : float
         No member is ever closer than this, metres; negative when that can't be shown.
     sampled : float
-        Smallest distance seen, metres, so that the truth lies between the two.
+        Smallest distance seen, metres, rounded up, so that the truth lies between the two.
     parameters : dict of str to float
         Whose distance that was.
     time : float
@@ -127,13 +129,13 @@ class Prover:
         self.error = self.whole.rounding()
         self.signs = signs_of(count)
 
-    def nearness(self, obstacle: Obstacle, steps: Ints, motion: Motion | None = None) -> float:
-        """Smallest distance of the first cells' middles at the beginnings of `steps`, metres: is the obstacle near?"""
-        return float(self._middles(obstacle, steps, motion).min(initial=np.inf))
+    def nearness(self, obstacle: Obstacle, spans: Spans, motion: Motion | None = None) -> float:
+        """Smallest distance of the first cells' middles at the beginnings of steps, metres: is the obstacle near?"""
+        return float(self._middles(obstacle, spans.step, motion).min(initial=np.inf))
 
     def _middles(self, obstacle: Obstacle, steps: Ints, motion: Motion | None) -> Floats:
         """Distance of the first cells' middles from an obstacle at the beginnings of `steps`, shape (cells, steps)."""
-        moved: Floats = _moved(motion, np.asarray(steps * self.flow.step, dtype=float))
+        moved = _moved(motion, self.flow.begin[steps])
         return obstacle.distance(self.track.position[: len(self.half), steps] - moved)
 
     @cached_property
@@ -145,7 +147,7 @@ class Prover:
         width = arms.sum(axis=-1)
         half = np.broadcast_to(self.half[:, None], (count, self.flow.steps, self.half.shape[1]))
         drives = np.broadcast_to(self.flow.drives(self.centres[:count])[:, None], (count, self.flow.steps, 5))
-        span = np.full((count, self.flow.steps), self.flow.step)
+        span = np.broadcast_to(self.flow.step, (count, self.flow.steps))
         radius = self.flow.remainder_at(half, n + 1) + self.flow.growth(n, span, drives, half)
         moved = np.linalg.norm(np.diff(place, axis=1), axis=2) + width[:, 1:]
         return np.asarray(np.maximum(width[:, :-1], moved) + radius)
@@ -154,13 +156,13 @@ class Prover:
         self,
         name: str,
         obstacle: Obstacle,
-        steps: Ints,
+        spans: Spans,
         radius: float,
         motion: Motion | None = None,
         growth: Floats | None = None,
         enough: float = np.inf,
     ) -> Bound:
-        """Proven and sampled clearance of every member from `obstacle`, which may move, during `steps`.
+        """Proven and sampled clearance of every member from `obstacle`, which may move, during `spans`.
 
         Parameters
         ----------
@@ -168,49 +170,79 @@ class Prover:
             Metres by which every member grows during each step, beyond `radius`.
         enough : float
             Metres; what is proven to be further away isn't looked at more closely.
+
+        Notes
+        -----
+        *Guarantee*: nothing is claimed where numbers overflow: then `proven` is minus infinity.
         """
+        if not np.isfinite(self.error):
+            return Bound(name, -np.inf, np.inf, {}, np.nan)
         self.growth = growth
         enough += radius + self.error
         piece = grown(obstacle, self.shift) if self.shift.any() else obstacle
-        boxes, proven, best = self._near(piece, steps, motion, enough)
+        boxes, proven, best = self._near(piece, spans, motion, enough)
         spent = self.boxes
-        for _ in range(ROUNDS):
+        for left in reversed(range(ROUNDS + 1)):
             if not len(boxes):
                 break
             self.boxes += len(boxes)
             low, best, sides = self._bounds(boxes, piece, motion, best)
             open_ = low < min(best[0] - TIGHT, enough)
-            proven = min(proven, float(low[~open_].min(initial=np.inf)))
-            if self.boxes - spent > self.limit:
-                proven = min(proven, float(low.min()))
+            last = not left or self.boxes - spent > self.limit
+            proven = min(proven, float(low[~open_ | last].min(initial=np.inf)))
+            if last:
                 break
             boxes = self._halved(boxes.where(open_), sides[open_].argmax(axis=1))
-        else:
-            proven = min(proven, float(self._bounds(boxes, piece, motion, best)[0].min(initial=np.inf)))
-        sampled, member = self._closest(obstacle, motion, best) if len(steps) else (np.inf, {})
-        return Bound(name, proven - radius - self.error, sampled - radius, member, best[2])
+        sampled, member = self._closest(obstacle, motion, best)
+        proven, sampled = proven - radius - self.error, sampled - radius + self.error
+        known = np.isfinite([best[0], sampled]).all()
+        return Bound(name, proven if known else -np.inf, sampled if known else np.inf, member, self._time(best))
 
-    def _near(self, piece: Obstacle, steps: Ints, motion: Motion | None, enough: float) -> tuple[Boxes, float, Sample]:
+    def _near(self, piece: Obstacle, spans: Spans, motion: Motion | None, enough: float) -> tuple[Boxes, float, Sample]:
         """The boxes to begin with, but for those that are clearly far; a bound for these; the best sample."""
-        centre, step = (i.ravel() for i in np.meshgrid(np.arange(len(self.half)), steps, indexing="ij"))
-        boxes = Boxes(centre, self.half[centre], step, np.zeros(len(centre)), np.ones(len(centre)))
-        if not len(boxes):
-            return boxes, np.inf, (np.inf, 0, np.nan)
+        cells, steps = len(self.half), spans.step
+        centre = np.repeat(np.arange(cells), len(steps))
+        begin, end = np.tile(spans.begin, cells), np.tile(spans.end, cells)
+        boxes = Boxes(centre, self.half[centre], np.tile(steps, cells), begin, end)
         distance, reach = self._middles(piece, steps, motion), self._reach[:, steps]
         if self.growth is not None:
             distance = distance - self.growth[steps]
         if motion is not None:
-            begin, end = steps * self.flow.step, (steps + 1) * self.flow.step
-            reach = reach + np.linalg.norm(motion.at(end) - motion.at(begin), axis=-1) + motion.bend(begin, end)
-        k = int(distance.argmin())
-        best = float(distance.flat[k]), int(centre[k]), float(step[k] * self.flow.step)
-        low = (distance - reach).ravel()
+            first, last = self.flow.begin[steps], self.flow.begin[steps] + self.flow.step[steps]
+            reach = reach + np.linalg.norm(motion.at(last) - motion.at(first), axis=-1) + motion.bend(first, last)
+        low = lowered((distance - reach).ravel())
+        best = self._best(boxes, self._seen(boxes, piece, motion, distance.ravel()), NOWHERE)
         far = low >= min(best[0] - TIGHT, enough)
         return boxes.where(~far), float(low[far].min(initial=np.inf)), best
 
+    def _seen(self, boxes: Boxes, piece: Obstacle, motion: Motion | None, distance: Floats) -> Floats:
+        """Distances of the boxes' middles where they begin, given those where their steps begin."""
+        late, seen = boxes.begin > 0, distance.copy()
+        some = boxes.where(late)
+        if len(some):
+            here, _ = self._at(some, some.begin, self.flow.drives(self.centres[some.centre]))
+            seen[late] = piece.distance(here - _moved(motion, self._times(some, some.begin)))
+            seen[late] -= 0.0 if self.growth is None else self.growth[some.step]
+        return seen
+
+    def _best(self, boxes: Boxes, distance: Floats, best: Sample) -> Sample:
+        """The closest of the boxes' middles where they begin, if it is closer than the best so far."""
+        k = int(distance.argmin())
+        seen = float(distance[k]), int(boxes.centre[k]), int(boxes.step[k]), float(boxes.begin[k])
+        return min(best, seen, key=lambda sample: sample[0])
+
+    def _times(self, boxes: Boxes, share: Floats) -> Floats:
+        """The instants at a share of each box's step, seconds."""
+        return np.asarray(self.flow.begin[boxes.step] + share * self.flow.step[boxes.step])
+
+    def _time(self, sample: Sample) -> float:
+        """When a distance was seen, seconds."""
+        _, _, n, share = sample
+        return float(self.flow.begin[n] + share * self.flow.step[n])
+
     def _closest(self, obstacle: Obstacle, motion: Motion | None, best: Sample) -> tuple[float, Member]:
         """The distance of a real member near the best sample, and its parameters: shifts are tried on a grid."""
-        flow, (_, centre, time) = self.whole, best
+        flow, (_, centre, n, share) = self.whole, best
         bends: NDArray[np.bool_] = np.asarray(flow.directions[:, :3].any(axis=1))
         axes = [np.linspace(*ends, SHIFTS) for ends in zip(flow.lower[~bends], flow.upper[~bends], strict=True)]
         shifts = (
@@ -218,12 +250,10 @@ class Prover:
         )
         members = np.empty((len(shifts), len(bends)))
         members[:, bends], members[:, ~bends] = self.centres[centre], shifts
-        n = min(int(time / flow.step + 1e-9), flow.steps - 1)
-        share = np.full(1, time / flow.step - n)
-        move, _ = self.flow.moved(np.array([n]), share, self.flow.drives(self.centres[[centre]]))
+        move, _ = self.flow.moved(np.array([n]), np.array([share]), self.flow.drives(self.centres[[centre]]))
         middle = self.track.position[centre, n] + move[0]
         offset = flow.drives(members)[:, START] - self.flow.origin[START]
-        distance = obstacle.distance(middle + offset - _moved(motion, np.array(time)))
+        distance = obstacle.distance(middle + offset - _moved(motion, np.array(self._time(best))))
         distance = distance - (0.0 if self.growth is None else self.growth[n])
         k = int(distance.argmin())
         return float(distance[k]), dict(zip(self.names, members[k].tolist(), strict=True))
@@ -234,19 +264,14 @@ class Prover:
         """Lower bounds, the best sample so far, and what time and each parameter add to every box's size."""
         drives = self.flow.drives(self.centres[boxes.centre])
         (here, slope), (there, slope_there) = (self._at(boxes, share, drives) for share in (boxes.begin, boxes.end))
-        begin, end = ((boxes.step + share) * self.flow.step for share in (boxes.begin, boxes.end))
+        begin, end = (self._times(boxes, share) for share in (boxes.begin, boxes.end))
         here, there = here - _moved(motion, begin), there - _moved(motion, end)
         distance = piece.distance(here)
         grown = 0.0 if self.growth is None else self.growth[boxes.step]
-        k = int((distance - grown).argmin())
-        seen = (
-            float((distance - grown)[k]),
-            int(boxes.centre[k]),
-            float((boxes.step[k] + boxes.begin[k]) * self.flow.step),
-        )
-        best = min(best, seen, key=lambda sample: sample[0])
+        best = self._best(boxes, distance - grown, best)
         curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)
-        growth = self.flow.growth(boxes.step, (boxes.end - boxes.begin) * self.flow.step, drives, boxes.half)
+        span = (boxes.end - boxes.begin) * self.flow.step[boxes.step]
+        growth = self.flow.growth(boxes.step, span, drives, boxes.half)
         radius = grown + curvature + growth + (0.0 if motion is None else motion.bend(begin, end))
         arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
         corners = np.concatenate(
@@ -259,8 +284,9 @@ class Prover:
             [arms[0][near], arms[1][near], corners[near, len(self.signs) :] - corners[near, : len(self.signs)]], axis=1
         )
         low[near] = np.maximum(low[near], separation(corners[near], sides, piece.vertices) - radius[near])
-        long = np.linalg.norm(there - here, axis=1) / 2
-        return low, best, np.column_stack([long, self._widths(boxes, arms, curvature)])
+        way = np.abs(drives[:, 0] * self.flow.v[boxes.step]) * span  # an arc of a full circle has no chord
+        long = np.maximum(way, np.linalg.norm(there - here, axis=1)) / 2
+        return lowered(low), best, np.column_stack([long, self._widths(boxes, arms, curvature)])
 
     def _widths(self, boxes: Boxes, arms: Sequence[Floats], curvature: Floats) -> Floats:
         """What each parameter's width adds to a box, shape (boxes, parameters); `curvature` is the nonlinear part."""
@@ -293,8 +319,8 @@ class Prover:
         half, move = boxes.half.copy(), np.zeros_like(boxes.half)
         half[rows, k] /= 2
         move[rows, k] = half[rows, k]
-        half[rows, k] *= 1 + 1e-12
         c = self.centres[boxes.centre]
+        half[rows, k] = half[rows, k] * (1 + 1e-12) + UNIT * np.abs(c[rows, k])
         new, index = np.unique(np.concatenate([c - move, c + move]), axis=0, return_inverse=True)
         index = index.ravel() + len(self.centres)
         self.centres = np.concatenate([self.centres, new])

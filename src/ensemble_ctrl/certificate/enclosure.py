@@ -27,6 +27,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate.instants import Mesh
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import Problem
 
@@ -51,8 +52,8 @@ class Flow:
         The drive of parameters ``q`` is ``origin + q @ directions``.
     swapped : bool
         True when headings count from +y, so that sine comes first.
-    step : float
-        Seconds.
+    step, begin : ndarray, shape (steps,)
+        Length of each step, and when it begins, seconds.
     v, omega, turned : ndarray, shape (steps,)
         Speed and turn rate of each step, and the integral of the turn rate before it.
     extent : float
@@ -64,22 +65,29 @@ class Flow:
     origin: Floats
     directions: Floats
     swapped: bool
-    step: float
+    step: Floats
+    begin: Floats
     v: Floats
     omega: Floats
     turned: Floats
     extent: float
 
     @classmethod
-    def of(cls, problem: Problem, controls: Floats, laws: Mapping[str, Law] | None = None) -> Flow:
-        """The flow of a problem's fleet, or of one with other ranges of the same parameters."""
+    def of(
+        cls, problem: Problem, controls: Floats, laws: Mapping[str, Law] | None = None, mesh: Mesh | None = None
+    ) -> Flow:
+        """The flow of a problem's fleet, or of one with other ranges of the same parameters.
+
+        Its steps are those of the controls, or the pieces of a mesh of them.
+        """
         fleet = problem.fleet if laws is None else replace(problem.fleet, parameters=laws, cloud=None)
         v, omega = fleet.system.rates(*np.asarray(controls, dtype=float).T)
-        step = problem.duration / len(v)
-        turned = step * np.concatenate([[0.0], np.cumsum(omega)[:-1]])
+        mesh = Mesh.of(problem.duration, len(v)) if mesh is None else mesh
+        v, omega = (np.where(mesh.owner < len(rate), rate[mesh.owner % len(rate)], 0.0) for rate in (v, omega))
+        turned = np.concatenate([[0.0], np.cumsum(mesh.length * omega)[:-1]])
         swapped = fleet.system.heading_from == "y"
-        ends = fleet.lower, fleet.upper
-        return cls(*ends, fleet.origin, fleet.directions, swapped, step, v, omega, turned, _extent(problem))
+        drive = fleet.lower, fleet.upper, fleet.origin, fleet.directions, swapped
+        return cls(*drive, mesh.length, mesh.begin, v, omega, turned, _extent(problem))
 
     def bent(self) -> Flow:
         """The flow of the members that start in the middle of their box: only parameters that bend the curve remain."""
@@ -104,6 +112,11 @@ class Flow:
         """Largest absolute factor on the speed."""
         return float(np.abs(self.drives(self._ends()))[:, 0].max())
 
+    @cached_property
+    def sharpest(self) -> float:
+        """Largest absolute factor on the turn rate."""
+        return float(np.abs(self.drives(self._ends()))[:, 1].max())
+
     def drives(self, members: Floats) -> Floats:
         """Drives of members of shape (..., parameters), shape (..., 5)."""
         return np.asarray(self.origin + members @ self.directions)
@@ -114,7 +127,7 @@ class Flow:
         The derivatives have shape (..., parameters, 2); those by the place at the start are zero.
         """
         a, b, g = drives[..., 0], drives[..., 1], drives[..., 2]
-        span = share * self.step
+        span = share * self.step[n]
         half = self.omega[n] * span / 2
         turned = self.turned[n] + half
         across, slope = _sinc(b * half), _sinc_slope(b * half)
@@ -178,7 +191,7 @@ class Flow:
         ``(steps + 8)`` roundings of its largest value.
         """
         ends = np.abs(self.drives(self._ends())).max(axis=0)
-        way = float(np.abs(self.v).sum()) * self.step * float(ends[0])
+        way = float(np.abs(self.v) @ self.step) * float(ends[0])
         angle = float(ends[2]) + float(ends[1]) * float(self._largest.max())
         size = float(ends[START].max()) + way + 8 * self.extent
         return 4 * UNIT * ((self.steps + 32) * (way * (1 + angle) + size))
@@ -202,7 +215,7 @@ class Flow:
     def _integrals(self) -> Floats:
         """Upper bounds of ``int |v| |Omega|^k`` for k = 0, 1, 2 up to the grid times, shape (3, steps + 1)."""
         powers = self._largest ** np.arange(3)[:, None]
-        sums = np.cumsum(np.abs(self.v) * powers, axis=1) * self.step
+        sums = np.cumsum(self.step * np.abs(self.v) * powers, axis=1)
         return np.concatenate([np.zeros((3, 1)), sums], axis=1)
 
     def _axes(self, angle: Floats) -> tuple[Floats, Floats]:
@@ -242,6 +255,11 @@ class Track:
         return Track(np.concatenate([self.position, other.position]), np.concatenate([self.slope, other.slope]))
 
 
+def lowered(bound: Floats) -> Floats:
+    """Lower bounds, of which those that are no numbers claim nothing."""
+    return np.where(np.isnan(bound), -np.inf, bound)
+
+
 def signs_of(count: int) -> Floats:
     """Every choice of `count` signs, shape (2^count, count)."""
     return np.asarray(1.0 - 2.0 * ((np.arange(2**count)[:, None] >> np.arange(count)) & 1))
@@ -264,10 +282,15 @@ def first_cells(lower: Floats, upper: Floats, each: int | Ints) -> tuple[Floats,
 
 
 def _extent(problem: Problem) -> float:
-    """Largest coordinate of an obstacle's corner, or level of a region's face, in absolute value."""
+    """Largest coordinate of an obstacle's corner, or level of a region's face, in absolute value.
+
+    With the way that a moving obstacle would go at its greatest speed, as times are rounded too.
+    """
     sizes = [float(np.abs(piece.vertices).max()) for _, piece in problem.pieces]
     levels = (np.abs(region.unit_rows()[1]) for region in problem.regions.values())
-    sizes += [float(np.abs(motion.offsets).max()) for motion in problem.motions.values()]
+    for motion in problem.motions.values():
+        speed = np.abs(np.diff(motion.offsets, axis=0)) / np.diff(motion.times)[:, None]
+        sizes += [float(np.abs(motion.offsets).max()), problem.duration * float(speed.max())]
     return max([0.0, *sizes, *(float(level[np.isfinite(level)].max(initial=0.0)) for level in levels)])
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.certify import part_bound
 from ensemble_ctrl.certificate.clearance import Prover
 from ensemble_ctrl.certificate.enclosure import UNIT, Flow
+from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.constraints.stl import Known
 from ensemble_ctrl.duties import duties, other_parts
 from ensemble_ctrl.problem import Problem
@@ -107,15 +108,16 @@ def certify_set(
     above `SPARE` is not sharpened further, so the bounds are not tight.
     """
     began = time.perf_counter()
+    controls = problem.fleet.checked_controls(controls)
     flow = Flow.of(problem, controls)
     prover = Prover(flow, problem.fleet.names, cells=CELLS)
     growth = (away + 2 * np.sin(min(turn, np.pi) / 2) * _distance(flow, prover)) * (1 + 64 * UNIT)
     growth = growth if more is None else growth + more
     found = [(np.inf, "no obstacle")]
     for duty in duties(problem):
-        steps = np.flatnonzero(duty.steps(flow.steps, problem.duration))
+        spans = Spans.of(duty.begin, duty.end, problem.duration, flow.steps)
         for piece in duty.pieces:
-            bound = prover.bound(duty.name, piece, steps, duty.radius, duty.motion, growth, SPARE)
+            bound = prover.bound(duty.name, piece, spans, duty.radius, duty.motion, growth, SPARE)
             found.append((bound.proven, f"avoid({duty.name})"))
     clearance, nearest = min(found)
     largest = float(growth.max())

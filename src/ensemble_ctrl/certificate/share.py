@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import Flow, Track
-from ensemble_ctrl.certificate.task import CellSignals
-from ensemble_ctrl.constraints.stl import ExactOps, member_robustness
+from ensemble_ctrl.certificate.task import MASS_ERROR, CellSignals, scheduled
 from ensemble_ctrl.duties import Chance, grounded
 from ensemble_ctrl.fleet import Fleet
-from ensemble_ctrl.moments import Interval, Law
+from ensemble_ctrl.moments import Interval, Law, Samples
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -48,10 +47,17 @@ def boxes(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance) -> I
             continue
         seen.add(box)
         low, high = _ends(fleet, axes, box)
-        mass = fleet.mass(low, high)
-        if mass >= chance.part.p - 1e-12:
+        mass = _certain(fleet, low, high)
+        if mass >= chance.part.p:
             ends = zip(fleet.names, low.tolist(), high.tolist(), strict=True)
             yield {name: Interval(a, b) for name, a, b in ends}, mass
+
+
+def _certain(fleet: Fleet, low: Floats, high: Floats) -> float:
+    """The mass of a box, rounded down where it comes from distribution functions."""
+    rest = zip(fleet.parameters.items(), low, high, strict=True)
+    counted = all(isinstance(law, Samples) or (a <= law.lower and b >= law.upper) for (_, law), a, b in rest)
+    return fleet.mass(low, high) if counted else max(0.0, fleet.mass(low, high) - MASS_ERROR)
 
 
 def _values(law: Law, bends: bool, bent: int) -> Floats:
@@ -78,16 +84,20 @@ def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance, mem
     flow = Flow.of(problem, np.repeat(controls, LOOKS, axis=0), laws)
     values = np.full(len(members), np.inf)
     size = max(1, 500_000 // flow.steps)
-    for rows in (slice(i, i + size) for i in range(0, len(members), size)):
+    blocks = [slice(i, i + size) for i in range(0, len(members), size)]
+    for rows in blocks:
         path = Track.of(flow, members[rows]).position
         times = np.linspace(0.0, problem.duration, path.shape[1])
         for duty in chance.duties:
-            values[rows] = np.minimum(values[rows], duty.distances(path, times).min(axis=1))
-        for part in chance.others:
-            signals = CellSignals.of(flow, members[rows], np.zeros_like(members[rows]))
-            values[rows] = np.minimum(
-                values[rows], member_robustness(grounded(problem, part), signals, ExactOps())[:, 0]
-            )
+            values[rows] = np.minimum(values[rows], duty.distances(path, times).min(axis=1, initial=np.inf))
+    for part in chance.others:
+        found = scheduled(problem, controls, laws, grounded(problem, part), LOOKS)
+        if found is None:
+            continue
+        fine, schedule = found
+        for rows in blocks:
+            signals = CellSignals.of(fine, members[rows], np.zeros_like(members[rows]))
+            values[rows] = np.minimum(values[rows], schedule.value(signals))
     return values
 
 

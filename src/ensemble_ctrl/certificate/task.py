@@ -1,40 +1,30 @@
 """Proven robustness of a formula in dense time, for every member, by interval evaluation.
 
-Time is cut into *elements*: grid time 0, the open interval after it, grid time 1, and so on.  A predicate gets a lower
-bound that holds throughout an element for all members of a parameter cell.  Because robustness in negation normal form
-never falls when a predicate rises, evaluating the formula on lower bounds gives a lower bound.  Windows count elements:
-for windows on the grid, the elements from ``e + 2a`` to ``e + 2b`` are exactly those that the window meets for every
-instant of element ``e``, for both of ``F`` and ``G``.  A window off the grid is moved to it by `gridded`, to the side
-that lowers the value.
+Time is cut into pieces.  A predicate gets a lower bound at each instant between pieces and one throughout each piece,
+for all members of a parameter cell.  Because robustness in negation normal form never falls when a predicate rises,
+evaluating the formula on lower bounds, which `Schedule` does exactly, gives a lower bound.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import product
+from math import ceil, floor
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells
-from ensemble_ctrl.constraints.stl import (
-    Eventually,
-    ExactOps,
-    Formula,
-    Predicate,
-    Share,
-    Signals,
-    Until,
-    member_robustness,
-    negation_normal_form,
-    reads_fleet,
-    resolve,
-)
-from ensemble_ctrl.constraints.stl.rewrite import rebuilt
-from ensemble_ctrl.constraints.stl.robustness import Temporal, reach
+from ensemble_ctrl.certificate.enclosure import UNIT, Flow, Track, first_cells, lowered
+from ensemble_ctrl.certificate.instants import exact
+from ensemble_ctrl.certificate.schedule import MOST, Schedule
+from ensemble_ctrl.constraints.stl.formula import Formula, Share
+from ensemble_ctrl.constraints.stl.leaves import Predicate
+from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet, resolve
 from ensemble_ctrl.fleet import Fleet, Member
-from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.moments import Interval, Law, Samples
+from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
@@ -47,12 +37,11 @@ CELLS = {0: 1, 1: 16, 2: 5, 3: 3}
 """Cells of each of so many parameters to begin with; else 2."""
 BLOCK = 1_000_000
 """Numbers held at a time: cells times instants."""
-NEAR = 1e-6
-"""Share of a step within which a time counts as on the grid: decimal numbers are not exact in binary."""
-ALIKE = 1e-12
-"""Difference below which two shares count as the same: decimal numbers are not exact in binary."""
-FINEST = 32
-"""Most parts into which a step is cut to put windows on the grid."""
+MASS_ERROR = 1e-9
+"""Share of the fleet by which a mass from distribution functions may be too high."""
+TURN = 0.5
+"""Radians that a member turns at most in a piece of time to begin with, but for `MOST_PARTS`."""
+MOST_PARTS = 64
 UP = 1 + 1e-12
 """Factor by which half widths are rounded up."""
 
@@ -87,8 +76,38 @@ class TaskBound:
 
 
 @dataclass(frozen=True, eq=False)
+class Masses:
+    """How the fleet is spread over cells.
+
+    Attributes
+    ----------
+    mass : ndarray, shape (cells,)
+        Whole numbers where members can be counted, else shares of the fleet.
+    total : float
+        That of the whole fleet.
+    counted : bool
+        Whether they are whole numbers.
+    even : bool
+        Whether the law is uniform within cells, too.
+    """
+
+    mass: Floats
+    total: float
+    counted: bool
+    even: bool
+
+    def needed(self, share: Share) -> float:
+        """The mass that is a share of the fleet, or more than it if that is strict, rounded up."""
+        p = exact(share.p) + (Fraction(1, 10**12) if share.strict else 0)  # 1 - p has been rounded
+        if self.counted:
+            exactly = p * Fraction(self.total)
+            return float(floor(exactly) + 1 if share.strict else ceil(exactly))
+        return float(p) + MASS_ERROR if share.strict else min(float(p) + MASS_ERROR, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
 class CellSignals:
-    """Bounds of predicates over elements; each member is a parameter cell."""
+    """Bounds of predicates over the elements of a flow's mesh; each member is a parameter cell."""
 
     centres: Floats
     half: Floats
@@ -97,57 +116,57 @@ class CellSignals:
     curvature: Floats
     bulge: Floats
     error: float
-    step: float
     upper: bool = False
-    mass: Floats | None = None
+    masses: Masses | None = None
 
     @classmethod
     def of(
-        cls, flow: Flow, centres: Floats, half: Floats, upper: bool = False, mass: Floats | None = None
+        cls, flow: Flow, centres: Floats, half: Floats, upper: bool = False, masses: Masses | None = None
     ) -> CellSignals:
-        """Enclosures of the cells ``centres +- half``, both of shape (cells, parameters); `mass` if all are there."""
+        """Enclosures of the cells ``centres +- half``, both of shape (cells, parameters); `masses` if all are there."""
         track = Track.of(flow, centres)
         n = np.arange(flow.steps)[None, :]
-        bulge = flow.growth(n, np.full((1, 1), flow.step), flow.drives(centres)[:, None], half[:, None])
+        bulge = flow.growth(n, flow.step[None], flow.drives(centres)[:, None], half[:, None])
         curvature = flow.remainder(half)
-        rest = bulge, flow.rounding(), flow.step / 2, upper, mass
-        return cls(centres, half, track.position, track.slope, curvature, *rest)
+        return cls(centres, half, track.position, track.slope, curvature, bulge, flow.rounding(), upper, masses)
 
     @property
     def members(self) -> int:
         """How many cells."""
         return len(self.centres)
 
-    @property
-    def steps(self) -> int:
-        """Elements less one."""
-        return 2 * int(self.bulge.shape[1])
-
     def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
         """Bounds of a predicate, shape (cells, last - first + 1)."""
         coefficients, offset = predicate.normalised()
         by_name = dict(coefficients)
         row = np.array([by_name.get("x", 0.0), by_name.get("y", 0.0)])
-        value = self.position @ row + offset
-        reach = (np.abs(self.slope @ row) * self.half[:, None]).sum(axis=-1)
-        spread = reach + self.curvature + self.error
+        some = slice(first // 2, (last + 1) // 2 + 1)
+        value = self.position[:, some] @ row + offset
+        reach = (np.abs(self.slope[:, some] @ row) * self.half[:, None]).sum(axis=-1)
+        spread = reach + self.curvature[:, some] + self.error
         sign = 1.0 if self.upper else -1.0
         ends = value + sign * spread
-        between = (np.maximum if self.upper else np.minimum)(ends[:, :-1], ends[:, 1:]) + sign * self.bulge
-        return _interleaved(ends, between)[:, first : last + 1]
+        bulge = self.bulge[:, some.start : some.stop - 1]
+        between = (np.maximum if self.upper else np.minimum)(ends[:, :-1], ends[:, 1:]) + sign * bulge
+        bound = _interleaved(ends, between)[:, first - 2 * some.start :][:, : last - first + 1]
+        return -lowered(-bound) if self.upper else lowered(bound)
 
-    def mean(self) -> Signals:
+    def mean(self) -> CellSignals:
         """The mean member.
 
         With a uniform law cells weigh the same: centres average, and curvature over a cell averages to a third. With
         another law a cell's mean may be anywhere in it.
         """
-        away = self.curvature.max(axis=0, keepdims=True) / 3
-        position = self.position.mean(axis=0, keepdims=True)
-        if self.mass is not None:
+        if self.masses is None or self.masses.even:
+            away = self.curvature.max(axis=0, keepdims=True) / 3
+            position = self.position.mean(axis=0, keepdims=True)
+        else:
+            share = self.masses.mass / self.masses.total
             reach = (np.linalg.norm(self.slope, axis=-1) * self.half[:, None]).sum(axis=-1) + self.curvature
-            away = (self.mass @ reach)[None] * UP
-            position = np.einsum("c,ctd->td", self.mass, self.position)[None]
+            position = np.einsum("c,ctd->td", share, self.position)[None]
+            wrong = 0.0 if self.masses.counted else len(share) * MASS_ERROR
+            apart = np.linalg.norm(self.position - position, axis=-1) + reach
+            away = (share @ reach)[None] * UP + wrong * apart.max(axis=0, keepdims=True)
         return CellSignals(
             self.centres[:1],
             np.zeros_like(self.half[:1]),
@@ -155,73 +174,92 @@ class CellSignals:
             np.zeros_like(self.slope[:1]),
             away,
             self.bulge.max(axis=0, keepdims=True),
-            self.error,
-            self.step,
+            self.error * (1 + len(self.centres)),
             self.upper,
         )
 
-
-@dataclass(frozen=True, eq=False)
-class CellOps(ExactOps):
-    """Exact operations in which the fleet's cells have masses, which sum to 1."""
-
-    mass: Floats
-
     def ranked(self, value: Floats, share: Share) -> Floats:
-        """The largest value that cells of at least this mass reach; a share within 1e-12 of another is the same."""
+        """The largest value that cells of at least this mass reach; minus infinity if no cells do."""
+        if self.masses is None:
+            raise AssertionError("a share is of all cells")
         order = np.argsort(value, axis=0)
-        mass = self.mass[order]
+        mass = self.masses.mass[order]
         below = np.cumsum(mass, axis=0) - mass
-        enough = below <= 1 - share.p + (-ALIKE if share.strict else ALIKE)
+        enough = self.masses.total - below >= self.masses.needed(share)
         last = np.where(enough.any(axis=0), len(enough) - 1 - enough[::-1].argmax(axis=0), 0)
-        return np.asarray(np.take_along_axis(np.take_along_axis(value, order, axis=0), last[None], axis=0))
+        found = np.take_along_axis(np.take_along_axis(value, order, axis=0), last[None], axis=0)
+        return np.where(enough.any(axis=0), found, -np.inf)
 
 
-def bound_task(flow: Flow, formula: Formula, fleet: Fleet, cells: int = 0) -> TaskBound:
-    """Bound the robustness of a ground formula for every member of a fleet whose flow this is.
+def scheduled(
+    problem: Problem, controls: Floats, laws: Mapping[str, Law], formula: Formula, split: int
+) -> tuple[Flow, Schedule] | None:
+    """The flow on the instants that a ground formula needs, each step in so many parts; None if it looks past the end.
 
-    `cells` of each parameter are looked at to begin with; 0 for `CELLS`.
+    Steps in which members turn far have more parts.
+    """
+    plain = negation_normal_form(resolve(formula, problem.duration))
+    flow = Flow.of(problem, controls, laws)
+    turns = np.abs(flow.step * flow.omega) * flow.sharpest / TURN
+    each = 2 ** np.ceil(np.log2(np.clip(np.nan_to_num(turns, nan=1.0), 1.0, MOST_PARTS))).astype(np.int64)
+    parts = split * each
+    while parts.sum() > MOST and parts.max() > 1:
+        parts = np.maximum(parts // 2, 1)
+    schedule = Schedule.of(plain, problem.duration, parts)
+    return None if schedule is None else (Flow.of(problem, controls, laws, schedule.mesh), schedule)
+
+
+def bound_task(
+    problem: Problem,
+    controls: Floats,
+    laws: Mapping[str, Law],
+    formula: Formula,
+    fleet: Fleet,
+    split: int = 1,
+    cells: int = 0,
+) -> TaskBound:
+    """Bound the robustness of a ground formula for every member with parameters in the ranges of `laws`.
+
+    `fleet` has the laws that shares and means are of. `cells` of each parameter are looked at to begin with, 0 for
+    `CELLS`, and `split` parts of each step.
 
     Notes
     -----
-    *Guarantee*: `proven` is never above the robustness of any member in dense time, nor in discrete time on the grid.
+    *Guarantee*: `proven` is never above the robustness of any member in dense time.
     """
-    plain = negation_normal_form(resolve(formula, flow.steps * flow.step))
-    below, above = (gridded(plain, flow.step, upper=upper) for upper in (False, True))
-    if below is None or reach(below, flow.step) > flow.steps:
+    found = scheduled(problem, controls, laws, formula, split)
+    if found is None:
         return TaskBound(str(formula), -np.inf, np.inf, {}, covered=False)
+    flow, schedule = found
+    if not np.isfinite(flow.rounding()):
+        return TaskBound(str(formula), -np.inf, np.inf, {})
     shifts: NDArray[np.bool_] = np.asarray(~flow.directions[:, :3].any(axis=1))
-    found = _refined(flow, (below, above), fleet, shifts, cells)
-    if shifts.any() and found.proven < 0 <= found.sampled:
-        again = _refined(flow, (below, above), fleet, np.zeros_like(shifts), cells)
-        found = again if again.proven > found.proven else found
-    return replace(found, part=str(formula))
+    wide = reads_fleet(formula)
+    bound = _refined(flow, schedule, fleet, wide, shifts, cells)
+    if shifts.any() and bound.proven < 0 <= bound.sampled:
+        again = _refined(flow, schedule, fleet, wide, np.zeros_like(shifts), cells)
+        bound = again if again.proven > bound.proven else bound
+    return replace(bound, part=str(formula))
 
 
 def _refined(
-    flow: Flow, pair: tuple[Formula, Formula | None], fleet: Fleet, whole_sides: NDArray[np.bool_], cells: int
+    flow: Flow, schedule: Schedule, fleet: Fleet, fleet_wide: bool, whole_sides: NDArray[np.bool_], cells: int
 ) -> TaskBound:
-    """The bound by cells that are halved until each meets its centre's value; never along `whole_sides`.
-
-    The pair is the formula with its windows moved so that it falls, and so that it rises if there is such a move.
-    """
-    formula, above = pair
+    """The bound by cells that are halved until each meets its centre's value; never along `whole_sides`."""
     count = int((~whole_sides).sum())
     each = cells or CELLS.get(count, 2)
     centres, half = first_cells(flow.lower, flow.upper, np.where(whole_sides, 1, each))
-    fleet_wide, names = reads_fleet(formula), fleet.names
-    even = fleet.cloud is None and all(isinstance(law, Interval) for law in fleet.parameters.values())
     proven, sampled, target, total = np.inf, np.inf, np.inf, 0
     member: Member = {}
     while len(centres):
         total += len(centres)
         mass = masses(fleet, centres, half) if fleet_wide else None
-        low, centre = (_evaluate(flow, formula, centres, h, False, mass, even) for h in (half, half * whole_sides))
-        if above is not None and not fleet_wide:
+        low, centre = (_evaluate(flow, schedule, centres, h, False, mass) for h in (half, half * whole_sides))
+        if not fleet_wide:
             seen = _with_ends(flow, centres, centre, whole_sides)
-            best = _evaluate(flow, above, seen, np.zeros_like(seen), True)
+            best = _evaluate(flow, schedule, seen, np.zeros_like(seen), True)
             if best.min() < sampled:
-                sampled, member = float(best.min()), dict(zip(names, seen[best.argmin()].tolist(), strict=True))
+                sampled, member = float(best.min()), dict(zip(fleet.names, seen[best.argmin()].tolist(), strict=True))
         target = min(target, float(centre.min()))
         open_ = low < target - TIGHT
         if fleet_wide:
@@ -233,7 +271,7 @@ def _refined(
             proven = min(proven, float(low.min()))
             break
         centres, half = _halved(flow, centres[open_], half[open_], ~whole_sides, fleet_wide)
-    return TaskBound(str(formula), proven, sampled, member)
+    return TaskBound("", proven, sampled, member)
 
 
 def _with_ends(flow: Flow, centres: Floats, value: Floats, whole_sides: NDArray[np.bool_]) -> Floats:
@@ -262,7 +300,7 @@ def _halved(
     half, move = half.copy(), np.zeros_like(half)
     half[rows_, k] /= 2
     move[rows_, k] = half[rows_, k]
-    half[rows_, k] *= UP
+    half[rows_, k] = half[rows_, k] * UP + UNIT * np.abs(centres[rows_, k])
     return np.concatenate([centres - move, centres + move]), np.concatenate([half, half])
 
 
@@ -273,78 +311,24 @@ def _bending(flow: Flow, half: Floats) -> Floats:
     return whole - np.stack([flow.remainder(without[:, k])[:, -1] for k in range(half.shape[1])], axis=1)
 
 
-def gridded(formula: Formula, step: float, upper: bool) -> Formula | None:
-    """A formula in negation normal form with every window moved to grid times, so that its value never rises.
-
-    Parameters
-    ----------
-    formula : Formula
-        With windows in seconds.
-    step : float
-        Seconds between grid times.
-    upper : bool
-        True moves windows so that the value never falls instead.
-
-    Returns
-    -------
-    Formula or None
-        None if a window that has to shrink holds no grid time.
-    """
-    parts = [gridded(part, step, upper) for part in formula.parts]
-    if any(part is None for part in parts):
-        return None
-    same = rebuilt(formula, (part for part in parts if part is not None))
-    if not isinstance(same, Temporal) or same.a is None or same.b is None:
-        return same
-    shrinks = isinstance(same, Eventually | Until) != upper
-    slack = -NEAR if shrinks else NEAR
-    low, high = (same.a / step + slack, same.b / step - slack)
-    low, high = (np.ceil(low), np.floor(high)) if shrinks else (np.floor(low), np.ceil(high))
-    return replace(same, a=float(low * step), b=float(high * step)) if low <= high else None
-
-
-def alignment(formula: Formula, step: float) -> int:
-    """The smallest number of parts of a step with which every window is on the grid, 1 if none up to `FINEST` does."""
-    times = list(_times(formula))
-    aligned = (n for n in range(1, FINEST + 1) if all(abs(t * n / step - round(t * n / step)) < NEAR for t in times))
-    return next(aligned, 1)
-
-
-def _times(formula: Formula) -> Iterator[float]:
-    """Ends of every window, seconds."""
-    if isinstance(formula, Temporal) and formula.a is not None and formula.b is not None:
-        yield from (formula.a, formula.b)
-    for part in formula.parts:
-        yield from _times(part)
-
-
 def _evaluate(
-    flow: Flow,
-    formula: Formula,
-    centres: Floats,
-    half: Floats,
-    upper: bool,
-    mass: Floats | None = None,
-    even: bool = True,
+    flow: Flow, schedule: Schedule, centres: Floats, half: Floats, upper: bool, mass: Masses | None = None
 ) -> Floats:
-    """Bounds of the formula at time 0, one a cell; one that reads the fleet needs all cells, and their mass.
-
-    `even` says that the law is uniform within cells too.
-    """
+    """Bounds of the formula at time 0, one a cell; one that reads the fleet needs all cells, and their mass."""
     everything = [slice(0, len(centres))]
     blocks = everything if mass is not None else _blocks(len(centres), flow.steps)
-    ops = ExactOps() if mass is None else CellOps(mass)
-    signals = (CellSignals.of(flow, centres[rows], half[rows], upper, None if even else mass) for rows in blocks)
-    return np.concatenate([np.asarray(member_robustness(formula, s, ops))[:, 0] for s in signals])
+    signals = (CellSignals.of(flow, centres[rows], half[rows], upper, mass) for rows in blocks)
+    return np.concatenate([schedule.value(s) for s in signals])
 
 
-def masses(fleet: Fleet, centres: Floats, half: Floats) -> Floats:
-    """The laws' mass of each of the equal cells that make up the fleet's box, shape (cells,).
+def masses(fleet: Fleet, centres: Floats, half: Floats) -> Masses:
+    """The laws' mass of each of the equal cells that make up the fleet's box.
 
     Cells share their edges, and what lies on an edge belongs to the lower cell, so that nothing counts twice.
     """
     laws, cloud = list(fleet.parameters.items()), fleet.cloud or {}
-    mass, robots = np.ones(len(centres)), None
+    counted = all(isinstance(law, Interval | Samples) for _, law in laws)
+    mass, total, robots = np.ones(len(centres)), 1.0, None
     for k, (name, law) in enumerate(laws):
         width = law.upper - law.lower
         count = max(1, round(width / (2 * half[0, k]))) if width else 1
@@ -354,11 +338,17 @@ def masses(fleet: Fleet, centres: Floats, half: Floats) -> Floats:
             place = np.searchsorted(edges, cloud[name], side="left")
             inside = index[:, None] == place
             robots = inside if robots is None else robots & inside
+        elif isinstance(law, Samples):
+            place = np.searchsorted(edges, law.values, side="left")
+            mass, total = mass * np.bincount(place, minlength=count)[index], total * len(law.values)
         elif isinstance(law, Interval):
-            mass /= count
+            total *= count
         else:
             mass *= np.diff(np.concatenate([[0.0], law.cdf(edges), [1.0]]))[index]
-    return mass if robots is None else np.asarray(mass * robots.mean(axis=1))
+    if robots is not None:
+        mass, total = mass * robots.sum(axis=1), total * robots.shape[1]
+    even = all(isinstance(law, Interval) for _, law in laws)
+    return Masses(mass, total, counted, even) if counted else Masses(mass / total, 1.0, counted, even)
 
 
 def _blocks(cells: int, steps: int) -> list[slice]:

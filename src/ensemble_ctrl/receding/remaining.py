@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import partial
 from itertools import pairwise
+from math import ceil, floor
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.task import gridded
+from ensemble_ctrl.certificate.instants import exact
 from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import (
     Always,
     And,
+    Eventually,
     ExactOps,
     Formula,
     Known,
     Predicate,
     Signals,
+    Until,
     conjuncts,
     ground,
     kept_out,
@@ -31,6 +35,8 @@ from ensemble_ctrl.constraints.stl import (
     robustness,
     settled,
 )
+from ensemble_ctrl.constraints.stl.rewrite import rebuilt
+from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.duties import other_parts, window_of
 from ensemble_ctrl.errors import UnsupportedError
 from ensemble_ctrl.fleet import Fleet
@@ -108,8 +114,8 @@ class _Element:
 class Progress:
     """What is left of the parts of a task that are not duties, along a past that is a tube.
 
-    As in the certificate (`ensemble_ctrl.certificate.task`), time is cut into the grid times and the open intervals
-    between them, and windows are moved to the grid so that nothing rises.
+    Time is cut into the grid times and the open intervals between them, and windows are moved to the grid so that
+    nothing rises.
 
     Parameters
     ----------
@@ -168,13 +174,40 @@ class Progress:
     def _on_grid(self, part: Formula) -> Formula:
         """A part with its windows on the grid."""
         plain = negation_normal_form(resolve(part, self.problem.duration))
-        moved = gridded(plain, self.problem.step, upper=False)
+        moved = gridded(plain, exact(self.problem.duration) / self.problem.steps)
         return Known(-np.inf) if moved is None else moved
 
     @property
     def value(self) -> float:
         """Robustness once everything is decided, metres; minus infinity before."""
         return min((part.value if isinstance(part, Known) else -np.inf for part in self.left), default=np.inf)
+
+
+def gridded(formula: Formula, step: Fraction) -> Formula | None:
+    """A formula in negation normal form with every window moved to grid times, so that its value never rises.
+
+    Parameters
+    ----------
+    formula : Formula
+        With windows in seconds.
+    step : Fraction
+        Seconds between grid times.
+
+    Returns
+    -------
+    Formula or None
+        None if a window that has to shrink holds no grid time.
+    """
+    parts = [gridded(part, step) for part in formula.parts]
+    if any(part is None for part in parts):
+        return None
+    same = rebuilt(formula, (part for part in parts if part is not None))
+    if not isinstance(same, Temporal) or same.a is None or same.b is None:
+        return same
+    low, high = exact(same.a) / step, exact(same.b) / step
+    shrinks = isinstance(same, Eventually | Until)
+    first, last = (ceil(low), floor(high)) if shrinks else (floor(low), ceil(high))
+    return replace(same, a=float(first * step), b=float(last * step)) if first <= last else None
 
 
 def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: PoseSet, ranges: Floats) -> Problem:
