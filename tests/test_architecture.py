@@ -22,7 +22,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "constraints ensemble motion risk target",
         "fleet ode_fleet",
         "problem checks drawing",
-        "duties",
+        "duties bounds",
         "ocp",
         "replay certificate",
         "arrival conflicts planner",
