@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from ensemble_ctrl.ode_fleet import OdeFleet
 from ensemble_ctrl.readonly import ReadOnlyArrays, ReadOnlyMapping
 from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.receding.settings import OnlineSettings
 
 Floats = NDArray[np.float64]
 Guarantee = Literal["moment", "nodes", "hull"]
@@ -201,6 +204,8 @@ class Problem:
     least_duration : float or None
         If given, the plan is as short as possible, from this to `duration` seconds, before all else
         (`ensemble_ctrl.soonest`); windows without an end, and ``T``, then follow the plan's own duration.
+    online : OnlineSettings or None
+        How a loop runs that plans again and again (`ensemble_ctrl.receding`), as its file says; not for plans.
 
     Raises
     ------
@@ -222,6 +227,7 @@ class Problem:
     verify: VerifyOptions = field(default_factory=VerifyOptions)
     report: ReportOptions = field(default_factory=ReportOptions)
     least_duration: float | None = None
+    online: OnlineSettings | None = None
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.checks import require_sound

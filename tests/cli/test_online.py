@@ -71,7 +71,7 @@ def test_several_robots_are_told_and_drawn_by_name(command: Command, place: Path
 
 def test_robots_that_are_not_told_apart_draw_noise_of_their_own(place: Path) -> None:
     (place / "small.yaml").write_text(SMALL + "online: {robots: {ada: {}, ben: {}, cleo: {seed: 9}}}\n")
-    settings = read(str(place / "small.yaml")).online
+    settings = read(str(place / "small.yaml")).problem.online
     assert settings is not None
     assert [robot.seed for robot in settings.robots.values()] == [0, 1, 9]
     assert [robot.seed for robot in settings.with_robots(seed=4).robots.values()] == [4, 5, 6]

@@ -55,7 +55,7 @@ def run_online(options: OnlineRun) -> int:
     loaded = read(options.config, options.overrides, loop=True)
     for warning in loaded.warnings:
         progress.note(str(warning))
-    settings = (loaded.online or OnlineSettings()).with_robots(options.traction, options.seed)
+    settings = (loaded.problem.online or OnlineSettings()).with_robots(options.traction, options.seed)
     problem = loaded.problem
     folder = ResultsFolder(options.output, f"{problem.name}-online", options.overwrite)
     fleet = settings.simulated(problem)

@@ -58,6 +58,7 @@ def _rest(file: ProblemFile, name: str, controls: tuple[str, ...]) -> dict[str, 
         verify=VerifyOptions(**file.verify.model_dump()),
         report=ReportOptions(**file.report.model_dump()),
         least_duration=least,
+        online=None if file.online is None else file.online.settings(),
     )
 
 

@@ -25,7 +25,6 @@ from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.errors import ConfigError, ProblemError
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.receding.remaining import loop_findings
-from ensemble_ctrl.receding.settings import OnlineSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +38,11 @@ class Loaded:
         In file order; each prints as a warning with line and caret.
     text : str
         The file's text, as it was read.
-    online : OnlineSettings or None
-        Its section ``online``, which is about a loop and no part of the problem.
     """
 
     problem: Problem
     warnings: tuple[Diagnostic, ...]
     text: str
-    online: OnlineSettings | None = None
 
     @property
     def data(self) -> dict[str, Any]:
@@ -122,16 +118,16 @@ def _read(text: Text, overrides: Iterable[str], trust: bool = False, loop: bool 
             [locate(Finding((), f"expected a problem with fleet, horizon and task, got {show(data)}"))],
             text.name,
         )
-    problem, online = _problem(text, data, locate, trust)
-    if loop or online is not None:
+    problem = _problem(text, data, locate, trust)
+    if loop or problem.online is not None:
         wrong = [locate(finding) for finding in loop_findings(problem)]
         if wrong:
             _refuse(sorted(wrong, key=locate.order), text.name)
     warnings = [locate(finding) for finding in findings(problem)]
-    return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content, online)
+    return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content)
 
 
-def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> tuple[Problem, OnlineSettings | None]:
+def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> Problem:
     """Validate and build, collecting every error."""
     found = locate.repeated()
     kind: type[ProblemFile] = ProblemFile
@@ -152,7 +148,7 @@ def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> 
         found += [locate(finding) for finding in error.findings or [Finding((), str(error))]]
     if found:
         _refuse(sorted(found, key=locate.order), text.name)
-    return problem, None if file.online is None else file.online.settings()
+    return problem
 
 
 def _tree(text: Text) -> Tree:

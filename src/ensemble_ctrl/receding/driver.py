@@ -28,11 +28,12 @@ class Outcome:
     ending : {"success", "finished", "failed", "stopped", "interrupted"}
         ``success``: the task is done, proven, and nothing contradicted the assumptions. ``finished``: it is done, as
         far as the measurements tell, but not proven to the end or after something had contradicted the assumptions.
-        ``failed``: it is not. ``stopped``: the robot stands, for `reason`. ``interrupted``: someone wanted to stop.
+        ``failed``: neither they nor a proof show that it is, or a robot was where it must not be. ``stopped``: the robot stands, for `reason`. ``interrupted``: someone wanted to stop.
     reason : str
         In words.
     robustness : float
-        Of the task but for what must be kept out of, metres, from the measurements and no less than their errors.
+        Of the task but for what must be kept out of, metres: a lower bound by the measurements, and 0 where that is
+        less but the task is proven.
     paths : dict of str to ndarray of shape (times, 2)
         Of each robot, middles of the sets of places at the grid times, metres.
     steps : tuple of Step
@@ -137,13 +138,14 @@ class _Drive:
         while tick < loop.steps:
             self.clock.wait(self.start + tick * step)
             tick = max(tick, math.floor((self.clock.now() - self.start) / step + 1e-6))
+            loop.elapsed = max(tick * step, 0.0)
             if loop.sent and tick > loop.sent and not loop.over:
                 loop.late(min(tick, loop.steps), lead)
             if self.wanted():
                 return self._ended("interrupted", "someone wanted to stop")
             self._look()
             if loop.alarmed:
-                loop.recall(tick + lead)
+                self._take_back(tick, lead)
             if not loop.over and (loop.sent == 0 or tick >= loop.sent - lead):
                 self._plan(lead)
             if self.block is not None:
@@ -153,6 +155,13 @@ class _Drive:
             tick += 1
         self._last_looks()
         return self._judged()
+
+    def _take_back(self, tick: int, lead: int) -> None:
+        """Take back what can still be stopped: if the robots have to stand, all but the present step."""
+        loop = self.loop
+        loop.recall(max(tick + (1 if loop.stopped else lead), 0))
+        if loop.stopped and not loop.over:
+            self.robot.send(self.start + loop.sent * loop.problem.step, np.zeros((lead, 2)))
 
     def _look(self) -> None:
         """Take a measurement, on the loop's own time."""

@@ -13,20 +13,21 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set, together
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.duties import duties
+from ensemble_ctrl.duties import Duty, duties
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp.online import OnlineProgram, Present, Timer
 from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.receding.evidence import NOTHING, Evidence, Proof
 from ensemble_ctrl.receding.followed import Followed
 from ensemble_ctrl.receding.measurement import Measurement, Seen
 from ensemble_ctrl.receding.options import OnlineOptions
 from ensemble_ctrl.receding.propagation import PoseSet
 from ensemble_ctrl.receding.remaining import for_a_while, of_one_robot, with_map
+from ensemble_ctrl.receding.settings import OnlineSettings
 from ensemble_ctrl.receding.tracker import Tracker
 
 Floats = NDArray[np.float64]
-Proof = Literal["whole", "period", "none"]
 Source = Literal["new", "kept", "stopped", "recovered"]
 Poses = dict[str, PoseSet]
 """Where each robot may be."""
@@ -55,7 +56,8 @@ class Step:
         What is proven of them for the whole set of states: the rest of the task; or that nothing is hit until the next
         plan takes over, nor by standing after that; or nothing, for a robot that stands.
     clearance, robustness : float
-        Proven, metres; infinite where there is nothing to prove.
+        Proven of these commands, and of those planned after them as far as the proof goes (`Evidence`), metres; those
+        of a ``kept`` plan are of its own proof.
     ranges : dict of str to (float, float)
         What is known of the parameters; of several robots, each is named after its robot, as in ``red.traction``.
     away, turn : float
@@ -98,8 +100,7 @@ class _Work:
     iterations: int = 0
     status: str = ""
     source: Source = "stopped"
-    proof: Proof = "none"
-    certificate: SetCertificate | None = None
+    evidence: Evidence = NOTHING
 
     def __post_init__(self) -> None:
         self.began = self.timer()
@@ -109,9 +110,9 @@ class _Work:
         """Since the step began."""
         return self.timer() - self.began
 
-    def ended(self, source: Source, proof: Proof, certificate: SetCertificate | None) -> None:
-        """Note whose commands are sent."""
-        self.source, self.proof, self.certificate = source, proof, certificate
+    def ended(self, source: Source, evidence: Evidence) -> None:
+        """Note whose commands are sent, and what is proven of them."""
+        self.source, self.evidence = source, evidence
 
 
 class Receding:
@@ -123,12 +124,14 @@ class Receding:
         The ranges of its fleet are what is assumed of each robot's parameters. Each has to do the task, which must not
         speak of a fleet.
     options : OnlineOptions, optional
+        Those of the problem's file (`Problem.online`) if not given.
     controls : ndarray, shape (steps, n_u), optional
         A plan to begin with; made here, which takes seconds, if not given.
     timer : callable
         Seconds, for the deadline; that of the processor (`time.process_time`) leaves out what other processes take.
-    robots : sequence of str
-        Names of the robots that hear the commands, all the same ones. Measurements of several come by name.
+    robots : sequence of str, optional
+        Names of the robots that hear the commands, all the same ones; those of the problem's file if not given.
+        Measurements of several come by name.
 
     Attributes
     ----------
@@ -138,6 +141,8 @@ class Receding:
         Where each robot is and has been.
     stopped : str
         Why the robots stand; empty while it moves.
+    elapsed : float
+        Seconds since the plan began, for whoever has a clock to set; obstacles are added then.
     alarmed : bool
         Whether something has happened since the last step that the commands given out did not reckon with; `recall`
         takes back those that can still be stopped.
@@ -162,12 +167,14 @@ class Receding:
         options: OnlineOptions | None = None,
         controls: Floats | None = None,
         timer: Timer = time.perf_counter,
-        robots: Sequence[str] = ("robot",),
+        robots: Sequence[str] | None = None,
     ) -> None:
         self.timer = timer
+        settings = problem.online or OnlineSettings()
+        robots = tuple(settings.robots) if robots is None else robots
         if not robots or len(set(robots)) < len(robots) or not all(robots):
             raise ProblemError(f"robots: expected different names, at least one, got {list(robots)}")
-        self.options = OnlineOptions() if options is None else options
+        self.options = settings.options if options is None else options
         self.problem = of_one_robot(problem)
         if self.options.lead(problem.step) > self.options.applied_steps:
             most = self.options.applied_steps * problem.step
@@ -184,8 +191,10 @@ class Receding:
         self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
         self.history: list[Step] = []
         self.stopped, self.alarmed = "", False
+        self.elapsed = 0.0
+        self._added: dict[str, float] = {}
         self._events: list[str] = []
-        self._whole = self._final = False
+        self._evidence, self._final = NOTHING, False
         self._tighter, self._attempts = 0.0, 0
         self._prepare()
 
@@ -230,7 +239,7 @@ class Receding:
     @property
     def proven(self) -> bool:
         """Whether the rest of the task is proven for the commands that are planned now."""
-        return self._whole and self.holds
+        return self._evidence.proof == "whole" and self.holds
 
     def named(self, measurement: Seen | None) -> dict[str, Measurement]:
         """Measurements by the names of their robots.
@@ -312,7 +321,9 @@ class Receding:
         self.plan = self.plan.copy()
         self.plan[max(self.sent + len(held) - self.base, 0) : max(now - self.base, 0)] = 0.0
         self._send(np.concatenate([held, stood]))
-        self._whole, self.alarmed = self._whole and not len(stood), True
+        self.alarmed = True
+        if len(stood):
+            self._evidence = NOTHING
 
     def planned(self, begin: int, end: int) -> Floats:
         """The commands of control steps as they are planned now; zeros where nothing is planned."""
@@ -324,11 +335,15 @@ class Receding:
         if not self.stopped:
             self._events.append(f"stopped: {reason}")
         self.stopped = self.stopped or reason
-        self._whole, self._final = False, self._final or for_good
+        self._evidence, self._final = NOTHING, self._final or for_good
         self._stand()
 
     def add_obstacle(self, name: str, pieces: Sequence[Obstacle]) -> None:
-        """Put an obstacle on the map; the task has to avoid all ``obstacles`` for it to count.
+        """Put an obstacle on the map, wherever it is; the task has to avoid all ``obstacles`` for it to count.
+
+        It counts from now on, that is from `elapsed` or the newest measurement, whichever is later. What is planned
+        is not proven any more. Where a robot may be in it, all are stopped; else the next step lets them stand if no
+        way is proven.
 
         Raises
         ------
@@ -337,43 +352,61 @@ class Receding:
         """
         if name in self.problem.obstacles or name in self.problem.regions:
             raise ProblemError(f"obstacle: expected a new name, got {name!r}")
-        obstacles = {**self.problem.obstacles, name: tuple(pieces)}
-        poses = self._now()[1]
-        place = next(iter(poses.values())).position if poses else self.problem.fleet.position
-        self.problem = with_map(self.problem, obstacles, place)
+        self._added[name] = max(self.elapsed, *(tracker.time for tracker in self.trackers.values()))
+        self.problem = with_map(self.problem, {**self.problem.obstacles, name: tuple(pieces)})
         for robot in self.robots.values():
             robot.take(self.problem)
         self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
-        self._whole, self.alarmed = False, True
+        self._evidence, self.alarmed = NOTHING, True
         self._events.append(f"an obstacle was added to the map: {name}")
+        reached = self._reached(name)
+        if reached:
+            self.stop(f"{reached} may be in {name}")
 
     def judged(self) -> float:
-        """Robustness of the parts of the task that are not duties, along the measured past of every robot.
+        """Robustness of the parts of the task that are not duties, along the past of every robot.
 
         Returns
         -------
         float
-            Metres, a lower bound; minus infinity if some part is not decided yet, and for a receding horizon's task,
-            which never ends, infinity.
+            Metres, a lower bound, from the measurements, and no less than 0 where the task is proven; minus infinity if
+            some part is not decided yet, and for a receding horizon's task, which never ends, infinity.
         """
         if self.options.horizon == "receding":
             return math.inf
         for robot in self.robots.values():
             robot.advance(self.problem.steps + 1)
-        return min(robot.progress.value for robot in self.robots.values())
+        measured = min(robot.progress.value for robot in self.robots.values())
+        return max(measured, 0.0) if self.proven else measured
 
     def entered(self) -> str:
         """Which robot must have been in which obstacle, by the measurements; empty for none."""
         kept = duties(self.problem)
         for name, tracker in self.trackers.items():
             for k, pose in enumerate(tracker.past):
-                for duty in kept:
-                    at = np.array([k * self.problem.step])
-                    if duty.begin <= at[0] <= duty.end or self.options.horizon == "receding":
-                        here = pose.position - duty.offsets(at)[0]
-                        if min(float(piece.distance(here)) for piece in duty.pieces) - duty.radius + pose.away < 0:
-                            return f"{self._called(name)} was in {duty.name}"
+                time = k * self.problem.step
+                for duty in (duty for duty in kept if self._counts(duty, time)):
+                    if _gap(duty, pose, time) < -pose.away:
+                        return f"{self._called(name)} was in {duty.name}"
         return ""
+
+    def _reached(self, name: str) -> str:
+        """Which robot may be in an obstacle that has just come and has to be avoided; empty for none."""
+        time = self._added[name]
+        new = [duty for duty in duties(self.problem) if duty.name == name and self._counts(duty, time)]
+        for robot, tracker in self.trackers.items():
+            pose = tracker.pose(time)
+            if pose is not None and any(_gap(duty, pose, time) < pose.away for duty in new):
+                return self._called(robot)
+        return ""
+
+    def _counts(self, duty: Duty, time: float) -> bool:
+        """Whether something must be kept out of at a time; what came later need not be."""
+        if time < self._added.get(duty.name, 0.0):
+            return False
+        if self.options.horizon == "receding":
+            return time >= duty.begin  # the window begins anew at every present
+        return bool(duty.during(np.array([time]))[0])
 
     @property
     def given_up(self) -> bool:
@@ -389,7 +422,7 @@ class Receding:
         events = robot.tracker.observe(measurement)
         self._events += events if len(self.robots) == 1 else [f"{name}: {event}" for event in events]
         if any("ignored" not in event for event in events):
-            self._whole, self.alarmed = False, True
+            self._evidence, self.alarmed = NOTHING, True
         if robot.tracker.widened > WIDEST:
             self.stop(f"whatever its parameters, {self._called(name)} is not like the model", for_good=True)
         if self.options.horizon == "shrinking":
@@ -451,22 +484,23 @@ class Receding:
             self._present(self.plan), SHARE * self.options.deadline, self.options.rounds, self.timer
         )
         work.solve_seconds, work.iterations, work.status = found.seconds, found.iterations, found.status
-        proof, certificate = self._proof(found.controls, work)
-        self._tighten(certificate)
+        evidence = self._proof(found.controls, work)
+        self._tighten(evidence.tried)
         if work.seconds > self.options.deadline:
             self._events.append(f"planning took {work.seconds:.3f} s, longer than {self.options.deadline:g} s")
-            proof = "none"
-        if proof == "whole" or (proof == "period" and not self._whole):
-            self.plan, self._whole = found.controls, proof == "whole"
-            work.ended("new", proof, certificate)
-        elif self._whole:
-            work.ended("kept", "whole", certificate)
+            evidence = NOTHING
+        kept = self._evidence.proof == "whole"
+        if evidence.proof == "whole" or (evidence.proof == "period" and not kept):
+            self.plan, self._evidence = found.controls, evidence
+            work.ended("new", evidence)
+        elif kept:
+            work.ended("kept", self._evidence)
         else:
-            proof, certificate = self._proof(self.plan, work)
-            self._whole = proof == "whole"
-            work.ended("kept", proof, certificate)
-            if proof == "none":
-                worst = "" if certificate is None else f": {certificate.worst} by {-certificate.least:.3f} m"
+            self._evidence = self._proof(self.plan, work)
+            work.ended("kept", self._evidence)
+            if self._evidence.proof == "none":
+                tried = self._evidence.tried
+                worst = "" if tried is None else f": {tried.worst} by {-tried.least:.3f} m"
                 self.stop(f"nothing is proven safe from here{worst}")
                 work.source = "stopped"
 
@@ -483,12 +517,12 @@ class Receding:
         for _ in range(3 if found is not None else 0):
             assert found is not None
             found = self.program.solve(self._present(found, begin - self.base), rounds=6).controls
-            proof, certificate = self._proof(found, work, begin - self.base)
-            self._tighten(certificate)
-            if proof != "none":
-                self.plan, self._whole, self.stopped = found, proof == "whole", ""
+            evidence = self._proof(found, work, begin - self.base)
+            self._tighten(evidence.tried)
+            if evidence.proof != "none":
+                self.plan, self._evidence, self.stopped = found, evidence, ""
                 self._events.append(f"a way was found; the robot moves on at {begin * self.problem.step:.1f} s")
-                work.ended("recovered", proof, certificate)
+                work.ended("recovered", evidence)
                 return
         self._events.append("no proven way was found from where the robot stands")
 
@@ -509,11 +543,11 @@ class Receding:
         work.solve_seconds, work.status = sum(found.seconds.values()), found.status
         return np.concatenate([self.plan[:begin], found.controls])[: len(self.plan)]
 
-    def _proof(self, controls: Floats, work: _Work, begin: int | None = None) -> tuple[Proof, SetCertificate | None]:
+    def _proof(self, controls: Floats, work: _Work, begin: int | None = None) -> Evidence:
         """What can be proven of commands, some of which have been sent, from the last measurement on."""
         at, poses = self._now()
         if not poses:
-            return "none", None
+            return NOTHING
         begin = self.sent - self.base if begin is None else begin
         span = begin - at + self.options.applied_steps + self.options.lead(self.problem.step)
         try:
@@ -521,15 +555,15 @@ class Receding:
             whole = self._shown(rests, controls[at:], at, poses)
             work.certify_seconds += whole.seconds
             if whole.proven:
-                return "whole", whole
+                return Evidence.whole(whole)
             span = min(span, len(controls) - at)
             soon = {name: for_a_while(rest, span) for name, rest in rests.items()}
             short = self._shown(soon, controls[at:][:span], at, poses)
         except ProblemError as error:
             self._events.append(str(error).splitlines()[0])
-            return "none", None
+            return NOTHING
         work.certify_seconds += short.seconds
-        return ("period", whole) if short.proven else ("none", short)
+        return Evidence.period(short, whole) if short.proven else Evidence(tried=short)
 
     def _certified(self, controls: Floats, at: int, poses: Poses) -> SetCertificate:
         """What is proven from a grid time on, of every robot."""
@@ -602,6 +636,7 @@ class Receding:
         if self.options.horizon == "receding" and shift > 0:
             self.plan = np.concatenate([self.plan[shift:], np.zeros((shift, 2))])
             self.base += shift
+            self._evidence = NOTHING  # the task that is read anew reaches further
 
     def _stand(self) -> None:
         """No speed from the next commands on."""
@@ -610,7 +645,7 @@ class Receding:
 
     def _note(self, begin: int, end: int, work: _Work) -> None:
         """Remember what this step did."""
-        poses, certificate = self._now()[1], work.certificate
+        poses, evidence = self._now()[1], work.evidence
         ranges = {
             self.label(name, parameter): (float(low), float(high))
             for name, tracker in self.trackers.items()
@@ -621,9 +656,9 @@ class Receding:
                 begin=begin,
                 end=end,
                 source=work.source,
-                proof=work.proof,
-                clearance=math.inf if certificate is None else certificate.clearance,
-                robustness=math.inf if certificate is None else certificate.robustness,
+                proof=evidence.proof,
+                clearance=evidence.clearance,
+                robustness=evidence.robustness,
                 ranges=ranges,
                 away=max((pose.away for pose in poses.values()), default=math.inf),
                 turn=max((pose.turn for pose in poses.values()), default=math.inf),
@@ -636,3 +671,9 @@ class Receding:
             )
         )
         self._events = []
+
+
+def _gap(duty: Duty, pose: PoseSet, time: float) -> float:
+    """How far the middle of a set of poses is from what must be kept out of, metres."""
+    here = pose.position - duty.offsets(np.array([time]))[0]
+    return min(float(piece.distance(here)) for piece in duty.pieces) - duty.radius

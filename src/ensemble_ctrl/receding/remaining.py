@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import pairwise
 from math import ceil, floor
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -241,9 +243,11 @@ def read_anew(problem: Problem, begin: int, pose: PoseSet, ranges: Floats) -> Pr
     return _placed(problem, pose, ranges, begin * problem.step, problem.task, problem.duration, problem.steps)
 
 
-def with_map(problem: Problem, obstacles: Mapping[str, tuple[Obstacle, ...]], place: Floats) -> Problem:
-    """The problem with other obstacles, for a robot that is at `place` now."""
-    return replace(problem, obstacles=obstacles, fleet=replace(problem.fleet, position=place))
+def with_map(problem: Problem, obstacles: Mapping[str, tuple[Obstacle, ...]]) -> Problem:
+    """The problem with other obstacles, unchecked: what is seen on the way is so, whatever is left to do then."""
+    changed = copy(problem)
+    object.__setattr__(changed, "obstacles", MappingProxyType(dict(obstacles)))
+    return changed
 
 
 def for_a_while(problem: Problem, steps: int) -> Problem:
