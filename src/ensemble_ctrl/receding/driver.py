@@ -28,7 +28,8 @@ class Outcome:
     ending : {"success", "finished", "failed", "stopped", "interrupted"}
         ``success``: the task is done, proven, and nothing contradicted the assumptions. ``finished``: it is done, as
         far as the measurements tell, but not proven to the end or after something had contradicted the assumptions.
-        ``failed``: neither they nor a proof show that it is, or a robot was where it must not be. ``stopped``: the robot stands, for `reason`. ``interrupted``: someone wanted to stop.
+        ``failed``: neither they nor a proof show that it is done, or a robot was where it must not be. ``stopped``: the
+        robot stands, for `reason`. ``interrupted``: someone wanted to stop.
     reason : str
         In words.
     robustness : float

@@ -496,13 +496,19 @@ class Receding:
         elif kept:
             work.ended("kept", self._evidence)
         else:
-            self._evidence = self._proof(self.plan, work)
+            self._evidence = self._again(work)
             work.ended("kept", self._evidence)
             if self._evidence.proof == "none":
                 tried = self._evidence.tried
                 worst = "" if tried is None else f": {tried.worst} by {-tried.least:.3f} m"
                 self.stop(f"nothing is proven safe from here{worst}")
                 work.source = "stopped"
+
+    def _again(self, work: _Work) -> Evidence:
+        """A new proof of the last plan; its old one, where that still reaches far enough."""
+        old, end = self._evidence, self.sent + self.options.applied_steps + self.options.lead(self.problem.step)
+        again = self._proof(self.plan, work)
+        return old if again.proof == "none" and end <= old.until else again
 
     def _recover(self, work: _Work) -> None:
         """Look for a way from where the robot stands; it takes over when `recovery` seconds have passed."""
@@ -555,7 +561,7 @@ class Receding:
             whole = self._shown(rests, controls[at:], at, poses)
             work.certify_seconds += whole.seconds
             if whole.proven:
-                return Evidence.whole(whole)
+                return Evidence.whole(whole, self.base + len(controls) if self.problem.motions else math.inf)
             span = min(span, len(controls) - at)
             soon = {name: for_a_while(rest, span) for name, rest in rests.items()}
             short = self._shown(soon, controls[at:][:span], at, poses)
@@ -563,7 +569,7 @@ class Receding:
             self._events.append(str(error).splitlines()[0])
             return NOTHING
         work.certify_seconds += short.seconds
-        return Evidence.period(short, whole) if short.proven else Evidence(tried=short)
+        return Evidence.period(short, self.base + at + span, whole) if short.proven else Evidence(tried=short)
 
     def _certified(self, controls: Floats, at: int, poses: Poses) -> SetCertificate:
         """What is proven from a grid time on, of every robot."""
@@ -636,7 +642,8 @@ class Receding:
         if self.options.horizon == "receding" and shift > 0:
             self.plan = np.concatenate([self.plan[shift:], np.zeros((shift, 2))])
             self.base += shift
-            self._evidence = NOTHING  # the task that is read anew reaches further
+            lasting = all(duty.begin <= 0 and duty.end >= self.problem.duration for duty in duties(self.problem))
+            self._evidence = self._evidence.of_a_period() if lasting else NOTHING
 
     def _stand(self) -> None:
         """No speed from the next commands on."""
