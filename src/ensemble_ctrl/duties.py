@@ -6,7 +6,7 @@ intervals, replay and certificate check them at every instant.  Everything else 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +22,10 @@ from ensemble_ctrl.constraints.stl import (
     conjuncts,
     ground,
     kept_out,
+    outermost,
     reads_fleet,
     resolve,
+    without_implied,
 )
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
@@ -33,6 +35,8 @@ Floats = NDArray[np.float64]
 
 ALL = "obstacles"
 """The name that stands for every obstacle."""
+NOTHING_AVOIDED = "no obstacle is to be avoided"
+"""What an infinite clearance means."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,22 +118,22 @@ def chances(problem: Problem) -> tuple[Chance, ...]:
     return tuple(
         Chance(
             part,
-            tuple(duty for inner in conjuncts(part.child) for duty in _duties(problem, inner)),
-            tuple(inner for inner in conjuncts(part.child) if not kept_out(inner)),
+            _duties(problem, without_implied(conjuncts(part.child), problem.duration)),
+            tuple(p for p in without_implied(conjuncts(part.child), problem.duration) if not kept_out(p)),
         )
-        for part in conjuncts(problem.task)
+        for part in problem.conjuncts
         if isinstance(part, Share) and not part.strict and part.p < 1 and not reads_fleet(part.child)
     )
 
 
 def duties(problem: Problem) -> tuple[Duty, ...]:
-    """Every duty of the task, one for each obstacle or region and window."""
-    return tuple(duty for part in conjuncts(problem.task) for duty in _duties(problem, part))
+    """Every duty of the task, one for each obstacle or region and window that no other one contains."""
+    return _duties(problem, problem.conjuncts)
 
 
 def other_parts(problem: Problem) -> tuple[Formula, ...]:
     """The conjuncts that are not duties, as they were written."""
-    return tuple(part for part in conjuncts(problem.task) if not kept_out(part))
+    return tuple(part for part in problem.conjuncts if not kept_out(part))
 
 
 def grounded(problem: Problem, part: Formula) -> Formula:
@@ -145,7 +149,17 @@ def window_of(problem: Problem, part: Formula) -> tuple[float, float]:
     return float(begin or 0.0), problem.duration if end is None else float(end)
 
 
-def _duties(problem: Problem, part: Formula) -> Iterator[Duty]:
+def _duties(problem: Problem, parts: Sequence[Formula]) -> tuple[Duty, ...]:
+    """The duties of some conjuncts."""
+    found = [duty for part in parts for duty in _duties_of(problem, part)]
+    groups: dict[tuple[str, float], list[int]] = {}
+    for k, duty in enumerate(found):
+        groups.setdefault((duty.name, duty.radius), []).append(k)
+    kept = {same[k] for same in groups.values() for k in outermost([(found[k].begin, found[k].end) for k in same])}
+    return tuple(duty for k, duty in enumerate(found) if k in kept)
+
+
+def _duties_of(problem: Problem, part: Formula) -> Iterator[Duty]:
     """The duties of one conjunct."""
     for leaf in kept_out(part):
         window = window_of(problem, part)

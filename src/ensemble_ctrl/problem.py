@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
-from ensemble_ctrl.constraints.stl import Formula
+from ensemble_ctrl.constraints.stl import Formula, conjuncts, without_implied
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet, frozen
 from ensemble_ctrl.motion import Motion
@@ -206,6 +207,8 @@ class Problem:
         (`ensemble_ctrl.soonest`); windows without an end, and ``T``, then follow the plan's own duration.
     online : OnlineSettings or None
         How a loop runs that plans again and again (`ensemble_ctrl.receding`), as its file says; not for plans.
+    ignore : collection of str
+        Obstacles that need not be avoided throughout: nothing is changed but that there is no warning of it.
 
     Raises
     ------
@@ -228,10 +231,12 @@ class Problem:
     report: ReportOptions = field(default_factory=ReportOptions)
     least_duration: float | None = None
     online: OnlineSettings | None = None
+    ignore: Collection[str] = ()
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.checks import require_sound
 
+        object.__setattr__(self, "ignore", tuple(self.ignore))
         object.__setattr__(self, "regions", ReadOnlyMapping(self.regions))
         object.__setattr__(self, "obstacles", ReadOnlyMapping(self.obstacles))
         object.__setattr__(self, "motions", ReadOnlyMapping(self.motions))
@@ -246,6 +251,11 @@ class Problem:
     def times(self) -> Floats:
         """Grid times in seconds, shape (steps + 1,)."""
         return np.linspace(0.0, self.duration, self.steps + 1)
+
+    @cached_property
+    def conjuncts(self) -> tuple[Formula, ...]:
+        """What has to hold, all of it: the task's conjuncts but for those that others imply."""
+        return without_implied(conjuncts(self.task), self.duration)
 
     @property
     def pieces(self) -> tuple[tuple[str, Obstacle], ...]:

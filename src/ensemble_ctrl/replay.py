@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import ExactOps, Formula, Share, StateSignals, member_robustness, reads_fleet
-from ensemble_ctrl.duties import Duty, chances, duties, grounded, other_parts
+from ensemble_ctrl.duties import NOTHING_AVOIDED, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.problem import Problem
@@ -152,9 +152,10 @@ class Replay:
 
     def __repr__(self) -> str:
         closest = min((c.distance for c in self.clearances), default=float("inf"))
+        clearance = f"clearance >= {closest:.4f} m" if np.isfinite(closest) else NOTHING_AVOIDED
         return (
             f"Replay({self.members} members: {100 * self.satisfied:.4g} % satisfy, robustness >= "
-            f"{self.worst[0]:.4f} m, clearance >= {closest:.4f} m, {self.seconds:.2f} s)"
+            f"{self.worst[0]:.4f} m, {clearance}, {self.seconds:.2f} s)"
         )
 
 

@@ -17,7 +17,7 @@ from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.share import boxes, weighed
 from ensemble_ctrl.certificate.task import TaskBound, bound_task
 from ensemble_ctrl.constraints.stl import Formula, reads_fleet
-from ensemble_ctrl.duties import Chance, Duty, chances, duties, grounded, other_parts
+from ensemble_ctrl.duties import NOTHING_AVOIDED, Chance, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.moments import Law
@@ -102,10 +102,9 @@ class Certificate:
 
     def __repr__(self) -> str:
         scope = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in self.ranges.items())
-        return (
-            f"Certificate(proven: {self.proven}, {scope}, clearance >= "
-            f"{self.clearance:.4f} m, robustness >= {self.robustness:.4f} m, {self.seconds:.2f} s)"
-        )
+        clearance = f"clearance >= {self.clearance:.4f} m" if np.isfinite(self.clearance) else NOTHING_AVOIDED
+        rest = f"robustness >= {self.robustness:.4f} m, {self.seconds:.2f} s"
+        return f"Certificate(proven: {self.proven}, {scope}, {clearance}, {rest})"
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what overflows proves nothing

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ensemble_ctrl.checks.coverage import coverage, coverage_findings, coverage_text
 from ensemble_ctrl.checks.finding import Finding, Path, Severity, path_text
 from ensemble_ctrl.checks.motion import motion_findings
 from ensemble_ctrl.checks.numbers import (
@@ -40,6 +41,8 @@ __all__ = [
     "Finding",
     "Path",
     "Severity",
+    "coverage",
+    "coverage_text",
     "findings",
     "path_text",
     "require_sound",
@@ -91,5 +94,6 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
         place_findings,
         reach_findings,
         unused_findings,
+        coverage_findings,
     )
     return tuple(finding for check in checks for finding in check(problem))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ensemble_ctrl.checks.coverage import coverage_findings
 from ensemble_ctrl.checks.finding import Finding
 from ensemble_ctrl.checks.numbers import name_findings, number_findings
 from ensemble_ctrl.checks.task import task_findings, unused_findings
@@ -31,6 +32,7 @@ def ode_findings(problem: Problem) -> Iterator[Finding]:
     if not shapes:
         yield from _start(problem)
     yield from unused_findings(problem)
+    yield from coverage_findings(problem)
     if problem.verify.certificate:
         message = f"proofs do not cover the {problem.fleet.system.name}: a plan can be replayed only"
         yield Finding(("verify", "certificate"), message, "false accepts the replay", "warning")

@@ -51,11 +51,13 @@ def unused_findings(problem: Problem) -> Iterator[Finding]:
             yield Finding(("regions", name), "the task never mentions this region", hint, "warning", on_key=True)
     if ALL_OBSTACLES in avoided or not problem.obstacles:
         return
-    ignored = [name for name in problem.obstacles if name not in avoided]
+    ignored = [name for name in problem.obstacles if name not in {*avoided, *problem.ignore}]
     if len(ignored) == len(problem.obstacles):
         message = "the task never mentions the obstacles, so robots may drive through them"
-        yield Finding(("obstacles",), message, "add `and G avoid(obstacles)`", "warning", on_key=True)
+        hint = "add `and G avoid(obstacles)`, or list them under `ignore`"
+        yield Finding(("obstacles",), message, hint, "warning", on_key=True)
         return
     for name in ignored:
         message = "the task never mentions this obstacle, so robots may drive through it"
-        yield Finding(("obstacles", name), message, f"add `and G avoid({name})`", "warning", on_key=True)
+        hint = f"add `and G avoid({name})`, or list it under `ignore`"
+        yield Finding(("obstacles", name), message, hint, "warning", on_key=True)

@@ -59,6 +59,7 @@ def _rest(file: ProblemFile, name: str, controls: tuple[str, ...]) -> dict[str, 
         report=ReportOptions(**file.report.model_dump()),
         least_duration=least,
         online=None if file.online is None else file.online.settings(),
+        ignore=tuple(file.ignore),
     )
 
 

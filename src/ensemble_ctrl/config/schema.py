@@ -260,6 +260,8 @@ class ProblemFile(Model):
     """Named areas that the task can say `avoid(...)` of, each one shape or a list of shapes."""
     motions: dict[f.Name, MotionSection] = Field(default_factory=dict)
     """How obstacles move from where they are drawn; those not named here stand still."""
+    ignore: list[f.Name] = Field(default_factory=list)
+    """Obstacles that need not be avoided throughout: no warning of it."""
     task: f.Task
     """What every member has to do, a formula such as `F[14, 16] in(goal) and G avoid(obstacles)`."""
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)

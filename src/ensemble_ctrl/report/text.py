@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.checks import coverage_text
+from ensemble_ctrl.duties import NOTHING_AVOIDED
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.fleet import START
 from ensemble_ctrl.problem import OdeProblem, Problem
@@ -94,7 +96,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
 
 def _lines(label: str, text: str) -> list[str]:
     """One row; what is proven and the task, which may be as long as they like, are wrapped."""
-    texts = wrap(text, WIDTH - 13, break_long_words=False) if label in ("task", "proven") else [text]
+    texts = wrap(text, WIDTH - 13, break_long_words=False) if label in ("task", "obstacles", "proven") else [text]
     return [f"  {'' if i else label:<11}{text}" for i, text in enumerate(texts)]
 
 
@@ -105,6 +107,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         ("fleet", _fleet(problem)),
         ("horizon", f"{problem.duration:g} s in {problem.steps} steps"),
         ("task", str(problem.task)),
+        *([("obstacles", coverage_text(problem))] if problem.obstacles else []),
         *soonest(d.get("soonest")),
         *measured(plan.replayed),
     ]
@@ -188,8 +191,10 @@ def measured(run: Replay | None) -> list[tuple[str, str]]:
     value, worst = run.worst
     who = "of the task, shares as asked" if run.shares else f"for the worst member ({member_text(worst)})"
     rows = [("robustness", f"{value:.4f} m {who}")]
-    if run.clearances:
-        c = min(run.clearances, key=lambda c: c.distance)
+    c = min(run.clearances, key=lambda c: c.distance, default=None)
+    if c is None or not np.isfinite(c.distance):
+        rows.append(("clearance", NOTHING_AVOIDED))
+    else:
         rows.append(
             (
                 "clearance",

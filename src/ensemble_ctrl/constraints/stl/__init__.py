@@ -13,6 +13,7 @@ from ensemble_ctrl.constraints.stl.formula import (
     Share,
     Until,
 )
+from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Predicate
 from ensemble_ctrl.constraints.stl.operations import Backend, ExactOps, NumpyBackend, Ops, SmoothOps
 from ensemble_ctrl.constraints.stl.progression import progressed, settled
@@ -62,10 +63,12 @@ __all__ = [
     "member_robustness",
     "name_errors",
     "negation_normal_form",
+    "outermost",
     "parse",
     "progressed",
     "reads_fleet",
     "resolve",
     "robustness",
     "settled",
+    "without_implied",
 ]

@@ -1,0 +1,158 @@
+"""What is said of obstacles that nobody avoids all the time, and of windows that contain each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import ensemble_ctrl as ec
+from ensemble_ctrl.checks import coverage_text, findings
+from ensemble_ctrl.config import dump, load_text
+from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, conjuncts, robustness, without_implied
+from ensemble_ctrl.duties import clearances, duties, other_parts
+from ensemble_ctrl.replay import replay
+from ensemble_ctrl.report import summary_lines
+
+NAMES = ("o1", "o2", "o3", "post")
+
+
+def problem(task: str, **changes: Any) -> ec.Problem:
+    """Twenty seconds, a goal and four obstacles beside the way."""
+    fleet = ec.Fleet(
+        ec.Unicycle(), {"traction": ec.Interval(0.9, 1.1)}, np.zeros(2), 0.0, np.full(2, -2.0), np.full(2, 2.0)
+    )
+    fields: dict[str, Any] = {
+        "regions": {"goal": ec.Polyhedron.box([[1, 2], [-0.5, 0.5]])},
+        "obstacles": {
+            name: (ec.Obstacle.box(np.array([[0.5 + i, 0.8 + i], [0.8, 0.9]])),) for i, name in enumerate(NAMES)
+        },
+    }
+    return ec.Problem("covered", fleet, 20.0, 100, ec.parse(task), **{**fields, **changes})
+
+
+def warnings(task: str, **changes: Any) -> list[str]:
+    """The texts without hints."""
+    return [found.message for found in findings(problem(task, **changes)) if found.severity == "warning"]
+
+
+NEVER = "the task never mentions this obstacle, so robots may drive through it"
+START = "holds at t = 0 only, as it is outside of every temporal operator"
+
+
+@pytest.mark.parametrize(
+    ("task", "said", "line"),
+    [
+        ("G avoid(obstacles) and F in(goal)", [], "throughout: o1..o3, post"),
+        ("G[0,20] avoid(obstacles) and F in(goal)", [], "throughout: o1..o3, post"),
+        ("G[0,T] avoid(obstacles) and F in(goal)", [], "throughout: o1..o3, post"),
+        ("not F not avoid(obstacles) and F in(goal)", [], "throughout: o1..o3, post"),
+        ("G[0,9] avoid(obstacles) and G[8,20] avoid(obstacles) and F in(goal)", [], "throughout: o1..o3, post"),
+        ("G[0,8] G[0,12] avoid(obstacles) and F in(goal)", [], "throughout: o1..o3, post"),
+        ("G (avoid(obstacles) and x <= 9) and F in(goal)", [], "throughout: o1..o3, post"),
+        (
+            "G[0,16] avoid(obstacles) and F in(goal)",
+            ["o1..o3, post are not avoided 16..20 s"],
+            "only 0..16 s: o1..o3, post",
+        ),
+        (
+            "G[0,4] avoid(post) and G[6,20] avoid(post) and G avoid(o1) and G avoid(o2) and G avoid(o3) and F in(goal)",
+            ["post is not avoided 4..6 s"],
+            "throughout: o1..o3; only 0..4 s and 6..20 s: post",
+        ),
+        (
+            "G[16,T] avoid(o1) and G[0,16] avoid(obstacles) and F in(goal)",
+            ["o2, o3, post are not avoided 16..20 s"],
+            "throughout: o1; only 0..16 s: o2, o3, post",
+        ),
+        (
+            "F[6,8] in(goal) and avoid(post)",
+            [NEVER] * 3 + ["post is avoided at t = 0 s only", f"avoid(post) {START}"],
+            "only at t = 0 s: post; never: o1..o3",
+        ),
+        (
+            "F[6,8] (in(goal) and avoid(post)) and G avoid(o1) and G avoid(o2)",
+            [NEVER, "post is avoided at some time only, which the plan chooses"],
+            "throughout: o1, o2; never: o3, post",
+        ),
+        ("avoid(obstacles) U in(goal)", [], "as the task says: o1..o3, post"),
+        ("F (in(goal) or G avoid(obstacles))", [], "as the task says: o1..o3, post"),
+        ("share(0.9, G avoid(obstacles)) and F in(goal)", [], "as the task says: o1..o3, post"),
+        ("in(goal) -> G avoid(obstacles)", [f"in(goal) {START}"], "as the task says: o1..o3, post"),
+        ("x <= 1 and G avoid(obstacles) and F in(goal)", [f"-x >= -1 {START}"], "throughout: o1..o3, post"),
+        (
+            "F in(goal)",
+            ["the task never mentions the obstacles, so robots may drive through them"],
+            "throughout: none; never: o1..o3, post",
+        ),
+    ],
+)
+def test_what_is_not_avoided_is_named_with_its_time(task: str, said: list[str], line: str) -> None:
+    if "->" in task:
+        left, right = task.split(" -> ")
+        task = f"not {left} or {right}"
+        said = [text.replace("in(goal) holds", "not in(goal) holds") for text in said]
+    assert warnings(task) == said
+    assert coverage_text(problem(task)) == f"avoided {line}"
+
+
+def test_a_longer_horizon_leaves_a_gap_after_an_explicit_window() -> None:
+    task = "G[0,20] avoid(obstacles) and F in(goal)"
+    longer = problem(task).with_(duration=24.0)
+    assert [found.message for found in findings(longer)] == ["o1..o3, post are not avoided 20..24 s"]
+
+
+def test_what_is_meant_is_listed() -> None:
+    task = "G[0,16] avoid(o1) and G avoid(o2) and F in(goal)"
+    meant = problem(task, ignore=["o1", "o3", "post"])
+    assert findings(meant) == ()
+    assert coverage_text(meant) == "avoided throughout: o2; only 0..16 s: o1; never: o3, post"
+    assert load_text(dump(meant)).ignore == ("o1", "o3", "post")
+    assert warnings(task, ignore=["o1", "o3", "post", "p0st"]) == ["there is no obstacle 'p0st'"]
+
+
+def test_the_summary_says_it_and_no_clearance_is_infinite() -> None:
+    none = ec.Plan(problem("F in(goal)"), np.tile([0.08, 0.0], (100, 1)), "planned")
+    seen = replace(none, replayed=none.replay(members=5), certificate=none.certify())
+    lines = summary_lines(seen)
+    assert "  obstacles  avoided throughout: none; never: o1..o3, post" in lines
+    assert "  clearance  no obstacle is to be avoided" in lines
+    for text in (repr(seen.replayed), repr(seen.certificate), *lines):
+        assert "inf" not in text.replace("infeasible", "")
+
+
+WINDOW = st.none() | st.tuples(st.integers(0, 8), st.integers(0, 8)).map(sorted)
+PART = st.tuples(st.sampled_from("GF"), WINDOW, st.sampled_from(["x >= 0", "y >= 0.2"]))
+
+
+@given(st.lists(PART, min_size=2, max_size=8), st.integers(0, 1000))
+@settings(max_examples=60)
+def test_conjuncts_that_are_left_out_say_nothing_more(parts: list[Any], seed: int) -> None:
+    texts = [f"{op}{'' if window is None else window} {leaf}" for op, window, leaf in parts]
+    task = ec.parse(" and ".join(texts))
+    kept = without_implied(conjuncts(task), 8.0)
+    signals = StateSignals(np.random.default_rng(seed).normal(size=(3, 9, 2)), ("x", "y"), 1.0)
+    whole, least = (float(robustness(f, signals, ExactOps())) for f in (task, kept[0]))
+    for part in kept[1:]:
+        least = min(least, float(robustness(part, signals, ExactOps())))
+    assert least == whole
+    assert without_implied(kept, 8.0) == kept
+
+
+def test_a_thousand_windows_that_contain_each_other_are_one() -> None:
+    text = " and ".join(
+        f"G[0,{20 - i / 1000:g}] avoid(obstacles) and F[0,{20 - i / 1000:g}] in(goal)" for i in range(500)
+    )
+    many, one = problem(text), problem("G avoid(obstacles) and F[0,19.501] in(goal)")
+    assert [(d.name, d.begin, d.end) for d in duties(many)] == [(d.name, d.begin, d.end) for d in duties(one)]
+    assert other_parts(many) == other_parts(one)
+    controls = np.tile([0.08, 0.01], (100, 1))
+    for parameters in ([0.9], [1.1]):
+        left, right = (replay(p, controls, parameters=parameters).robustness for p in (many, one))
+        assert np.array_equal(left, right)
+    paths = np.zeros((1, 101, 2))
+    assert np.array_equal(clearances(many, paths), clearances(one, paths))
