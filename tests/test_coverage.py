@@ -21,6 +21,11 @@ from ensemble_ctrl.report import summary_lines
 NAMES = ("o1", "o2", "o3", "post")
 
 
+def box(left: float) -> tuple[ec.Obstacle]:
+    """An obstacle beside the way."""
+    return (ec.Obstacle.box(np.array([[left, left + 0.3], [0.8, 0.9]])),)
+
+
 def problem(task: str, **changes: Any) -> ec.Problem:
     """Twenty seconds, a goal and four obstacles beside the way."""
     fleet = ec.Fleet(
