@@ -32,10 +32,8 @@ def problem(task: str, **changes: Any) -> ec.Problem:
         ec.Unicycle(), {"traction": ec.Interval(0.9, 1.1)}, np.zeros(2), 0.0, np.full(2, -2.0), np.full(2, 2.0)
     )
     fields: dict[str, Any] = {
-        "regions": {"goal": ec.Polyhedron.box([[1, 2], [-0.5, 0.5]])},
-        "obstacles": {
-            name: (ec.Obstacle.box(np.array([[0.5 + i, 0.8 + i], [0.8, 0.9]])),) for i, name in enumerate(NAMES)
-        },
+        "regions": {"goal": ec.Polyhedron.box([[1.0, 2.0], [-0.5, 0.5]])},
+        "obstacles": {name: box(0.5 + i) for i, name in enumerate(NAMES)},
     }
     return ec.Problem("covered", fleet, 20.0, 100, ec.parse(task), **{**fields, **changes})
 
