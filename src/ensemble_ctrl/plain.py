@@ -1,10 +1,25 @@
-"""Plain data as strict JSON: numbers that JSON lacks become null."""
+"""Plain data as strict JSON: numbers that JSON lacks become null; and texts that do nothing to a terminal."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
 from typing import Any
+
+_MARKS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+"""Controls, which steer a terminal, and marks of direction, which let a text look like another."""
+
+
+def visible(text: str) -> str:
+    r"""A text with its controls, except for new lines and tabs, and its marks of direction as escapes.
+
+    Examples
+    --------
+    >>> print(visible("a\x1b[2Jb"), visible("caf\u00e9"))
+    a\x1b[2Jb café
+    """
+    return _MARKS.sub(lambda mark: repr(mark[0])[1:-1], text)
 
 
 def to_json(data: Any, indent: int | None = None) -> str:

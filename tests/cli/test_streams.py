@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
+import ensemble_ctrl as ec
 from ensemble_ctrl.cli.progress import Progress
 from ensemble_ctrl.ocp.solvers import Iteration
 
-from .tools import COMMAND, environment, process
+from .tools import COMMAND, Outcome, environment, process
 
 REWRITE = "\r\x1b[K"
 
@@ -125,7 +126,7 @@ def test_an_output_that_is_full(place: Path) -> None:
             [*COMMAND, "models"], cwd=place, stdout=full, stderr=subprocess.PIPE, text=True, env=environment()
         )
     assert done.returncode == 1
-    assert done.stderr == "error: output: No space left on device\n"
+    assert done.stderr == "error: standard output can't be written (No space left on device)\n"
 
 
 def test_names_that_the_terminal_can_not_show(place: Path) -> None:
@@ -134,3 +135,71 @@ def test_names_that_the_terminal_can_not_show(place: Path) -> None:
     done = process("small.yaml", "--no-plots", "-q", cwd=place, PYTHONIOENCODING="ascii")
     assert done.code == 0, done.err
     assert "m\\xfcll" in done.out
+
+
+def redirected(place: Path, text: str, **changes: str) -> Outcome:
+    """Run a shell's line in which ``CMD`` is the command."""
+    line = text.replace("CMD", f"'{COMMAND[0]}' -m ensemble_ctrl.cli")
+    done = subprocess.run(
+        ["sh", "-c", line], cwd=place, capture_output=True, text=True, env=environment(**changes), timeout=60
+    )
+    return Outcome(done.returncode, done.stdout, done.stderr)
+
+
+@pytest.mark.parametrize(("stream", "reason"), [("/dev/full", "No space left on device"), ("&-", "it is closed")])
+@pytest.mark.parametrize("form", ["", "--json"])
+def test_a_result_that_can_not_be_said_is_kept(place: Path, stream: str, reason: str, form: str) -> None:
+    done = redirected(place, f"CMD small.yaml -q --no-plots {form} >{stream}")
+    assert done.code == 1
+    assert done.err == f"error: standard output can't be written ({reason}); the results are in plans/small\n"
+    assert ec.Plan.load(place / "plans/small").status == "planned"
+
+
+def test_every_command_says_that_its_output_is_lost(place: Path) -> None:
+    for arguments in ("check small.yaml", "check no.yaml --json", "examples", "schema", "--help", "models"):
+        done = redirected(place, f"CMD {arguments} >/dev/full")
+        assert done.code in (1, 2), arguments
+        assert "No space left on device" in done.err or "no.yaml" in done.err, arguments
+        assert "Traceback" not in done.err, arguments
+        assert "Exception ignored" not in done.err, arguments
+
+
+@pytest.mark.parametrize("stream", ["2>&-", "2>/dev/full", "<&- 2>&-"])
+def test_without_a_place_for_messages_there_is_a_plan(place: Path, stream: str) -> None:
+    done = redirected(place, f"CMD small.yaml --no-plots --json {stream}")
+    assert done.code == 0
+    assert done.data["folder"] == "plans/small"
+    text = (place / "plans/small/controls.csv").read_text()
+    assert text.startswith("t [s],v [m/s],omega [rad/s]\n0.0,")
+
+
+def test_a_closed_stdin_is_said(place: Path) -> None:
+    done = redirected(place, "CMD check - <&-")
+    assert done.code == 2
+    assert "<stdin>: error: standard input is closed" in done.err
+
+
+def test_no_name_steers_the_terminal(place: Path) -> None:
+    name = "a\x1b[31mb\x9b2J\u202ec.yaml"
+    done = redirected(place, 'CMD check "$NAME"; CMD show "$NAME"', NAME=name)
+    assert "a\\x1b[31mb\\x9b2J\\u202ec.yaml" in done.err
+    for text in (done.out, done.err):
+        assert not set(text) & {"\x1b", "\x9b", "\u202e"}
+    stream = Screen()
+    Progress(stream=stream).note(f"warning: {name}")
+    assert stream.getvalue() == "warning: a\\x1b[31mb\\x9b2J\\u202ec.yaml\n"
+
+
+def test_names_that_are_no_utf_8(place: Path) -> None:
+    os.rename("small.yaml", b"m\xfcll.yaml")
+    done = subprocess.run(
+        [*COMMAND, b"m\xfcll.yaml", "-q", "-o", b"\xfcber"],
+        cwd=place,
+        capture_output=True,
+        env=environment(LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0"),
+        timeout=60,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"files      \\udcfcber" in done.stdout
+    found = os.listdir(b"\xfcber")
+    assert {b"report.html", b"plan.npz", b"provenance.json", b"trajectories.png"} <= set(found)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from ensemble_ctrl.folder import RESULT_FILES
 from ensemble_ctrl.moments import LegendreBasis
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import FORMATS
+from ensemble_ctrl.report.figures import write_figures
 from ensemble_ctrl.report.kinds.moments import moments
 from ensemble_ctrl.report.plot import KINDS, write_plot
 
@@ -34,6 +37,25 @@ def test_every_picture_of_every_plan(name: str, kind: str) -> None:
     for axes in shown:
         assert "[" in axes.get_ylabel() or kind == "certificate"
     assert "[" in shown[-1].get_xlabel() or (name == "equal" and kind == "clearance")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_dollars_in_names_are_dollars(kind: str, tmp_path: Path) -> None:
+    plain = made("plain")
+    problem = plain.problem
+    odd = problem.with_(
+        name="$x^$",
+        obstacles={**problem.obstacles, "$o^$": problem.obstacles["post"]},
+        regions={**problem.regions, "$r^$": problem.regions["goal"]},
+    )
+    plan = replace(plain, problem=odd)
+    ax = Figure().subplots()
+    plan.plot(kind, ax=ax)
+    assert r"\$x^\$" in ax.get_title()
+    write_plot(plan, kind, tmp_path / "x.png")
+    if kind == "trajectories":
+        names = write_figures(odd, plan.controls, tmp_path)
+        assert set(names) == set(os.listdir(tmp_path)) - {"x.png"}
 
 
 def test_another_kind_is_refused() -> None:

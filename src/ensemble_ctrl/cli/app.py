@@ -14,7 +14,7 @@ import typer
 
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.cli import codes
-from ensemble_ctrl.cli.streams import complain, fail, fail_with, say, silence
+from ensemble_ctrl.cli.streams import OutputError, complain, fail, fail_with, keep_standard_streams, say, silence
 from ensemble_ctrl.errors import EnsembleError
 
 NAME = "ensemble-plan"
@@ -533,6 +533,7 @@ def doctor() -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit; a user's mistake is one clear message, never a traceback."""
+    keep_standard_streams()
     with suppress(AttributeError, ValueError):
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     sys.exit(invoke(list(sys.argv[1:] if arguments is None else arguments)))
@@ -561,9 +562,13 @@ def _invoked(arguments: list[str], as_json: bool) -> int:
     except BrokenPipeError:  # while the help was printed
         silence()
         return codes.OK
+    except OutputError as error:
+        complain(f"error: {error}")
+        return codes.INTERNAL
     except EnsembleError as error:
         return fail_with(codes.USAGE, error, as_json)
     except OSError as error:
+        silence()
         return fail(codes.INTERNAL, f"{error.filename or 'output'}: {error.strerror or error}", as_json)
     except Exception as error:
         return _unexpected(error, as_json)

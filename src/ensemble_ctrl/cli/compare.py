@@ -46,7 +46,7 @@ def compare_guarantees(
         folder.discard()
     progress.finish()
     notes = [f"{name:<15}left out: {why}" for name, why in without.items()]
-    say(text if as_json else "\n".join([problem.name, *table(rows), *notes, f"written to {placed}"]))
+    say(text if as_json else "\n".join([problem.name, *table(rows), *notes, f"written to {placed}"]), str(placed))
     return codes.OK
 
 

@@ -211,7 +211,7 @@ def _print(
 ) -> None:
     """The result on stdout."""
     if options.json:
-        say(to_json({**facts, "exit_code": code, "folder": folder}))
+        say(to_json({**facts, "exit_code": code, "folder": folder}), folder)
         return
     seconds = outcome.seconds
     sources = ", ".join(f"{count} {name}" for name, count in outcome.sources.items() if count)
@@ -225,4 +225,4 @@ def _print(
         rows.append(("robustness", f"{outcome.robustness:.3f} m at least, by the measurements"))
     rows.append(("files", folder))
     head = f"{problem.name}: {outcome.ending}: {outcome.reason}"
-    say("\n".join([head, *(f"  {label:<11}{text}" for label, text in rows)]))
+    say("\n".join([head, *(f"  {label:<11}{text}" for label, text in rows)]), folder)

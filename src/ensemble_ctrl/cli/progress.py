@@ -13,6 +13,8 @@ from math import inf, isfinite
 from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
+from ensemble_ctrl.plain import visible
+
 if TYPE_CHECKING:
     from ensemble_ctrl.ocp.solvers import Iteration
 
@@ -61,7 +63,7 @@ class Progress:
     def note(self, text: str) -> None:
         """A line that stays."""
         self._wipe()
-        self._write(text + "\n")
+        self._write(visible(text) + "\n")
 
     def _begin(self, phase: str) -> None:
         """The next phase."""
@@ -73,10 +75,10 @@ class Progress:
         """Show a passing line."""
         now = time.monotonic()
         if self.live:
-            self._write(f"\r\x1b[K{text[: _columns(self.stream) - 1]}")
+            self._write(f"\r\x1b[K{visible(text)[: _columns(self.stream) - 1]}")
             self._shown = True
         elif self.verbose or now - self._last_line >= 1.0:
-            self._write(text + "\n")
+            self._write(visible(text) + "\n")
             self._last_line = now
 
     def _wipe(self) -> None:

@@ -147,17 +147,23 @@ def _draw(found: Plan, folder: Path, options: RunOptions) -> str:
 def _print(found: Plan, options: RunOptions, written: Written, code: int) -> None:
     """The result on stdout: the summary or one JSON object, with the controls themselves if no file holds them."""
     folder = None if written.folder is None else str(written.folder)
+    try:
+        say(_result(found, options, written, code), folder)
+    finally:
+        if written.error:
+            complain(f"error: {written.error}")
+        elif code in (codes.NO_PLAN, codes.NOT_VERIFIED):
+            complain(f"error: {failure_message(found)}")
+
+
+def _result(found: Plan, options: RunOptions, written: Written, code: int) -> str:
+    """The result as text."""
+    folder = None if written.folder is None else str(written.folder)
+    unwritten = found.controls.tolist() if folder is None else None
     if options.json:
         facts = {**summary(found), "exit_code": code, "folder": folder}
-        if folder is None:
-            facts["controls"] = found.controls.tolist()
-        say(to_json({**facts, "message": written.error} if written.error else facts))
-    else:
-        table = route_lines(found.details["routes"]) if options.verbose else []
-        say("\n".join([*summary_lines(found, folder), *table]))
-        if folder is None:
-            say(f"controls, since no file holds them:\n{controls_csv(found)}".rstrip())
-    if written.error:
-        complain(f"error: {written.error}")
-    elif code in (codes.NO_PLAN, codes.NOT_VERIFIED):
-        complain(f"error: {failure_message(found)}")
+        facts |= {} if unwritten is None else {"controls": unwritten}
+        return to_json({**facts, "message": written.error} if written.error else facts)
+    table = route_lines(found.details["routes"]) if options.verbose else []
+    controls = [] if unwritten is None else ["controls, since no file holds them:", controls_csv(found).rstrip()]
+    return "\n".join([*summary_lines(found, folder), *table, *controls])

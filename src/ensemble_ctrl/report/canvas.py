@@ -10,7 +10,7 @@ import numpy as np
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.files import whole_file
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.report.text import parameter_label
+from ensemble_ctrl.report.text import literal, parameter_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,7 +70,7 @@ def draw_scale(problem: Problem, ax: Axes) -> None:
     place = ax.inset_axes((1.03, 0.0, 0.035, 1.0))
     place.set_title("", y=1.0)
     bar = figure.colorbar(colours, cax=place)
-    bar.set_label(parameter_label(problem, fleet.names[0]))
+    bar.set_label(literal(parameter_label(problem, fleet.names[0])))
 
 
 def shown_axes(size: tuple[float, float]) -> Axes:

@@ -15,7 +15,7 @@ from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, REGION, TWIN, shades
 from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet
-from ensemble_ctrl.report.text import ranges_text
+from ensemble_ctrl.report.text import literal, ranges_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,12 +57,12 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
             ax.add_patch(Polygon(piece.vertices, closed=True, facecolor=OBSTACLE, edgecolor=OBSTACLE_EDGE))
         largest = max(pieces, key=lambda piece: float(np.ptp(piece.vertices, axis=0).prod()))
         middle = largest.vertices.mean(axis=0)
-        ax.annotate(name, middle, ha="center", va="center", fontsize="small", color="white", path_effects=halo)
+        ax.annotate(literal(name), middle, ha="center", va="center", fontsize="small", color="white", path_effects=halo)
     for name, corners in outlines(problem, paths).items():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor="none", alpha=0.15))
         ax.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=REGION, linewidth=1.5))
         ax.annotate(
-            name,
+            literal(name),
             tuple(highest(corners)),
             (0, 3),
             textcoords="offset points",
@@ -146,7 +146,7 @@ def draw_trajectories(
     ax.scatter(paths[:, -1, 0], paths[:, -1, 1], c=shade, cmap="viridis", vmin=0, vmax=1, s=9, zorder=4)
     ax.autoscale_view()
     draw_scale(problem, ax)
-    ax.set_title(f"{problem.name}: one control, {ranges_text(fleet)}", wrap=True, y=1.0)
+    ax.set_title(literal(f"{problem.name}: one control, {ranges_text(fleet)}"), wrap=True, y=1.0)
     return ax
 
 
@@ -159,7 +159,7 @@ def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
     else:
         axes = [ax]
     draw_paths(problem, controls, axes)
-    axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
+    axes[0].set_title(literal(f"{problem.name}: one control, {ranges_text(problem.fleet)}"), wrap=True)
     return axes[0]
 
 
@@ -168,7 +168,7 @@ def _ode_figures(problem: OdeProblem, controls: Floats) -> dict[str, Figure]:
     paths, spread = new_figure((7.2, 4.2)), new_figure((7.2, 4.2))
     axes = sheet(problem, controls, paths, 7.2, VIEW_MARGINS)
     draw_paths(problem, controls, axes)
-    axes[0].set_title(f"{problem.name}: one control, {ranges_text(problem.fleet)}", wrap=True)
+    axes[0].set_title(literal(f"{problem.name}: one control, {ranges_text(problem.fleet)}"), wrap=True)
     draw_spread(problem, controls, placed_axes(spread, 0.75, 0.2, 0.55, 0.45))
     return {"trajectories.png": paths, "spread.png": spread}
 
@@ -188,7 +188,7 @@ def draw_comparison(problem: Problem, panels: Sequence[tuple[str, Floats]]) -> F
     for k, (title, controls) in enumerate(panels):
         after = (len(panels) - 1 - k) * width
         ax = placed_axes(figure, MARGINS[0] + k * width, MARGINS[1] + after, *MARGINS[2:])
-        draw_trajectories(problem, controls, ax).set_title(title)
+        draw_trajectories(problem, controls, ax).set_title(literal(title))
     return figure
 
 

@@ -18,6 +18,7 @@ from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
 from ensemble_ctrl.report.film import write_gif
 from ensemble_ctrl.report.palette import LINES, TWIN
 from ensemble_ctrl.report.stage import FINE, NARROW, Stage
+from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -150,10 +151,10 @@ def _draw_paths(run: Run, ax: Axes) -> None:
     how = "driven" if run.driven else "measured"
     for name, path in shown.items():
         label = how if len(shown) == 1 else f"{name}, {how}"
-        ax.plot(*path.T, color=colours[name], linewidth=1.8, label=label)
+        ax.plot(*path.T, color=colours[name], linewidth=1.8, label=literal(label))
         ax.plot(*path[-1:].T, "o", color=colours[name], markersize=5)
     ax.legend(loc="best", fontsize=8)
-    ax.set_title(run.title, fontsize=10, wrap=True)
+    ax.set_title(literal(run.title), fontsize=10, wrap=True)
 
 
 def _draw_ranges(run: Run, ax: Axes) -> None:
@@ -169,11 +170,15 @@ def _draw_ranges(run: Run, ax: Axes) -> None:
             step="post",
             alpha=0.3,
             color=colour,
-            label=f"{name}: known range" if alone else name,
+            label=literal(f"{name}: known range" if alone else name),
         )
         if name in run.truth:
             ax.axhline(
-                run.truth[name], linestyle="--", linewidth=1.0, color=colour, label=f"{name}: true" if alone else None
+                run.truth[name],
+                linestyle="--",
+                linewidth=1.0,
+                color=colour,
+                label=literal(f"{name}: true") if alone else None,
             )
     ax.set(xlabel="t [s]", ylabel="parameter" if alone else "known range, true value")
     ax.grid(alpha=0.3)

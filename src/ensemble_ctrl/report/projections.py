@@ -13,6 +13,7 @@ from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, placed_axes
 from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION, shades, viridis
 from ensemble_ctrl.report.scene import OVER_TIME, Scene, scenes
+from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,14 +64,14 @@ def _draw_shapes(scene: Scene, ax: Axes) -> None:
     for corners in scene.regions.values():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
     for name, (x, y) in scene.tags.items():
-        ax.annotate(name, (x, y), (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
+        ax.annotate(literal(name), (x, y), (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
     ax.plot(*scene.start, "ko", markersize=5, zorder=5)
     if scene.view is not None:
         ax.set_aspect("equal")
         ax.annotate("start", tuple(scene.start), (0, -12), textcoords="offset points", fontsize=8, ha="center")
     across, up = scene.labels
     seen = f" (seen along {scene.hidden}; dotted: beside the way)" if scene.hidden else ""
-    ax.set(xlabel=f"{across}{seen}", ylabel=up)
+    ax.set(xlabel=literal(f"{across}{seen}"), ylabel=literal(up))
 
 
 def _times(problem: OdeProblem, path: Floats) -> Floats:
@@ -83,9 +84,9 @@ def draw_spread(problem: OdeProblem, controls: Floats, ax: Axes) -> None:
     paths = trajectories(problem, controls, problem.fleet.grid(MEMBERS), LOOKS)
     apart = np.ptp(paths, axis=0)
     for k, name in enumerate(problem.fleet.places):
-        ax.plot(_times(problem, apart), apart[:, k], label=name)
+        ax.plot(_times(problem, apart), apart[:, k], label=literal(name))
     ax.set(xlabel="t [s]", ylabel="largest distance between members [m]", xlim=(0, problem.duration))
-    ax.set_title(f"{problem.name}: how the fleet spreads under one control", wrap=True)
+    ax.set_title(literal(f"{problem.name}: how the fleet spreads under one control"), wrap=True)
     ax.grid(alpha=0.3)
     ax.legend(loc="upper left", fontsize=8)
 

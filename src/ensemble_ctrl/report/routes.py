@@ -12,6 +12,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes
 from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
+from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,7 +74,7 @@ def draw_routes(problem: Problem, controls: Floats, routes: Sequence[Tried]) -> 
             ax.plot(line[:, 0], line[:, 1], label=label, **style)
     ax.plot(plan[:, 0], plan[:, 1], color=PLAN, linewidth=1.4, zorder=3.2, label="plan (middle member)")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, fontsize="small", frameon=False)
-    ax.set_title(f"{problem.name}: {len(routes)} routes tried", y=1.0)
+    ax.set_title(literal(f"{problem.name}: {len(routes)} routes tried"), y=1.0)
     return figure
 
 

@@ -178,6 +178,17 @@ def short(text: str, most: int = 34) -> str:
     return text if len(text) <= most else text[: most - 1] + "…"
 
 
+def literal(text: str) -> str:
+    r"""A text for Matplotlib that shows its dollars, where else they would begin a formula.
+
+    Examples
+    --------
+    >>> print(literal("$x^$"))
+    \$x^\$
+    """
+    return text.replace("$", r"\$")
+
+
 def parameter_label(problem: Problem, name: str) -> str:
     """A parameter and its unit for an axis; of a differential equation's own parameters the unit is not known."""
     unit = unit_of(name).strip() or ("SI units" if isinstance(problem, OdeProblem) else "-")

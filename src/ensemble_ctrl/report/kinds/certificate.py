@@ -8,7 +8,7 @@ import numpy as np
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.report.palette import LINES, TWIN
-from ensemble_ctrl.report.text import short
+from ensemble_ctrl.report.text import literal, short
 from ensemble_ctrl.report.words import length
 
 if TYPE_CHECKING:
@@ -34,11 +34,11 @@ def draw_certificate(name: str, certificate: Certificate, ax: Axes) -> Axes:
         ax.annotate(length(proven), (max(proven, seen if np.isfinite(seen) else proven, 0.0), place), (6, 0),
                     textcoords="offset points", va="center", fontsize="small")  # fmt: skip
     ax.axvline(0.0, color="black", linewidth=0.8)
-    ax.set_yticks(places, [short(text, LONGEST) for text, _, _ in rows])
+    ax.set_yticks(places, [literal(short(text, LONGEST)) for text, _, _ in rows])
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.set(xlabel="proven (bar), worst seen (dot) [m]")
     low, high = ax.get_xlim()
     ax.set_xlim(low, high + 0.22 * (high - low))
     ax.grid(alpha=0.3, axis="x")
-    ax.set_title(f"{name}: proven: {certificate.proven}")
+    ax.set_title(literal(f"{name}: proven: {certificate.proven}"))
     return ax

@@ -11,6 +11,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.figures import line_style
 from ensemble_ctrl.report.kinds.panels import panels
 from ensemble_ctrl.report.palette import TWIN
+from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,9 +36,9 @@ def draw_controls(problem: Problem, controls: NDArray[np.float64], ax: Axes) -> 
         low, high = float(fleet.input_lower[i]), float(fleet.input_upper[i])
         for bound in (low, high):
             panel.axhline(bound, linestyle="--", linewidth=0.8, color=TWIN)
-        panel.set(ylabel=f"{name} [{unit}]", xlim=(0, problem.duration))
+        panel.set(ylabel=literal(f"{name} [{unit}]"), xlim=(0, problem.duration))
         pad = 0.08 * max(high - low, 1e-6)
         panel.set_ylim(low - pad, high + pad)
     made[-1].set_xlabel("t [s]")
-    ax.set_title(f"{problem.name}: broadcast controls (bounds dashed)", y=1.0)
+    ax.set_title(literal(f"{problem.name}: broadcast controls (bounds dashed)"), y=1.0)
     return ax

@@ -13,6 +13,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.kinds.panels import panels
 from ensemble_ctrl.report.palette import LINES
+from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +52,7 @@ def moments(problem: Problem, controls: Floats) -> Iterator[tuple[str, Floats]]:
 
 def draw_moments(problem: Problem, controls: Floats, ax: Axes) -> Axes:
     """The lowest moment in a panel of its own above the others, which are smaller; x solid, y dashed, z dotted."""
-    axes = problem.fleet.places
+    axes = [literal(place) for place in problem.fleet.places]
     lowest, *others = moments(problem, controls)
     top, *below = panels(ax, 2 if others else 1)
     for axis, column, dashes in zip(axes, lowest[1].T, DASHES, strict=False):
@@ -65,5 +66,5 @@ def draw_moments(problem: Problem, controls: Floats, ax: Axes) -> Axes:
         panel.set_ylim(low, high + 0.3 * (high - low))
         panel.legend(fontsize="x-small", ncols=3, loc="upper left", handlelength=2.2, columnspacing=1.0)
     (below[0] if below else top).set_xlabel("t [s]")
-    ax.set_title(f"{problem.name}: moments of position")
+    ax.set_title(literal(f"{problem.name}: moments of position"))
     return ax
