@@ -20,6 +20,7 @@ from ensemble_ctrl.certificate.schedule import Schedule, extremes
 from ensemble_ctrl.constraints.stl import Predicate, negation_normal_form, parse
 from ensemble_ctrl.duties import duties
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.report.words import certificate_words
 
 from .monitor import Floats, Signal, always, box_distance, driven, eventually, until
 
@@ -300,3 +301,29 @@ def test_a_plan_keeps_out_in_windows_that_are_about_an_instant(end: float, steps
     begin = min(4.0, end)
     [duty] = duties(problem_of(f"G[{begin!r}, {end!r}] avoid(o)", box=[[30, 40], [0, 1]]))
     assert np.flatnonzero(duty.steps(10, 10.0)).tolist() == (steps or [3])
+
+
+@pytest.mark.parametrize("law", ["range: [0.9, 1.1]", "law: normal, mean: 1.0, deviation: 0.04, range: [0.9, 1.1]"])
+@pytest.mark.parametrize("task", ["mean(F[10, 10] x >= {})", "share(0.25, F[10, 10] x >= {})", "share(0.9, G x <= {})"])
+def test_what_the_fleet_does_not_do_is_refuted(law: str, task: str) -> None:
+    """Straight on for 10 s, the place at the end is ten times the traction."""
+    law_ = load_text(TEXT_OF_LAW.format(law)).fleet.parameters["traction"]
+    places = 10 * np.asarray(law_.quantile(np.linspace(0.0, 1.0, 20_001)))
+    truth = {"mean": float(places.mean()), "share(0.25": places[15_000], "share(0.9": places[18_000]}
+    level = next(value for name, value in truth.items() if task.startswith(name))
+    for away, proven in ((0.03, "yes"), (-0.03, "no")):
+        bound = level - away if ">=" in task else level + away
+        certificate = certify(problem_of(task.format(float(bound)), parameters=f"{{traction: {{{law}}}}}"), STRAIGHT)
+        assert certificate.proven == proven
+    assert certificate.counter_example is not None
+    assert certificate.counter_example.parameters == {}
+    assert certificate.counter_example.amount == pytest.approx(0.03, abs=0.02)
+    assert certificate.counter_example.amount <= 0.03 + 1e-3
+    assert certificate_words(problem_of("F x >= 1"), certificate).lead.startswith("Refuted: the fleet breaks")
+
+
+TEXT_OF_LAW = """
+fleet: {{model: unicycle, parameters: {{traction: {{{}}}}}, start: {{position: [0, 0], heading: 0 deg}}}}
+horizon: {{duration: 10 s, steps: 10}}
+task: F x >= 1
+"""

@@ -31,14 +31,14 @@ Verdict = Literal["yes", "no", "undecided", "not covered"]
 
 @dataclass(frozen=True)
 class CounterExample:
-    """A member that violates the task.
+    """A member that violates the task, or the fleet where the task reads it as a whole.
 
     Attributes
     ----------
     what : str
         The obstacle kept out of, or the part of the task.
     parameters : dict of str to float
-        Whose parameters these are; replaying this member shows the violation.
+        Whose parameters these are; replaying this member shows the violation. Empty for the fleet.
     time : float or None
         When, in seconds, where it is an obstacle.
     amount : float
@@ -254,7 +254,7 @@ def _share(problem: Problem, controls: Floats, laws: dict[str, Law], chance: Cha
         return best
     found = part_bound(problem, controls, laws, chance.part)  # members that need not be side by side
     if best is not None and best.proven >= found.proven:
-        return best
+        return replace(best, sampled=found.sampled)
     return replace(found, share=chance.part.p) if found.proven >= 0 else found
 
 

@@ -57,10 +57,10 @@ class TaskBound:
     proven : float
         Every member's robustness in dense time is at least this, metres.
     sampled : float
-        Upper bound of the robustness of the worst centre: the truth lies between the two. Infinite for a formula that
-        reads the fleet (``mean``, ``share``), which a list of centres can't refute.
+        Upper bound of the robustness of the worst centre: the truth lies between the two. For a formula that reads the
+        fleet (``mean``, ``share``), an upper bound over all cells.
     parameters : dict of str to float
-        That centre's parameters; empty where there is none.
+        That centre's parameters; empty where the whole fleet is meant.
     covered : bool
         False if the formula is outside what this method can bound; `proven` is then minus infinity.
     share : float or None
@@ -96,13 +96,14 @@ class Masses:
     counted: bool
     even: bool
 
-    def needed(self, share: Share) -> float:
-        """The mass that is a share of the fleet, or more than it if that is strict, rounded up."""
-        p = exact(share.p) + (Fraction(1, 10**12) if share.strict else 0)  # 1 - p has been rounded
-        if self.counted:
-            exactly = p * Fraction(self.total)
-            return float(floor(exactly) + 1 if share.strict else ceil(exactly))
-        return float(p) + MASS_ERROR if share.strict else min(float(p) + MASS_ERROR, 1.0)
+    def needed(self, share: Share, upper: bool) -> float:
+        """The mass that is a share of the fleet, or more than it if that is strict; rounded up, or down for `upper`."""
+        if not self.counted:
+            return share.p - MASS_ERROR if upper else min(share.p + MASS_ERROR, 1.0 + MASS_ERROR * share.strict)
+        p = exact(share.p)
+        if share.strict:  # it is 1 - p of another share, and that has been rounded
+            return float(floor((p + Fraction(-1 if upper else 1, 10**12)) * Fraction(self.total)) + 1)
+        return float(ceil(p * Fraction(self.total)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,13 +180,16 @@ class CellSignals:
         )
 
     def ranked(self, value: Floats, share: Share) -> Floats:
-        """The largest value that cells of at least this mass reach; minus infinity if no cells do."""
+        """The largest value that cells of at least this mass reach; minus infinity if no cells do.
+
+        With upper bounds of the cells it is an upper bound, too: members that reach more are in cells that do.
+        """
         if self.masses is None:
             raise AssertionError("a share is of all cells")
         order = np.argsort(value, axis=0)
         mass = self.masses.mass[order]
         below = np.cumsum(mass, axis=0) - mass
-        enough = self.masses.total - below >= self.masses.needed(share)
+        enough = self.masses.total - below >= self.masses.needed(share, self.upper)
         last = np.where(enough.any(axis=0), len(enough) - 1 - enough[::-1].argmax(axis=0), 0)
         found = np.take_along_axis(np.take_along_axis(value, order, axis=0), last[None], axis=0)
         return np.where(enough.any(axis=0), found, -np.inf)
@@ -255,16 +259,18 @@ def _refined(
         total += len(centres)
         mass = masses(fleet, centres, half) if fleet_wide else None
         low, centre = (_evaluate(flow, schedule, centres, h, False, mass) for h in (half, half * whole_sides))
-        if not fleet_wide:
+        if fleet_wide:
+            sampled = min(sampled, float(_evaluate(flow, schedule, centres, half, True, mass).min()))
+        else:
             seen = _with_ends(flow, centres, centre, whole_sides)
             best = _evaluate(flow, schedule, seen, np.zeros_like(seen), True)
             if best.min() < sampled:
                 sampled, member = float(best.min()), dict(zip(fleet.names, seen[best.argmin()].tolist(), strict=True))
-        target = min(target, float(centre.min()))
+        target = float(centre.min()) if fleet_wide else min(target, float(centre.min()))
         open_ = low < target - TIGHT
         if fleet_wide:
             proven = float(low.min())
-            open_ = np.full(len(low), bool(open_.any()))
+            open_ = np.full(len(low), bool(open_.any()) and sampled >= 0)
         else:
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
         if total > MAX_CELLS.get(count, MANY_CELLS) or not open_.any():

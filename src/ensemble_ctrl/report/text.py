@@ -271,7 +271,8 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     if c.counter_example is not None:
         found = c.counter_example
         when = "" if found.time is None else f" at t = {found.time:.2f} s"
-        return [("proven", f"NO: {member_text(found.parameters)} violates {found.what} by {found.amount:.3g} m{when}")]
+        who = member_text(found.parameters) if found.parameters or not c.ranges else "the fleet"
+        return [("proven", f"NO: {who} violates {found.what} by {found.amount:.3g} m{when}")]
     if c.proven != "yes":
         texts = [f"UNDECIDED {text.replace(': ', ': only ', 1)}" for text in texts]
     texts[-1] += f" ({c.seconds:.2f} s)"

@@ -47,6 +47,9 @@ def certificate_words(problem: Problem, certificate: Certificate | None) -> Word
     if certificate.counter_example is not None:
         c = certificate.counter_example
         moment = "" if c.time is None else f" at t = {c.time:.2f} s"
+        if certificate.ranges and not c.parameters:
+            lead = f"Refuted: the fleet breaks {c.what} by {length(c.amount)}."
+            return Words(lead, bounds, "It is about the fleet as a whole, not about one robot.")
         lead = f"Refuted: the robot with {member_text(c.parameters)} breaks {c.what} by {length(c.amount)}{moment}."
         return Words(lead, bounds, "Replay that robot to see it: plan.replay(parameters=[...]).")
     lead = f"Undecided: no robot was found that breaks the task, but it could not be proven for {who}."
