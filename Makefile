@@ -1,9 +1,10 @@
 # `make plan` and `make test` do all of their own set-up in .venv, with Python 3.11 or later and nothing else.
 PYTHON ?= python3
 VENV ?= .venv
+OLDEST ?= .oldest-venv
 BIN := $(VENV)/bin
 
-.PHONY: plan test lint docs docs-check clean
+.PHONY: plan test lint docs docs-check minimum clean
 
 plan: $(VENV)/.installed
 	$(BIN)/ensemble-plan configs/five_obstacles.yaml
@@ -22,6 +23,12 @@ docs: $(VENV)/.installed-docs
 docs-check: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build -q -W --keep-going -b dummy -D nb_execution_mode=off docs docs/_build/check
 
+minimum: $(OLDEST)/.installed
+	$(OLDEST)/bin/ensemble-plan --help > /dev/null
+	$(OLDEST)/bin/ensemble-plan run --help > /dev/null
+	$(OLDEST)/bin/ensemble-plan configs/five_obstacles.yaml --quiet --overwrite -o $(OLDEST)/plan
+	$(OLDEST)/bin/ensemble-plan plot $(OLDEST)/plan trajectories
+
 $(VENV)/.created:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or later is needed")'
 	$(PYTHON) -m venv $(VENV)
@@ -39,5 +46,10 @@ $(VENV)/.installed-docs: pyproject.toml $(VENV)/.created
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	touch $@
 
+$(OLDEST)/.installed: pyproject.toml .ci/minimum.txt
+	$(PYTHON) -m venv --clear $(OLDEST)
+	$(OLDEST)/bin/python -m pip install --quiet --constraint .ci/minimum.txt .
+	touch $@
+
 clean:
-	rm -rf $(VENV) docs/_build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(OLDEST) docs/_build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -327,3 +327,10 @@ def test_ctrl_c_ends_a_plan_beside_another_thread(problem: ec.Problem) -> None:
         ec.plan(problem.with_(steps=400, order=8), progress=progress)
     thread.join()
     assert seen
+
+
+def test_examples_by_name() -> None:
+    assert ec.examples()["five_obstacles"].startswith("Five obstacles")
+    assert ec.example("yard").obstacles
+    with pytest.raises(ec.ProblemError, match="did you mean 'five_obstacles'"):
+        ec.example("five_obstacle")

@@ -29,7 +29,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "receding report soonest suggest twin planfile",
         "config",
         "folder",
-        "export",
+        "export example_files",
         "api",
         "comparison widening results",
         "cli",

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.config import load, load_text
     from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
     from ensemble_ctrl.constraints.stl import parse
+    from ensemble_ctrl.example_files import example, examples
     from ensemble_ctrl.fleet import Fleet
     from ensemble_ctrl.moments import Beta, Interval, LegendreBasis, Mixture, Samples, TruncatedNormal
     from ensemble_ctrl.ode_fleet import OdeFleet
@@ -72,6 +73,8 @@ _HOMES = {
     "VerifyOptions": "problem",
     "certify": "certificate",
     "compare": "comparison",
+    "example": "example_files",
+    "examples": "example_files",
     "load": "config",
     "load_text": "config",
     "parse": "constraints.stl",
@@ -121,6 +124,8 @@ __all__ = [
     "__version__",
     "certify",
     "compare",
+    "example",
+    "examples",
     "load",
     "load_text",
     "parse",

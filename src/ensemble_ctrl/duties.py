@@ -27,14 +27,13 @@ from ensemble_ctrl.constraints.stl import (
     resolve,
     without_implied,
 )
+from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.risk import FAR
 
 Floats = NDArray[np.float64]
 
-ALL = "obstacles"
-"""The name that stands for every obstacle."""
 NOTHING_AVOIDED = "no obstacle is to be avoided"
 """What an infinite clearance means."""
 
@@ -164,11 +163,16 @@ def _duties_of(problem: Problem, part: Formula) -> Iterator[Duty]:
     for leaf in kept_out(part):
         window = window_of(problem, part)
         if isinstance(leaf, Avoid):
-            names = list(problem.obstacles) if leaf.name == ALL and ALL not in problem.obstacles else [leaf.name]
-            for name in names:
+            for name in avoided(problem, leaf):
                 yield Duty(name, named_pieces(problem, name), problem.fleet.radius, *window, problem.motions.get(name))
         elif isinstance(leaf, Not) and isinstance(leaf.child, Inside):
             yield Duty(leaf.child.name, named_pieces(problem, leaf.child.name), 0.0, *window)
+
+
+def avoided(problem: Problem, leaf: Avoid) -> tuple[str, ...]:
+    """The obstacles or regions that a leaf keeps out of, by their names."""
+    everything = leaf.name == ALL_OBSTACLES and leaf.name not in problem.obstacles
+    return tuple(problem.obstacles) if everything else (leaf.name,)
 
 
 def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:

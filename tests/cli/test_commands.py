@@ -45,6 +45,29 @@ def test_check_of_good_files(command: Command, place: Path) -> None:
     assert (done.code, done.out, done.err) == (0, "", "")
 
 
+def test_check_with_changed_fields(command: Command) -> None:
+    done = command("check", "small.yaml", "--set", "fleet.radius=10 cm")
+    assert (done.code, done.out) == (0, "small.yaml: ok\n")
+    done = command("check", "small.yaml", "walled.yaml", "--set", "fleet.radius=10 s")
+    assert done.code == 2
+    assert done.err.count("--set fleet.radius=10 s: error: fleet.radius: expected a length in m, cm, mm or km") == 2
+
+
+@pytest.mark.parametrize(
+    ("typed", "message"),
+    [
+        (("--method", "nlpp"), "--method nlpp: error: solve.method: 'nlpp' is not one of nlp, minlp"),
+        (("--time-limit", "60 m"), "--time-limit 60 m: error: solve.time_limit: expected a time in s, ms, min or h"),
+        (("--time-limit", "[1"), "--time-limit [1: error: "),
+        (("--set", "solve.method=nlpp"), "--set solve.method=nlpp: error: solve.method: 'nlpp' is not one of"),
+    ],
+)
+def test_errors_name_the_option_that_was_typed(command: Command, typed: tuple[str, str], message: str) -> None:
+    done = command("small.yaml", *typed)
+    assert done.code == 2
+    assert done.err.startswith(message)
+
+
 def test_check_shows_warnings(command: Command, place: Path) -> None:
     (place / "small.yaml").write_text(SMALL.replace("obstacles:", "  spare: {box: [[3, 4], [3, 4]]}\nobstacles:"))
     done = command("check", "small.yaml")
@@ -167,6 +190,21 @@ def test_show_what_is_not_there(command: Command, place: Path) -> None:
     (place / "empty").mkdir()
     done = command("show", "empty")
     assert (done.code, done.err) == (2, "error: empty/plan.npz: expected a saved plan, found a folder without one\n")
+
+
+def test_verify_what_is_no_plan(command: Command, place: Path) -> None:
+    done = command("verify", ".")
+    assert (done.code, done.out) == (2, "")
+    assert (
+        done.err == f"error: {place.resolve()}: expected plan.npz, or controls.csv and problem.yaml, in this folder\n"
+    )
+
+
+def test_kinds_of_pictures_that_do_not_exist(command: Command) -> None:
+    done = command("plot", "results", "trajectory")
+    assert done.code == 2
+    assert "trajectory: expected kinds among trajectories, controls" in done.err
+    assert "did you mean 'trajectories'?" in done.err
 
 
 def test_models(command: Command) -> None:

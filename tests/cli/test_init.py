@@ -109,6 +109,13 @@ def test_every_example_is_whole_when_it_is_copied(command: Command, place: Path,
         (["small.yaml", "--ov"], ["--overwrite"]),
         (["chec", "--ov"], ["--overwrite"]),
         (["small.yaml", ""], []),
+        (["examples", "six"], ["six_obstacles"]),
+        (["plot", "results", "c"], ["controls", "clearance", "certificate"]),
+        (["plot", "results", "--format", "p"], ["png", "pdf"]),
+        (["small.yaml", "--method", ""], ["nlp", "minlp"]),
+        (["small.yaml", "--animate", "m"], ["mp4"]),
+        (["check", "small.yaml", "--set", "hor"], ["horizon.duration=", "horizon.steps="]),
+        (["export", "results", "--to", "g"], ["geojson"]),
     ],
 )
 def test_bash_completes(place: Path, words: list[str], expected: list[str]) -> None:

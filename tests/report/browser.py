@@ -105,6 +105,11 @@ def chromium(path: str) -> Iterator[Page]:
         "--headless",
         "--no-sandbox",
         "--disable-gpu",
+        "--disable-quic",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
         "--remote-debugging-pipe",
         "--disable-dev-shm-usage",
     ]

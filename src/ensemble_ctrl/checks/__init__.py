@@ -11,7 +11,6 @@ from ensemble_ctrl.checks.coverage import coverage, coverage_findings, coverage_
 from ensemble_ctrl.checks.finding import Finding, Path, Severity, path_text
 from ensemble_ctrl.checks.motion import motion_findings
 from ensemble_ctrl.checks.numbers import (
-    ALL_OBSTACLES,
     MAX_MEMBERS,
     MAX_SAMPLES,
     MAX_SEED,
@@ -25,6 +24,7 @@ from ensemble_ctrl.checks.soonest import soonest_findings
 from ensemble_ctrl.checks.systems import ode_findings
 from ensemble_ctrl.checks.target import place_findings, target_findings
 from ensemble_ctrl.checks.task import STATES, task_findings, unused_findings
+from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ode_fleet import OdeFleet
 

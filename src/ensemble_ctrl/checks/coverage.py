@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ensemble_ctrl.checks.finding import Finding
-from ensemble_ctrl.checks.numbers import ALL_OBSTACLES
 from ensemble_ctrl.checks.task import mentioned
 from ensemble_ctrl.constraints.stl import (
     Always,
@@ -26,6 +25,7 @@ from ensemble_ctrl.constraints.stl import (
     negation_normal_form,
     resolve,
 )
+from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.errors import ProblemError
 
 if TYPE_CHECKING:

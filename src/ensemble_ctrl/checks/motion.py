@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ensemble_ctrl.checks.finding import Finding
-from ensemble_ctrl.checks.numbers import ALL_OBSTACLES
 from ensemble_ctrl.constraints.stl import Avoid, Formula, conjuncts, kept_out, leaves
+from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem

@@ -11,14 +11,12 @@ import numpy as np
 from ensemble_ctrl.checks.finding import Finding, Path
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
+from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.moments import Law, Mixture, Samples
 from ensemble_ctrl.systems import ArcSystem
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
-
-ALL_OBSTACLES = "obstacles"
-"""The name by which a task speaks of every obstacle."""
 
 MAX_SEED = 2**32 - 1
 MAX_STEPS = 100_000

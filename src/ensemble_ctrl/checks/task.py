@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ensemble_ctrl.checks.finding import Finding
-from ensemble_ctrl.checks.numbers import ALL_OBSTACLES
 from ensemble_ctrl.constraints.stl import Avoid, FormulaError, Inside, check_windows, leaves, name_errors
+from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.errors import ProblemError
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from ensemble_ctrl._version import __version__
-from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli import codes, completion
 from ensemble_ctrl.cli.streams import OutputError, complain, fail, fail_with, keep_standard_streams, say, silence
 from ensemble_ctrl.errors import EnsembleError
 
@@ -69,7 +69,12 @@ LoggedIn = Annotated[
 ]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", help="Change a field: a dotted key and a YAML value; repeatable.", metavar="KEY=VALUE"),
+    typer.Option(
+        "--set",
+        help="Change a field: a dotted key and a YAML value; repeatable.",
+        metavar="KEY=VALUE",
+        autocompletion=completion.keys,
+    ),
 ]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no warnings.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace earlier results in DIR.")]
@@ -121,7 +126,10 @@ def run(
     output: Output = None,
     overrides: Overrides = None,
     method: Annotated[
-        str | None, typer.Option(help="Solution method (solve.method): nlp or minlp.", metavar="METHOD")
+        str | None,
+        typer.Option(
+            help="Solution method (solve.method): nlp or minlp.", metavar="METHOD", autocompletion=completion.methods
+        ),
     ] = None,
     time_limit: Annotated[
         str | None,
@@ -142,7 +150,13 @@ def run(
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures and write no report.")] = False,
     animation: Annotated[
-        str | None, typer.Option("--animate", help="Write an animation too: gif or mp4.", metavar="FORMAT")
+        str | None,
+        typer.Option(
+            "--animate",
+            help="Write an animation too: gif or mp4.",
+            metavar="FORMAT",
+            autocompletion=completion.film_formats,
+        ),
     ] = None,
     no_suggest: Annotated[
         bool, typer.Option("--no-suggest", help="Where there is no plan, do not look for what would help.")
@@ -157,16 +171,16 @@ def run(
     from ensemble_ctrl.cli.run import run as run_plan
 
     given = {
-        "solve.method": method,
-        "solve.time_limit": time_limit,
-        "solve.seed": seed,
-        "verify.members": members,
+        "--method": ("solve.method", method),
+        "--time-limit": ("solve.time_limit", time_limit),
+        "--seed": ("solve.seed", seed),
+        "--members": ("verify.members", members),
     }
-    changes = [*(overrides or ()), *(f"{key}={value}" for key, value in given.items() if value is not None)]
+    typed = [(option, f"{key}={value}") for option, (key, value) in given.items() if value is not None]
     options = RunOptions(
         config=config,
         output=output,
-        overrides=tuple(changes),
+        overrides=(*(overrides or ()), *typed),
         guess=guess,
         json=json,
         quiet=quiet,
@@ -184,11 +198,13 @@ def run(
     epilog=_examples(
         "ensemble-plan check problem.yaml",
         "ensemble-plan check configs/*.yaml -q",
+        "ensemble-plan check problem.yaml --set horizon.duration=20s",
         "ensemble-plan check - < problem.yaml",
     )
 )
 def check(
     configs: Annotated[list[str], typer.Argument(help="Problem files; - reads stdin.", metavar="CONFIG")],
+    overrides: Overrides = None,
     json: Json = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say only what is wrong.")] = False,
     trust: Trust = False,
@@ -196,7 +212,7 @@ def check(
     """Check problem files without solving."""
     from ensemble_ctrl.cli.check import check_files
 
-    raise typer.Exit(check_files(configs, json, quiet))
+    raise typer.Exit(check_files(configs, json, quiet, overrides or []))
 
 
 @app.command(
@@ -255,6 +271,7 @@ def plot(
             "certificate.",
             metavar="KIND",
             show_default=False,
+            autocompletion=completion.kinds,
         ),
     ] = None,
     output: Annotated[
@@ -264,7 +281,13 @@ def plot(
         ),
     ] = None,
     format: Annotated[
-        str | None, typer.Option("--format", help="png, pdf or svg [default: as FILE ends, or png].", metavar="FORMAT")
+        str | None,
+        typer.Option(
+            "--format",
+            help="png, pdf or svg [default: as FILE ends, or png].",
+            metavar="FORMAT",
+            autocompletion=completion.picture_formats,
+        ),
     ] = None,
     trust: Trust = False,
 ) -> None:
@@ -406,7 +429,12 @@ def export(
     plan: Files,
     form: Annotated[
         str | None,
-        typer.Option("--to", help="csv, json, geojson or rosbag [default: the ending of FILE].", metavar="FORMAT"),
+        typer.Option(
+            "--to",
+            help="csv, json, geojson or rosbag [default: the ending of FILE].",
+            metavar="FORMAT",
+            autocompletion=completion.export_formats,
+        ),
     ] = None,
     output: Annotated[
         Path | None,
@@ -478,7 +506,10 @@ def models() -> None:
     )
 )
 def examples(
-    name: Annotated[str | None, typer.Argument(help="The example to print.", metavar="NAME")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(help="The example to print.", metavar="NAME", autocompletion=completion.examples),
+    ] = None,
     copy: Annotated[bool, typer.Option("--copy", help="Write it here as NAME.yaml instead.")] = False,
 ) -> None:
     """List the example problems, print one, or copy one."""

@@ -12,9 +12,9 @@ from ensemble_ctrl.errors import ConfigError
 Report = tuple[str, ConfigError | None, tuple[Diagnostic, ...]]
 
 
-def check_files(names: Sequence[str], as_json: bool, quiet: bool) -> int:
-    """Check every file; returns 0, or 2 if any can't be used."""
-    reports = [_check(name) for name in names]
+def check_files(names: Sequence[str], as_json: bool, quiet: bool, overrides: Sequence[str] = ()) -> int:
+    """Check every file, with some fields changed; returns 0, or 2 if any can't be used."""
+    reports = [_check(name, overrides) for name in names]
     good = all(error is None for _, error, _ in reports)
     code = codes.OK if good else codes.USAGE
     if as_json:
@@ -28,10 +28,10 @@ def check_files(names: Sequence[str], as_json: bool, quiet: bool) -> int:
     return code
 
 
-def _check(name: str) -> Report:
+def _check(name: str, overrides: Sequence[str]) -> Report:
     """The error of one file, if any, and its warnings."""
     try:
-        return name, None, read(name).warnings
+        return name, None, read(name, overrides).warnings
     except ConfigError as error:
         return name, error, ()
 

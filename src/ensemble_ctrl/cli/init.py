@@ -6,8 +6,9 @@ import json
 from importlib.resources import files
 from pathlib import Path
 
-from ensemble_ctrl.cli.newfile import EDITOR_LINE, write_new
+from ensemble_ctrl.cli.newfile import write_new
 from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.example_files import EDITOR_LINE
 from ensemble_ctrl.files import read_regular
 from ensemble_ctrl.folder import write_text
 

@@ -7,9 +7,6 @@ from pathlib import Path
 from ensemble_ctrl.errors import EnsembleError
 from ensemble_ctrl.files import put_file
 
-EDITOR_LINE = "# yaml-language-server: $schema="
-"""How a problem file names its schema for an editor, on its first line."""
-
 
 def write_new(path: Path, content: str | bytes) -> None:
     """Write a new file.
@@ -26,9 +23,3 @@ def write_new(path: Path, content: str | bytes) -> None:
         raise EnsembleError(f"{path}: {kind} exists already; nothing was written") from None
     except (OSError, ValueError) as error:
         raise EnsembleError(f"{path}: can't be written ({getattr(error, 'strerror', None) or error})") from None
-
-
-def without_editor_line(text: str) -> str:
-    """A problem file's text without the name of its schema, which lies elsewhere once the file is copied."""
-    first, newline, rest = text.partition("\n")
-    return rest if newline and first.startswith(EDITOR_LINE) else text

@@ -9,6 +9,7 @@ from pathlib import Path
 from ensemble_ctrl import planfile
 from ensemble_ctrl.api import Plan, with_twin
 from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.config.wrong import suggestion
 from ensemble_ctrl.errors import EnsembleError
 from ensemble_ctrl.report.canvas import FORMATS
 from ensemble_ctrl.report.plot import KINDS, kinds_of, write_plot
@@ -25,7 +26,8 @@ def plot_plan(path: Path, kinds: Sequence[str], output: Path | None, format: str
     """Write a file for each kind, all kinds without any, and say where they are."""
     for kind in kinds:
         if kind not in KINDS:
-            raise PlotError(f"{kind}: expected kinds among {', '.join(KINDS)}")
+            hint = suggestion(kind, KINDS)
+            raise PlotError(f"{kind}: expected kinds among {', '.join(KINDS)}" + (f"; {hint}" if hint else ""))
     plan = Plan.load(path)
     wanted = list(dict.fromkeys(kinds)) or list(kinds_of(plan.problem))
     files = _files(path, wanted, output, format)

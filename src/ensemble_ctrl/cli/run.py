@@ -12,6 +12,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
+from ensemble_ctrl.config.overrides import Given
 from ensemble_ctrl.errors import RunawayError
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.report import route_lines, summary_lines
@@ -30,7 +31,7 @@ class RunOptions:
 
     config: str
     output: Path | None = None
-    overrides: tuple[str, ...] = ()
+    overrides: tuple[Given, ...] = ()
     guess: Path | None = None
     json: bool = False
     quiet: bool = False

@@ -73,9 +73,11 @@ def verify_plan(
 def read_plan(path: Path) -> Plan:
     """A plan from ``plan.npz``, or from ``controls.csv`` and ``problem.yaml`` in one folder."""
     table, problem = path / "controls.csv", path / "problem.yaml"
-    if path.is_dir() and not (path / "plan.npz").exists() and table.exists() and problem.exists():
+    if not path.is_dir() or (path / "plan.npz").exists():
+        return Plan.load(path)
+    if table.exists() and problem.exists():
         return Plan(load(problem), _read_csv(table), "planned")
-    return Plan.load(path)
+    raise ProblemError(f"{path.resolve()}: expected plan.npz, or controls.csv and problem.yaml, in this folder")
 
 
 def _read_csv(path: Path) -> Any:

@@ -16,7 +16,7 @@ from ensemble_ctrl.config.dump import to_data
 from ensemble_ctrl.config.locate import Locator
 from ensemble_ctrl.config.messages import Diagnostic, findings_of, layout
 from ensemble_ctrl.config.ode_section import OdeProblemFile
-from ensemble_ctrl.config.overrides import Override, apply, parse_override
+from ensemble_ctrl.config.overrides import Given, Override, apply, name_of_override, parse_override
 from ensemble_ctrl.config.own import CONSENT, is_ode, system_class
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.config.source import Source, Text, name_of, read_source
@@ -50,7 +50,7 @@ class Loaded:
         return to_data(self.problem)
 
 
-def load(source: Source, overrides: Iterable[str] = (), *, trust: bool = False) -> Problem:
+def load(source: Source, overrides: Iterable[Given] = (), *, trust: bool = False) -> Problem:
     """Read a problem file.
 
     Parameters
@@ -74,7 +74,7 @@ def load(source: Source, overrides: Iterable[str] = (), *, trust: bool = False) 
     return read(source, overrides, trust=trust).problem
 
 
-def load_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *, trust: bool = False) -> Problem:
+def load_text(text: str, name: str = "<text>", overrides: Iterable[Given] = (), *, trust: bool = False) -> Problem:
     """Read a problem from a text, with files next to the file called `name`; see `load`.
 
     Examples
@@ -90,7 +90,7 @@ def load_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *,
     return read_text(text, name, overrides, trust=trust).problem
 
 
-def read(source: Source, overrides: Iterable[str] = (), *, trust: bool = False, loop: bool = False) -> Loaded:
+def read(source: Source, overrides: Iterable[Given] = (), *, trust: bool = False, loop: bool = False) -> Loaded:
     """Read a problem file, and keep its warnings and its text; see `load`.
 
     With `loop`, as with a section ``online``, what is not for a loop is an error too.
@@ -102,12 +102,12 @@ def read(source: Source, overrides: Iterable[str] = (), *, trust: bool = False, 
     return _read(text, overrides, trust, loop)
 
 
-def read_text(text: str, name: str = "<text>", overrides: Iterable[str] = (), *, trust: bool = False) -> Loaded:
+def read_text(text: str, name: str = "<text>", overrides: Iterable[Given] = (), *, trust: bool = False) -> Loaded:
     """Read a problem from a text, and keep its warnings; see `load`."""
     return _read(Text(name, text, FilePath(name).parent if trust or CONSENT.get() else FilePath()), overrides, trust)
 
 
-def _read(text: Text, overrides: Iterable[str], trust: bool = False, loop: bool = False) -> Loaded:
+def _read(text: Text, overrides: Iterable[Given], trust: bool = False, loop: bool = False) -> Loaded:
     """All steps."""
     tree = _tree(text)
     changes = _overrides(overrides, text.name)
@@ -163,14 +163,14 @@ def _tree(text: Text) -> Tree:
     return tree
 
 
-def _overrides(texts: Iterable[str], name: str) -> list[Override]:
+def _overrides(texts: Iterable[Given], name: str) -> list[Override]:
     """Every override, read."""
     read, wrong = [], []
     for text in texts:
         try:
             read.append(parse_override(text))
         except TextError as error:
-            wrong.append(Diagnostic(f"--set {text}", None, None, "error", "", error.message, error.hint))
+            wrong.append(Diagnostic(name_of_override(text), None, None, "error", "", error.message, error.hint))
     if wrong:
         _refuse(wrong, name)
     return read

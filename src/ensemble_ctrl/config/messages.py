@@ -135,11 +135,11 @@ def fields_at(path: Path, root: type[BaseModel] = ProblemFile) -> list[str]:
             kind = kind.model_fields[str(key)].annotation
         else:
             kind = get_args(kind)[-1]
-        kind = _plain(kind)
+        kind = plain_type(kind)
     return list(kind.model_fields)
 
 
-def _plain(kind: Any) -> Any:
+def plain_type(kind: Any) -> Any:
     """A type without ``Annotated`` and without ``| None``."""
     while hasattr(kind, "__metadata__"):
         kind = get_args(kind)[0]

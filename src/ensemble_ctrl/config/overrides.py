@@ -12,23 +12,26 @@ from ensemble_ctrl.config.wrong import show
 
 _KEY = re.compile(r"[^\s.\[\]]+(?:\.[^\s.\[\]]+|\[\d+\])*")
 
+Given = str | tuple[str, str]
+"""``KEY=VALUE``, or an option of the command such as ``--method`` and the ``KEY=VALUE`` that it stands for."""
+
 
 @dataclass(frozen=True)
 class Override:
     """One value that replaces what the file has at a path."""
 
-    text: str
+    name: str
     path: Path
     value: Any
 
-    @property
-    def name(self) -> str:
-        """What messages call it."""
-        return f"--set {self.text}"
+
+def name_of_override(given: Given) -> str:
+    """What messages call an override: the option as it was typed."""
+    return f"--set {given}" if isinstance(given, str) else f"{given[0]} {given[1].partition('=')[2]}"
 
 
-def parse_override(text: str) -> Override:
-    """Read ``KEY=VALUE``: a dotted path and a YAML value.
+def parse_override(given: Given) -> Override:
+    """Read ``KEY=VALUE``: a dotted path and a YAML value; or the name of an option, and what it sets.
 
     Raises
     ------
@@ -40,14 +43,14 @@ def parse_override(text: str) -> Override:
     >>> parse_override("fleet.start.position[0]=2.5").path
     ('fleet', 'start', 'position', 0)
     """
-    key, equals, value = text.partition("=")
+    key, equals, value = (given if isinstance(given, str) else given[1]).partition("=")
     if not equals or not _KEY.fullmatch(key.strip()):
         raise TextError("expected KEY=VALUE with dots in the key", hint="for example  --set fleet.radius=0.3")
     parts = re.findall(r"[^\s.\[\]]+", key)
     tree = Tree.read(value)
     if tree.repeated:
         raise TextError(f"{tree.repeated[0][0][-1]} is given twice")
-    return Override(text, tuple(int(part) if part.isdigit() else part for part in parts), tree.data)
+    return Override(name_of_override(given), tuple(int(part) if part.isdigit() else part for part in parts), tree.data)
 
 
 def apply(data: Any, overrides: Iterable[Override]) -> Any:

@@ -27,8 +27,10 @@ from ensemble_ctrl.constraints.stl import (
     Or,
     Share,
     Until,
+    conjuncts,
     resolve,
 )
+from ensemble_ctrl.duties import avoided
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -129,7 +131,7 @@ class _Reader:
             case Until(left=left, right=right):
                 a, b = self._window(formula)
                 found = self.read(right, early + a, late + b)
-                return [replace(s, doors=s.doors + _doors(left)) if s.visits else s for s in found]
+                return [replace(s, doors=s.doors + self._doors(left)) if s.visits else s for s in found]
             case Mean(child=child) | Share(child=child):
                 return self.read(child, early, late)
         return [*self.none]
@@ -155,6 +157,13 @@ class _Reader:
             return [Skeleton(corridor=names)]
         stays = [Visit(name, self.problem.regions[name], early + a, late + a, b - a) for name in names]
         return [Skeleton((stay,)) for stay in stays]
+
+    def _doors(self, left: Formula) -> tuple[Door, ...]:
+        """What the left side of an until keeps closed until the first visit of its right side."""
+        parts = conjuncts(left)
+        names = [p.child.name for p in parts if isinstance(p, Not) and isinstance(p.child, Inside)]
+        names += [name for p in parts if isinstance(p, Avoid) for name in avoided(self.problem, p)]
+        return tuple(Door(name, 0) for name in names)
 
     def _window(self, formula: Always | Eventually | Until) -> tuple[float, float]:
         """The window in seconds; without one, the horizon."""
@@ -182,14 +191,6 @@ def _nested(skeleton: Skeleton, child: Formula) -> Skeleton:
     here = [i for i, v in enumerate(skeleton.visits) if v.name in first and v.dwell == 0]
     there = [i for i in range(len(skeleton.visits)) if i not in here]
     return replace(skeleton, order=skeleton.order + tuple(product(here, there)))
-
-
-def _doors(left: Formula) -> tuple[Door, ...]:
-    """What the left side of an until keeps closed until the first visit of its right side."""
-    parts = left.children if isinstance(left, And) else (left,)
-    names = [p.child.name for p in parts if isinstance(p, Not) and isinstance(p.child, Inside)]
-    names += [p.name for p in parts if isinstance(p, Avoid)]
-    return tuple(Door(name, 0) for name in names)
 
 
 def _stays(child: Formula) -> tuple[str, ...]:

@@ -25,6 +25,8 @@ from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Predicate
 from ensemble_ctrl.errors import ProblemError
 
 ALL_OBSTACLES = "obstacles"
+"""The name by which a task speaks of every obstacle."""
+
 Map = Mapping[str, Obstacle | Sequence[Obstacle]]
 
 
