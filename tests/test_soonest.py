@@ -8,8 +8,10 @@ import pytest
 
 from ensemble_ctrl import planner
 from ensemble_ctrl.api import plan
+from ensemble_ctrl.checks import findings
 from ensemble_ctrl.config import dump, load, load_text, read
-from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.constraints.stl import parse, resolve
+from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.errors import ConfigError, ProblemError
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay, trajectories
@@ -165,3 +167,48 @@ def test_the_deadline_of_a_passage_reads_like_a_time() -> None:
 def test_bounds_from_python_are_checked() -> None:
     with pytest.raises(ProblemError, match="expected at_least from 0 s up to at_most, 8 s, got 9 s"):
         load(CONFIGS / "minimum_time.yaml").with_(duration=8.0, least_duration=9.0)
+
+
+INSTANT = STRAIGHT.replace("at_most: 8 s}, steps: 20", "at_most: 5.3 s}, steps: 7").replace(
+    "traction: {range: [0.9, 1.1]}", ""
+)
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        "F[3, 3.1] in(goal)",
+        "F[3, 3] in(goal)",
+        "F[2.5, 2.5] x >= 1 and F[3, 3] in(goal)",
+        "F[T-0.1, T-0.05] in(goal)",
+        "F in(goal)",
+    ],
+)
+@pytest.mark.parametrize("value", [5.3, 4.4, 3.6, 3.01])
+def test_durations_are_tried_where_windows_hold_the_end_of_a_step(task: str, value: float) -> None:
+    goal = goal_of(load_text(INSTANT.replace("F in(goal)", task)))
+    assert isinstance(goal, Duration)
+    near = goal.nearest(value, bound(goal), 5.301)
+    if near is None:  # no step ends within a tenth of a second before the end
+        assert task.startswith("F[T")
+        return
+    problem = goal.at(near)
+    assert fits_grid(resolve(problem.task, near), problem.step)
+    assert abs(near - value) <= {"F in(goal)": 1e-9, "F[3, 3.1] in(goal)": 0.5}.get(task, 2.0)
+    assert goal.nearest(value, near, near + 1e-9) is None
+
+
+@pytest.mark.parametrize(("task", "value"), [("F[3, 3.1] in(goal)", 3.1), ("F[4, 4] in(goal)", 4.0)])
+def test_a_window_between_steps_is_planned_in_a_duration_that_fits(task: str, value: float) -> None:
+    found, soonest = solve(load_text(INSTANT.replace("F in(goal)", task)))
+    assert soonest is not None
+    assert proven(found)
+    assert soonest.value == pytest.approx(value, rel=0.01)
+
+
+def test_a_window_between_steps_of_a_fixed_duration_is_a_warning() -> None:
+    text = INSTANT.replace("{at_most: 5.3 s}", "5 s").replace("F in(goal)", "F[3, 3.1] in(goal)")
+    (found,) = findings(load_text(text))
+    assert (found.severity, found.path) == ("warning", ("task",))
+    assert "holds no end of a step (0.714 s)" in found.message
+    assert findings(load_text(text.replace("steps: 7", f"steps: {found.hint.split()[1]}"))) == ()

@@ -339,18 +339,18 @@ def given(problem: Problem, guess: Floats, steps: int) -> Floats:
 def coarse_steps(problem: Problem) -> int:
     """Steps of the coarse grid: a divisor of the problem's, fine enough for every window of the task."""
     wanted = COARSE_STEPS
-    for a, b in _windows(problem.task):
+    for a, b in windows(problem.task):
         wanted = max(wanted, int(np.ceil(2 * problem.duration / max(b - a, problem.step))))
     divisors = [n for n in range(1, problem.steps + 1) if problem.steps % n == 0 and n >= wanted]
     return divisors[0] if divisors else problem.steps
 
 
-def _windows(formula: Formula) -> list[tuple[float, float]]:
+def windows(formula: Formula) -> list[tuple[float, float]]:
     """Every finite window of the formula, in seconds."""
     own = []
     if isinstance(formula, Temporal) and formula.a is not None and formula.b is not None:
         own = [(formula.a, formula.b)] if np.isfinite(formula.b) else []
-    return own + [w for part in formula.parts for w in _windows(part)]
+    return own + [w for part in formula.parts for w in windows(part)]
 
 
 def _coarse_all(search: _Search, guesses: list[Floats]) -> list[Attempt]:

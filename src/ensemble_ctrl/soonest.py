@@ -15,6 +15,7 @@ That no smaller value has a plan is proven below the bound only; between the two
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, sqrt
@@ -25,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl import planner
-from ensemble_ctrl.constraints.stl import And, Eventually, Inside, conjuncts
+from ensemble_ctrl.constraints.stl import And, Eventually, Inside, conjuncts, kept_out, resolve
+from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.rounds import Attempt, improve
@@ -43,6 +45,8 @@ COARSE = 0.03
 """The same for the search on the coarse grid."""
 LESS = 2
 """Smaller values tried on the coarse grid where the largest has no solution."""
+EVEN = 200
+"""Durations spread evenly among those where the task's windows hold the end of a step."""
 STEP = 0.03
 """Share by which the first whole searches differ."""
 
@@ -94,9 +98,8 @@ class Goal(Protocol):
     def at(self, value: float) -> Problem:
         """The problem with this value."""
 
-    @property
-    def grain(self) -> float:
-        """Seconds; values are its multiples, but for the largest."""
+    def nearest(self, value: float, above: float, below: float) -> float | None:
+        """The value that can be planned, between two others (neither of them), nearest to another; None without any."""
 
     def carried(self, controls: Floats, value: float, to: float) -> Floats:
         """Controls of a plan for one value as a guess for another."""
@@ -123,10 +126,24 @@ class Duration:
         """As it is, in a given time."""
         return self.problem.with_(duration=value, least_duration=None)
 
-    @property
-    def grain(self) -> float:
-        """Milliseconds."""
-        return 1e-3
+    def nearest(self, value: float, above: float, below: float) -> float | None:
+        """A duration in milliseconds, or one at which a window of the task begins or ends with a step."""
+        low, high = max(above, self.least), min(below, self.most)
+        even = [round(t, 3) for t in (value, *np.linspace(low, high, EVEN).tolist())]
+        tried = sorted({*even, *self._with_windows(), self.most}, key=lambda t: abs(t - value))
+        return next((t for t in tried if above < t < below and low <= t <= high and self._fits(t)), None)
+
+    def _fits(self, value: float) -> bool:
+        """Whether each window of the task holds the end of a step, so that it can be planned."""
+        parts = [part for part in conjuncts(self.problem.task) if not kept_out(part)]
+        return all(fits_grid(resolve(part, value), value / self.problem.steps) for part in parts)
+
+    def _with_windows(self) -> Iterator[float]:
+        """Durations at which a window's begin, middle or end is the end of a step; windows in seconds only."""
+        n = self.problem.steps
+        for a, b in planner.windows(self.problem.task):
+            for t in (a, (a + b) / 2, b):
+                yield from (t * n / k for k in range(1, n + 1))
 
     def carried(self, controls: Floats, value: float, to: float) -> Floats:
         """The same arcs in another time, as far as the input bounds allow."""
@@ -162,10 +179,11 @@ class Passage:
         objective = replace(self.problem.objective, earliest=None)
         return self.problem.with_(task=And((*conjuncts(self.problem.task), visit)), objective=objective)
 
-    @property
-    def grain(self) -> float:
-        """A control step."""
-        return self.problem.step
+    def nearest(self, value: float, above: float, below: float) -> float | None:
+        """The end of a step."""
+        step = self.problem.step
+        multiple = min(round(value / step), ceil(min(below, self.most + step) / step - 1e-6) - 1)
+        return multiple * step if multiple * step > above else None
 
     def carried(self, controls: Floats, value: float, to: float) -> Floats:
         """The same."""
@@ -204,7 +222,12 @@ def solve(
 
 
 def bound(goal: Goal) -> float:
-    """The least value whose problem passes its checks, rounded down by a millionth."""
+    """The least value whose problem passes its checks, rounded down by a millionth.
+
+    Where the largest value passes, every one between it and another that does passes, too: windows begin and end at
+    linear functions of the duration, and a region's deadline is the least of some. Whether a window holds the end of a
+    step is no such matter, and no check: `Goal.nearest` sees to it.
+    """
     low, high = goal.least, goal.most
     if low > 0 and _sound(goal, low):
         return low
@@ -259,22 +282,26 @@ class _Search:
 
     def _coarse(self, lowest: float, guess: Floats | None) -> tuple[float, Floats | None]:
         """The least value with a solution on the coarse grid, within `COARSE`, and the solution."""
-        high, low = self.goal.most, lowest
-        live = self._solved(high, [] if guess is None else [guess])
-        for _ in range(LESS):  # routes know more of what to do first where there is less time
-            if live or self._over():
-                break
-            high = self._rounded(sqrt(max(low, 0.01 * high) * high))
-            live = self._solved(high, [])
-        if not live:
+        low, most = lowest, self.goal.nearest(self.goal.most, 0.0, np.inf)
+        if most is None:
             return self.goal.most, guess
+        high, live = most, self._solved(most, [] if guess is None else [guess])
+        for _ in range(LESS):  # routes know more of what to do first where there is less time
+            if live or self._over() or (less := self._between(low, high)) is None:
+                break
+            high, live = less, self._solved(less, [])
+        if not live:
+            return most, guess
         while high - low > COARSE * high and not self._over():
-            middle = self._rounded(sqrt(max(low, 0.01 * high) * high))
-            if not low < middle < high:
+            if (middle := self._between(low, high)) is None:
                 break
             found = self._solved(middle, [self.goal.carried(c, high, middle) for c in live])
             low, high, live = (low, middle, found) if found else (middle, high, live)
         return high, live[0]
+
+    def _between(self, low: float, high: float) -> float | None:
+        """A value near the geometric mean of two others."""
+        return self.goal.nearest(sqrt(max(low, 0.01 * high) * high), low, high)
 
     def _solved(self, value: float, guesses: list[Floats]) -> list[Floats]:
         """Solutions at a value from some guesses, cheapest first, or where these fail from routes."""
@@ -309,13 +336,15 @@ class _Search:
         """
         last = self._tried(value, controls, value)
         while self.best is None and not self._over() and value < self.goal.most:
-            higher = self._rounded(max(value * (1 + STEP), value + self.goal.grain))
+            higher = self.goal.nearest(value * (1 + STEP), value, np.inf)
+            if higher is None:
+                break
             last = self._tried(higher, controls, value)
             value, controls = higher, last.controls
         while self.best is not None and not self._over():
             floor = lowest if self.missed is None else max(self.missed, lowest)
-            lower = self._rounded(max(self.value * (1 - STEP), (floor + self.value) / 2), self.value)
-            if self.value - floor <= TOLERANCE * self.value or lower <= floor:
+            lower = self.goal.nearest(max(self.value * (1 - STEP), (floor + self.value) / 2), floor, self.value)
+            if self.value - floor <= TOLERANCE * self.value or lower is None:
                 break
             self._tried(lower, self.best.controls, self.value)
         return last
@@ -339,12 +368,6 @@ class _Search:
         self.seconds = time.perf_counter() - self.began
         solution = planner.solve(problem.with_(solve=options), progress=self._tell, guess=guess, log=self.log)
         return replace(solution, problem=problem)
-
-    def _rounded(self, value: float, below: float = np.inf) -> float:
-        """The nearest multiple of the grain that is allowed and is less than another value."""
-        grain = self.goal.grain
-        multiple = min(round(value / grain), ceil(below / grain - 1e-6) - 1 if below < np.inf else np.inf)
-        return float(min(multiple * grain, self.goal.most))
 
     # --- the clock
 

@@ -85,8 +85,8 @@ def _keeps_in(leaf: Formula) -> bool:
 
 
 def _anywhere(problem: Problem) -> Polyhedron:
-    """A box around the start of twice what the fastest member can drive."""
+    """A box around all starts of twice what the fastest member can drive."""
     fleet = problem.fleet
     speed = max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
     reach = 2 * float(speed * fleet.fastest[0]) * problem.duration + 1.0
-    return Polyhedron.box(np.column_stack([fleet.position - reach, fleet.position + reach]))
+    return Polyhedron.box(np.column_stack([fleet.start - fleet.shift - reach, fleet.start + fleet.shift + reach]))

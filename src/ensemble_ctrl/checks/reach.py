@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ensemble_ctrl.checks.finding import Finding
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Always, And, Eventually, Formula, Inside, Until
-from ensemble_ctrl.errors import ProblemError
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
 
+Floats = NDArray[np.float64]
+
 SLACK = 1e-9
+"""Metres, for each metre of a coordinate above one: only what is certain is a finding."""
 
 
 def reach_findings(problem: Problem) -> Iterator[Finding]:
@@ -22,10 +28,11 @@ def reach_findings(problem: Problem) -> Iterator[Finding]:
         region = problem.regions.get(leaf.name)
         if region is None or region.A.shape[1] != 2 or region.is_empty:
             continue
-        distance = _distance(region, problem)
-        if deadline <= 0.0 and distance > SLACK:
-            yield _wrong_start(leaf, distance, problem)
-        elif distance > _top_speed(problem) * min(deadline, problem.duration) + SLACK:
+        distance, start = _furthest(region, problem)
+        slack = SLACK * max(1.0, float(np.abs(start).max()))
+        if deadline <= 0.0 and distance > slack:
+            yield _wrong_start(leaf, distance, start)
+        elif distance > _top_speed(problem) * min(deadline, problem.duration) + slack:
             yield _out_of_reach(leaf, distance, min(deadline, problem.duration), problem)
 
 
@@ -49,14 +56,20 @@ def required(formula: Formula, latest: float, duration: float) -> Iterator[tuple
             yield from required(right, latest + end(b), duration)
 
 
-def _distance(region: Polyhedron, problem: Problem) -> float:
-    """Distance from the start to a region; a lower bound of it where the region is flat or unbounded."""
-    start = problem.fleet.position
-    try:
-        G, h = region.unit_rows()
-        return float(Obstacle(-G, -h).distance(start))
-    except ProblemError:
-        return -float(region.margin(start))
+def _furthest(region: Polyhedron, problem: Problem) -> tuple[float, Floats]:
+    """Distance from a region of the start that is furthest from it, and that start: a corner of the box of starts."""
+    fleet = problem.fleet
+    starts = fleet.start + np.array(list(product((-1.0, 1.0), repeat=2))) * fleet.shift
+    distances = _distances(region, starts)
+    k = int(distances.argmax())
+    return float(distances[k]), starts[k]
+
+
+def _distances(region: Polyhedron, points: Floats) -> Floats:
+    """Distance of points from a region; a lower bound of it where the region is flat or unbounded."""
+    if region.is_bounded and len(region.vertices) > 2:
+        return Obstacle.polygon(region.vertices).distance(points)
+    return -region.margin(points)
 
 
 def _top_speed(problem: Problem) -> float:
@@ -65,9 +78,9 @@ def _top_speed(problem: Problem) -> float:
     return problem.fleet.slowest * fastest
 
 
-def _wrong_start(leaf: Inside, distance: float, problem: Problem) -> Finding:
+def _wrong_start(leaf: Inside, distance: float, start: Floats) -> Finding:
     """A finding for a region that has to hold from the start."""
-    x, y = problem.fleet.position
+    x, y = start
     message = f"members have to be in {leaf.name!r} from the start, but ({x:g}, {y:g}) is {distance:.3g} m outside"
     return Finding(("task",), message, "move the start, or let the window begin later", offset=_offset(leaf))
 

@@ -6,21 +6,24 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ensemble_ctrl.checks.coverage import coverage_findings
 from ensemble_ctrl.checks.finding import Finding
 from ensemble_ctrl.checks.numbers import name_findings, number_findings
 from ensemble_ctrl.checks.task import task_findings, unused_findings
-from ensemble_ctrl.constraints.stl import Avoid, Inside, Not
+from ensemble_ctrl.constraints.stl import Avoid, Inside, Not, Share, conjuncts
 from ensemble_ctrl.constraints.stl.formula import Formula
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.problem import Problem
+    from ensemble_ctrl.problem import OdeProblem, Problem
+
+Floats = NDArray[np.float64]
 
 SLACK = 1e-9
 
 
-def ode_findings(problem: Problem) -> Iterator[Finding]:
+def ode_findings(problem: OdeProblem) -> Iterator[Finding]:
     """Everything wrong or odd; where a number makes no sense, only such numbers are reported."""
     numbers = [*number_findings(problem), *name_findings(problem), *_options(problem), *_target(problem)]
     if numbers:
@@ -99,12 +102,21 @@ def _keeps_out(formula: Formula) -> bool:
     return isinstance(formula, Avoid) or outside or any(_keeps_out(part) for part in formula.parts)
 
 
-def _start(problem: Problem) -> Iterator[Finding]:
-    """The start is in an obstacle, or closer to it than the radius."""
-    start = problem.fleet.position
+def _start(problem: OdeProblem) -> Iterator[Finding]:
+    """The start, or that of a member at a corner of the ranges, is in an obstacle, or closer to it than the radius."""
+    starts = _starts(problem)
     for name, pieces in problem.obstacles.items():
-        depth = problem.fleet.radius - min(float(piece.distance(start)) for piece in pieces)
-        if depth > SLACK:
-            place = ", ".join(f"{x:g}" for x in start)
-            message = f"the start ({place}) is {depth:.3g} m deep inside obstacle {name!r}, grown by the radius"
+        moved = problem.motions[name].at(0.0) if name in problem.motions else 0.0
+        depths = problem.fleet.radius - np.min([piece.distance(starts - moved) for piece in pieces], axis=0)
+        if depths.max() > SLACK:
+            place = ", ".join(f"{x:g}" for x in starts[int(depths.argmax())])
+            message = f"the start ({place}) is {depths.max():.3g} m deep inside obstacle {name!r}, grown by the radius"
             yield Finding(("fleet", "start"), message, "move the start or the obstacle")
+
+
+def _starts(problem: OdeProblem) -> Floats:
+    """Where members start, shape (starts, d): the middle one, and those at the corners unless a share is enough."""
+    fleet = problem.fleet
+    enough = any(isinstance(part, Share) for part in conjuncts(problem.task))
+    members = fleet.center[None] if enough else np.concatenate([fleet.center[None], fleet.corners])
+    return np.asarray(fleet.start_states(members)[fleet.place_columns].T)

@@ -6,7 +6,18 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ensemble_ctrl.checks.finding import Finding
-from ensemble_ctrl.constraints.stl import Avoid, FormulaError, Inside, check_windows, leaves, name_errors
+from ensemble_ctrl.constraints.stl import (
+    Avoid,
+    FormulaError,
+    Inside,
+    check_windows,
+    conjuncts,
+    kept_out,
+    leaves,
+    name_errors,
+    resolve,
+)
+from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.errors import ProblemError
 
@@ -15,6 +26,8 @@ if TYPE_CHECKING:
 
 STATES = ("x", "y")
 """The coordinates of the plane."""
+MORE_STEPS = 1000
+"""Numbers of steps tried for one with which every window can be planned."""
 
 
 def task_findings(problem: Problem) -> Iterator[Finding]:
@@ -27,6 +40,24 @@ def task_findings(problem: Problem) -> Iterator[Finding]:
         yield _from_formula(error, "lengthen horizon.duration or end the window earlier")
     except ProblemError as error:
         yield Finding(("task",), str(error).partition(": ")[2])
+    else:
+        yield from _between_steps(problem)
+
+
+def _between_steps(problem: Problem) -> Iterator[Finding]:
+    """A window within one step: a plan may do the task, but the planner looks at the ends of steps."""
+    if problem.least_duration is not None:  # the duration is chosen to fit
+        return
+    for part in conjuncts(problem.task):
+        formula = resolve(part, problem.duration)
+        if kept_out(part) or fits_grid(formula, problem.step):
+            continue
+        more = (
+            n for n in range(problem.steps + 1, problem.steps + MORE_STEPS) if fits_grid(formula, problem.duration / n)
+        )
+        hint = f"horizon.steps: {steps} would do" if (steps := next(more, None)) else "widen it"
+        message = f"a window of {part} holds no end of a step ({problem.step:.3g} s): it can be proven, but not planned"
+        yield Finding(("task",), message, hint, "warning")
 
 
 def _from_formula(error: FormulaError, hint: str = "") -> Finding:

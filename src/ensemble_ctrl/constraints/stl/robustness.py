@@ -157,10 +157,23 @@ def _open_window(formula: Temporal, signals: Signals, ops: Ops, first: int, last
     return operator(left, right, count)
 
 
+def fits_grid(formula: Formula, step: float) -> bool:
+    """Whether every window of a formula, with ``T`` resolved, holds a time of a grid."""
+    if isinstance(formula, Temporal) and formula.b is not None:
+        low, high = _grid_ends(formula, step)
+        if low > high:
+            return False
+    return all(fits_grid(part, step) for part in formula.parts)
+
+
+def _grid_ends(formula: Temporal, step: float) -> tuple[int, int]:
+    """First and last step of a window; the first is after the last where there is none."""
+    return math.ceil((formula.a or 0.0) / step - 1e-9), math.floor((formula.b or 0.0) / step + 1e-9)
+
+
 def _window_steps(formula: Temporal, step: float) -> tuple[int, int]:
     """First and last step of a window."""
-    low = math.ceil((formula.a or 0.0) / step - 1e-9)
-    high = math.floor((formula.b or 0.0) / step + 1e-9)
+    low, high = _grid_ends(formula, step)
     if low > high:
         raise ProblemError(f"formula: expected windows that hold a time of the {step:g} s grid, got {formula}")
     return low, high
