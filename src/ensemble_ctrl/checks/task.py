@@ -17,8 +17,8 @@ from ensemble_ctrl.constraints.stl import (
     name_errors,
     resolve,
 )
-from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
+from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.errors import ProblemError
 
 if TYPE_CHECKING:
