@@ -1,22 +1,24 @@
-"""Run every problem in configs/ and write the gallery: ``python docs/make_gallery.py [NAME ...]``.
+"""Run the problems of configs/ and write the gallery: ``python docs/make_gallery.py [NAME ...]``.
 
-Writes ``docs/_static/gallery/<name>.png`` (each below 80 KB) and ``docs/gallery.md``. With names, only those are run
-again and the page keeps what it says of the others. Needs the package; takes some seconds a problem.
+Writes ``docs/_static/gallery/<name>.png`` (each below 80 KB), ``facts.json`` beside them, and ``docs/gallery.md``. Runs
+the problems named, else every problem whose row is stale, because the problem or the code that plans and proves has
+changed since. A row takes some seconds, all of them some minutes. What was run is kept in ``docs/_build`` until no
+row is stale; before that the page is not written, and after an end in between the same command goes on.
 """
 
 from __future__ import annotations
 
 import io
-import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from math import floor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import printed
 from PIL import Image
 
 import ensemble_ctrl as ec
@@ -27,6 +29,8 @@ DOCS = Path(__file__).resolve().parent
 CONFIGS = DOCS.parent / "configs"
 PICTURES = DOCS / "_static" / "gallery"
 FACTS = PICTURES / "facts.json"
+WORK = DOCS / "_build" / "gallery"
+"""What was run since the page was written."""
 LARGEST = 80_000
 """Bytes of one picture."""
 SECTIONS = {
@@ -54,15 +58,39 @@ those of the same fleet with nothing in its way.
 
 
 def main(names: list[str]) -> None:
-    """Run what is asked for, then write the page."""
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    facts = json.loads(FACTS.read_text()) if FACTS.exists() else {}
+    """Run what is asked for, else what is stale, then write the page.
+
+    Raises
+    ------
+    SystemExit
+        If a problem fails, or a row is stale in the end.
+    """
+    kept = printed.read(WORK / "facts.json")
+    facts = printed.read(FACTS) | kept
     for path in configs():
-        if not names or path.stem in names:
-            facts[path.stem] = run(path)
+        if path.stem in names if names else stale(path, facts):
+            facts[path.stem] = kept[path.stem] = run(path)
             print(path.stem, facts[path.stem], flush=True)
-            FACTS.write_text(json.dumps(facts, indent=1, sort_keys=True) + "\n")
+            printed.write(WORK / "facts.json", kept)
+    publish(facts)
+
+
+def stale(path: Path, facts: dict[str, Any]) -> bool:
+    """Whether a problem's row is of other code or of another problem."""
+    return bool(facts.get(path.stem, {}).get("source") != printed.source(path))
+
+
+def publish(facts: dict[str, Any]) -> None:
+    """Write the page, its figures and its pictures, unless a row is stale."""
+    old = [path.stem for path in configs() if stale(path, facts)]
+    if old:
+        raise SystemExit(f"stale: {', '.join(old)}; run python docs/make_gallery.py again, the page is left as it was")
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    for picture in sorted(WORK.glob("*.png")):
+        shutil.copyfile(picture, PICTURES / picture.name)
+    printed.write(FACTS, {path.stem: facts[path.stem] for path in configs()})
     (DOCS / "gallery.md").write_text("\n".join(page(facts)) + "\n", encoding="utf-8")
+    shutil.rmtree(WORK, ignore_errors=True)
 
 
 def configs() -> list[Path]:
@@ -85,6 +113,7 @@ def run(path: Path) -> dict[str, Any]:
     SystemExit
         If the command fails; a problem without a plan still leaves its best attempt.
     """
+    before = printed.source(path)
     with TemporaryDirectory() as folder:
         results = Path(folder) / "results"
         command = [sys.executable, "-m", "ensemble_ctrl.cli", "run", str(path), "-o", str(results), "-q"]
@@ -92,19 +121,17 @@ def run(path: Path) -> dict[str, Any]:
         if not (results / "plan.npz").exists():
             raise SystemExit(f"{path}: exit code {ended.returncode}\n{ended.stderr}")
         plan = ec.Plan.load(results)
-        shrink(results / "trajectories.png", PICTURES / f"{path.stem}.png")
+        WORK.mkdir(parents=True, exist_ok=True)
+        shrink(results / "trajectories.png", WORK / f"{path.stem}.png")
     certificate = certify(plan.problem, plan.controls)
     return {
+        "source": before,
         "exit": ended.returncode,
+        "cost": plan.details["cost"],
         "proven": certificate.proven,
-        "clearance": rounded_down(certificate.clearance) if certificate.clearances else None,
-        "robustness": rounded_down(certificate.robustness) if certificate.parts else None,
+        "clearance": printed.rounded_down(certificate.clearance) if certificate.clearances else None,
+        "robustness": printed.rounded_down(certificate.robustness) if certificate.parts else None,
     }
-
-
-def rounded_down(bound: float) -> float:
-    """A proven bound to a tenth of a millimetre, still proven."""
-    return floor(1e4 * bound) / 1e4
 
 
 def shrink(source: Path, target: Path) -> None:

@@ -91,3 +91,15 @@ def test_every_figure_of_the_method_is_shown_and_made() -> None:
     made = re.findall(r'"(\w+)": \1\b', (DOCS / "make_figures.py").read_text(encoding="utf-8"))
     assert sorted(shown) == sorted(made) == sorted(path.stem for path in (DOCS / "_static" / "method").glob("*.svg"))
     assert max(path.stat().st_size for path in (DOCS / "_static" / "method").glob("*.svg")) < 60_000
+
+
+def test_files_that_ask_for_the_kind_of_problem_are_those_of_the_page() -> None:
+    """A new one would be one more place to change for a new kind of fleet."""
+    package = Path(ensemble_ctrl.__file__).parent
+    asks = re.compile(r"isinstance\([^)]*\b(?:Ode|Arc)[A-Z]\w*")
+    files = [path for path in package.rglob("*.py") if asks.search(path.read_text(encoding="utf-8"))]
+    found = {".".join(path.relative_to(package).with_suffix("").parts).removesuffix(".__init__") for path in files}
+    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    listed = re.search(r"These files do,\s+and no other may:(.*?)\.\n\n", page, re.DOTALL)
+    assert listed is not None
+    assert set(re.findall(r"`([^`]+)`", listed.group(1))) == found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 from pathlib import Path
 
@@ -15,17 +16,9 @@ from ensemble_ctrl.replay import replay
 from ensemble_ctrl.twin import unconstrained
 
 CONFIGS = Path(__file__).parents[1] / "configs"
-COSTS = {
-    "box": 0.08,
-    "eight_obstacles": 1.67,
-    "five_obstacles": 0.56,
-    "one_obstacles": 0.48,
-    "polyhedron": 0.08,
-    "seven_obstacles": 0.97,
-    "six_obstacles": 0.67,
-    "three_obstacles": 1.23,
-    "two_waypoints": 1.20,
-}
+PRINTED = json.loads((CONFIGS.parent / "docs" / "_static" / "gallery" / "facts.json").read_text(encoding="utf-8"))
+"""What the gallery prints of each problem."""
+COSTS = {path.stem: PRINTED[path.stem]["cost"] for path in CONFIGS.glob("*.yaml")}
 """Cost of the plan of each experiment; another good plan may differ by a little, or be better."""
 NUMBERS = {"one": 1, "three": 3, "five": 5, "six": 6, "seven": 7, "eight": 8}
 experiments = pytest.mark.parametrize("name", sorted(COSTS))
@@ -43,8 +36,18 @@ def solution(name: str) -> Solution:
     return solve(problem(name))
 
 
-def test_every_file_is_an_experiment_here() -> None:
-    assert sorted(path.stem for path in CONFIGS.glob("*.yaml")) == sorted(COSTS)
+def test_every_experiment_of_the_paper_is_here() -> None:
+    assert {"box", "polyhedron", "two_waypoints", *(f"{word}_obstacles" for word in NUMBERS)} == set(COSTS)
+
+
+@experiments
+def test_the_gallery_prints_what_a_run_finds(name: str) -> None:
+    found, printed = solution(name), PRINTED[name]
+    assert found.certificate is not None
+    assert printed["proven"] == found.certificate.proven
+    assert found.attempt.value.cost == pytest.approx(printed["cost"], rel=0.02, abs=2e-3)
+    for number, bound in (("clearance", found.certificate.clearance), ("robustness", found.certificate.robustness)):
+        assert printed[number] is None or printed[number] == pytest.approx(bound, abs=5e-3)
 
 
 @experiments

@@ -47,9 +47,11 @@ def test_the_slider_and_the_button_move_the_fleet(tab: Page, tmp_path: Path) -> 
     tab.open(path)
     end = np.array(tab.run(PLACES))
     assert tab.run("document.getElementById('clock').textContent") == "t = 4.00 s"
+    assert tab.run("document.getElementById('time').getAttribute('aria-valuetext')") == "4.00 s"
     tab.run(MOVE.format(0))
     start = np.array(tab.run(PLACES))
     assert tab.run("document.getElementById('clock').textContent") == "t = 0.00 s"
+    assert tab.run("document.getElementById('time').getAttribute('aria-valuetext')") == "0.00 s"
     assert np.ptp(start, axis=0).max() < 0.2  # all start at one place
     assert (end[:, 0] - start[:, 0]).min() > 100
     tab.run(MOVE.format(500))

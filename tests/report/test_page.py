@@ -147,3 +147,8 @@ def test_the_wheel_has_the_pages_parts() -> None:
 
     folder = Path(report.__file__).parent
     assert {"page.html", "page.css", "page.js"} <= {path.name for path in folder.iterdir()}
+
+
+def test_the_slider_says_the_time_and_not_a_thousandth() -> None:
+    (slider,) = [a for tag, a in Reader(page(made("plain"))).elements if tag == "input"]
+    assert slider["aria-valuetext"] == f"{made('plain').problem.duration:.2f} s"

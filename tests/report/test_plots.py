@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,13 +13,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
+from ensemble_ctrl import report
 from ensemble_ctrl.api import with_twin
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.folder import RESULT_FILES
 from ensemble_ctrl.moments import LegendreBasis
 from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.report import palette
 from ensemble_ctrl.report.canvas import FORMATS
 from ensemble_ctrl.report.figures import write_figures
+from ensemble_ctrl.report.kinds.certificate import draw_certificate
 from ensemble_ctrl.report.kinds.moments import moments
 from ensemble_ctrl.report.plot import KINDS, write_plot
 
@@ -75,6 +79,67 @@ def test_bars_are_as_long_as_what_is_proven() -> None:
     lengths = sorted(bar.get_width() for bar in ax.patches)  # type: ignore[attr-defined]
     bounds = [b.proven for b in plan.certificate.clearances] + [b.proven for b in plan.certificate.parts]
     assert lengths == pytest.approx(sorted(bounds))
+
+
+@pytest.mark.parametrize(
+    "bounds", [(0.01, 2.0), (0.0002, 0.03, 5.0), (-0.3, 0.004, 1.0), (-2.0, -0.01), (0.5, 2.0), (0.0, 1.0)]
+)
+def test_the_tightest_bound_is_seen_beside_the_widest(bounds: tuple[float, ...]) -> None:
+    """Every bar but that of zero takes a tenth of the axis or more, with its end and its number inside."""
+    certificate = made("plain").certificate
+    assert certificate is not None
+    (first, *_) = certificate.clearances
+    several = tuple(replace(first, obstacle=f"o{k}", proven=v, sampled=v + 1e-3) for k, v in enumerate(bounds))
+    ax = draw_certificate("p", replace(certificate, clearances=several, parts=()), Figure().subplots())
+    to_share = ax.transData + ax.transAxes.inverted()
+    zero = to_share.transform((0.0, 0.0))[0]
+    for bound in bounds:
+        end = to_share.transform((bound, 0.0))[0]
+        assert abs(end - zero) >= 0.1 or bound == 0
+        assert 0 <= end <= 0.9
+    spread = max(map(abs, bounds)) > 10 * min(abs(b) for b in bounds if b)
+    assert ("log" in ax.get_xlabel()) == (spread or 0.0 in bounds)
+
+
+def brightness(colour: str) -> float:
+    """Relative luminance of ``#rrggbb`` (WCAG 2.1)."""
+    parts = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
+
+
+def contrast(first: str, second: str) -> float:
+    """Contrast ratio of two colours (WCAG 2.1)."""
+    low, high = sorted((brightness(first), brightness(second)))
+    return (high + 0.05) / (low + 0.05)
+
+
+TEXT = [
+    ("on-obstacle", "obstacle"),
+    ("soft", "card"),
+    ("soft", "ground"),
+    ("ink", "card"),
+    ("ink", "ground"),
+    ("region", "card"),
+    *((name, f"{name}-ground") for name in ("good", "bad", "open")),
+]
+
+
+@pytest.mark.parametrize(("text", "ground"), TEXT)
+def test_text_on_the_page_can_be_read_in_both_schemes(text: str, ground: str) -> None:
+    style = (Path(report.__file__).parent / "page.css").read_text(encoding="utf-8")
+    light, dark = (dict(re.findall(r"--([\w-]+): (#\w{6})", part)) for part in style.split("@media (prefers-color", 1))
+    assert contrast(light[text], light[ground]) >= 4.5
+    assert contrast(dark[text], dark[ground]) >= 4.5
+
+
+def test_names_on_obstacles_can_be_read_in_pictures_and_films() -> None:
+    assert contrast(palette.ON_OBSTACLE, palette.OBSTACLE) >= 4.5
+    ax = made("plain").plot("trajectories", ax=Figure().subplots())
+    (name,) = [text for text in ax.texts if text.get_text() == "post"]
+    assert name.get_color() == palette.ON_OBSTACLE
+    assert contrast(palette.SOFT, "#ffffff") >= 4.5
+    assert contrast(palette.REGION, "#ffffff") >= 4.5
 
 
 def test_moments_are_integrals_of_exact_trajectories() -> None:

@@ -13,7 +13,7 @@ from ensemble_ctrl.drawing import highest, outlines, target_lines
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
-from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, REGION, TWIN, shades
+from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, TWIN, shades
 from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet
 from ensemble_ctrl.report.text import literal, ranges_text
 
@@ -51,13 +51,14 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
     from matplotlib.patheffects import withStroke
 
     _draw_motions(problem, ax)
-    halo = [withStroke(linewidth=2, foreground=OBSTACLE_EDGE)]
+    halo = [withStroke(linewidth=2, foreground=OBSTACLE)]
     for name, pieces in problem.obstacles.items():
         for piece in pieces:
             ax.add_patch(Polygon(piece.vertices, closed=True, facecolor=OBSTACLE, edgecolor=OBSTACLE_EDGE))
         largest = max(pieces, key=lambda piece: float(np.ptp(piece.vertices, axis=0).prod()))
         middle = largest.vertices.mean(axis=0)
-        ax.annotate(literal(name), middle, ha="center", va="center", fontsize="small", color="white", path_effects=halo)
+        label = ax.annotate(literal(name), middle, ha="center", va="center", fontsize="small", color=ON_OBSTACLE)
+        label.set_path_effects(halo)
     for name, corners in outlines(problem, paths).items():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor="none", alpha=0.15))
         ax.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=REGION, linewidth=1.5))

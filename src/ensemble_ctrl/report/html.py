@@ -114,7 +114,8 @@ def _map(problem: Problem, drawing: str, ribbons: Sequence[Ribbon], marked: bool
     """The map, the player, what the colours mean and what the areas are."""
     player = (
         '<div class="player"><button id="play" type="button">Play</button>'
-        '<input id="time" type="range" min="0" max="1000" step="1" value="1000" aria-label="time">'
+        '<input id="time" type="range" min="0" max="1000" step="1" value="1000" aria-label="time" '
+        f'aria-valuetext="{problem.duration:.2f} s">'
         f'<output id="clock" for="time">t = {problem.duration:.2f} s</output></div>'
     )
     count = len(problem.fleet.places)

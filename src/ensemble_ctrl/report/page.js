@@ -38,6 +38,7 @@
       line.setAttribute("x2", x.toFixed(1));
     });
     clock.textContent = "t = " + t.toFixed(2) + " s";
+    slider.setAttribute("aria-valuetext", t.toFixed(2) + " s");
   }
 
   function show(t) {

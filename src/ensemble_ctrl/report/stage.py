@@ -12,7 +12,17 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.pagecharts import ticks
-from ensemble_ctrl.report.palette import GRID, INSIDE, OBSTACLE, OBSTACLE_EDGE, OUTLINE, REGION, SOFT, viridis
+from ensemble_ctrl.report.palette import (
+    GRID,
+    INSIDE,
+    OBSTACLE,
+    OBSTACLE_EDGE,
+    ON_OBSTACLE,
+    OUTLINE,
+    REGION,
+    SOFT,
+    viridis,
+)
 from ensemble_ctrl.report.scene import Scene, scenes
 from ensemble_ctrl.report.text import short, unit_of
 from ensemble_ctrl.report.view import Canvas
@@ -202,7 +212,7 @@ def _draw_moving(panel: Panel, pen: ImageDraw.ImageDraw, time: float) -> None:
         fits = across > pen.textlength(shape.name, panel.font) and up > 14 * panel.unit
         if fits and not all(shape.beside):
             ((x, y),) = panel.points((shape.largest.mean(axis=0) + offset)[None])
-            pen.text((x, y), shape.name, "white", panel.font, anchor="mm")
+            pen.text((x, y), shape.name, ON_OBSTACLE, panel.font, anchor="mm")
 
 
 def _round_length(metres: float) -> float:

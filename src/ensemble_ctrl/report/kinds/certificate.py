@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.report.palette import LINES, TWIN
@@ -18,6 +19,10 @@ ROWS = 12
 """Bounds shown at most, the lowest first."""
 LONGEST = 19
 """Letters of a part of the task."""
+APART = 10.0
+"""Times by which the largest number exceeds the smallest before the axis is logarithmic."""
+LEAST = 1e-4
+"""Metres below which even that axis is linear."""
 
 
 def draw_certificate(name: str, certificate: Certificate, ax: Axes) -> Axes:
@@ -37,8 +42,21 @@ def draw_certificate(name: str, certificate: Certificate, ax: Axes) -> Axes:
     ax.set_yticks(places, [literal(short(text, LONGEST)) for text, _, _ in rows])
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.set(xlabel="proven (bar), worst seen (dot) [m]")
-    low, high = ax.get_xlim()
-    ax.set_xlim(low, high + 0.22 * (high - low))
+    _scale(ax, np.array([value for _, *both in rows for value in both if np.isfinite(value)]))
     ax.grid(alpha=0.3, axis="x")
     ax.set_title(literal(f"{name}: proven: {certificate.proven}"))
     return ax
+
+
+def _scale(ax: Axes, values: NDArray[np.float64]) -> None:
+    """Room for the numbers beside the bars, and a logarithmic axis where a linear one would hide the tightest."""
+    sizes = np.maximum(np.abs(values[values != 0]), LEAST)
+    if sizes.size and sizes.max() > APART * sizes.min():
+        start = 10.0 ** np.floor(np.log10(sizes.min()))
+        ax.set_xscale("symlog", linthresh=start)
+        ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        ax.set_xlabel("proven (bar), seen (dot) [m, log]")
+    to_axis = ax.xaxis.get_transform()
+    low, high = to_axis.transform(np.array([min(values.min(initial=0.0), 0.0), max(values.max(initial=0.0), 0.0)]))
+    room = max(high - low, 1e-9)
+    ax.set_xlim(*to_axis.inverted().transform(np.array([low - 0.04 * room * (low < 0), high + 0.32 * room])))
