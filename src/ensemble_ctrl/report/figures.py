@@ -51,14 +51,13 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
     from matplotlib.patheffects import withStroke
 
     _draw_motions(problem, ax)
-    halo = [withStroke(linewidth=2, foreground=OBSTACLE)]
     for name, pieces in problem.obstacles.items():
         for piece in pieces:
             ax.add_patch(Polygon(piece.vertices, closed=True, facecolor=OBSTACLE, edgecolor=OBSTACLE_EDGE))
         largest = max(pieces, key=lambda piece: float(np.ptp(piece.vertices, axis=0).prod()))
         middle = largest.vertices.mean(axis=0)
         label = ax.annotate(literal(name), middle, ha="center", va="center", fontsize="small", color=ON_OBSTACLE)
-        label.set_path_effects(halo)
+        label.set_path_effects([withStroke(linewidth=2, foreground=OBSTACLE)])
     for name, corners in outlines(problem, paths).items():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor="none", alpha=0.15))
         ax.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=REGION, linewidth=1.5))
