@@ -5,12 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import grown
 from ensemble_ctrl.constraints import Obstacle, Polyhedron, convex_cover, convex_pieces
+from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.constraints.exact import hull, intersection
 from ensemble_ctrl.errors import ProblemError
 
@@ -68,6 +69,7 @@ def made(kind, corners: Array):  # type: ignore[no-untyped-def]
         assume(False)
 
 
+@settings(max_examples=40)
 @given(convex())
 def test_an_obstacle_holds_every_corner_that_was_given(corners: Array) -> None:
     obstacle = made(Obstacle, corners)
@@ -78,6 +80,7 @@ def test_an_obstacle_holds_every_corner_that_was_given(corners: Array) -> None:
     assert {tuple(corner) for corner in obstacle.vertices.tolist()} <= {tuple(corner) for corner in corners.tolist()}
 
 
+@settings(max_examples=40)
 @given(convex())
 def test_a_region_has_no_point_that_was_not_given(corners: Array) -> None:
     region = made(Polyhedron, corners)
@@ -93,6 +96,7 @@ def test_a_region_has_no_point_that_was_not_given(corners: Array) -> None:
                 assert inside(point, limits)
 
 
+@settings(max_examples=40)
 @given(convex(), st.floats(0, 3), st.floats(0, 3))
 def test_a_grown_obstacle_holds_every_shifted_corner(corners: Array, right: float, up: float) -> None:
     stored = rational(grown(made(Obstacle, corners), np.array([right, up])).vertices)
@@ -102,6 +106,7 @@ def test_a_grown_obstacle_holds_every_shifted_corner(corners: Array, right: floa
                 assert inside((x + Fraction(dx), y + Fraction(dy)), stored)
 
 
+@settings(max_examples=40)
 @given(st.integers(0, 10_000), SIZES, PLACES)
 def test_pieces_of_a_polygon_lose_nothing_of_it(seed: int, size: float, place: tuple[float, float]) -> None:
     """The pieces are made of the polygon's own corners, so equal areas without an overlap make a cover."""
@@ -124,6 +129,7 @@ def test_pieces_of_a_polygon_lose_nothing_of_it(seed: int, size: float, place: t
             assert any(inside(point, corners) for corners in stored)
 
 
+@settings(max_examples=40)
 @given(st.integers(0, 10_000), SIZES, PLACES)
 def test_a_cover_loses_nothing_of_its_polygon(seed: int, size: float, place: tuple[float, float]) -> None:
     rng = np.random.default_rng(seed)
@@ -140,6 +146,7 @@ def test_a_cover_loses_nothing_of_its_polygon(seed: int, size: float, place: tup
             assert any(inside(point, corners) for corners in stored)
 
 
+@settings(max_examples=40)
 @given(convex(), st.integers(0, 10_000))
 def test_the_corners_of_rows_are_exact_ones_rounded(corners: Array, seed: int) -> None:
     rows = made(Obstacle, corners)
@@ -206,3 +213,26 @@ def test_coordinates_beyond_any_map_are_refused(far: float) -> None:
     ):
         with pytest.raises(ProblemError, match="finite numbers of at most 1e"):
             make()
+
+
+@pytest.mark.parametrize(
+    ("size", "origin", "yaw"),
+    [(0.05, (-10.35, 2.1), 0.0), (1 / 3, (0.0, 0.0), 0.0), (0.05, (1.0, 2.0), 0.3), (0.05, (5e6, 4e5), 0.3)],
+)
+def test_a_grid_loses_nothing_of_its_cells(size: float, origin: tuple[float, float], yaw: float) -> None:
+    """Corners are computed in floats: twice their rounding is allowed, and no nanometre."""
+    mask = np.zeros((9, 9), dtype=bool)
+    mask[3, 2:6] = mask[4:7, 4] = True
+    stored = [rational(Obstacle.polygon(piece).vertices) for piece in Cells(mask, size, origin, yaw).pieces(0.0)]
+    c, s = Fraction(np.cos(yaw)), Fraction(np.sin(yaw))
+    noise = Fraction(8 * np.spacing(max(map(abs, (*origin, 9 * size)))))
+    for row, column in np.argwhere(mask).tolist():
+        for u, v in ((column, row), (column + 1, row), (column, row + 1), (column + 1, row + 1)):
+            x, y = (
+                Fraction(o) + Fraction(size) * d for o, d in zip(origin, (c * u - s * v, s * u + c * v), strict=True)
+            )
+            about = [(x + i * noise, y + j * noise) for i in (-1, 1) for j in (-1, 1)]
+            assert any(
+                all(any(cross(a, b, point) >= 0 for point in about) for a, b in pairwise([*corners, corners[0]]))
+                for corners in stored
+            )

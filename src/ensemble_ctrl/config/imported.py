@@ -83,7 +83,7 @@ def import_map(path: str | Path, tolerance: float | None = None) -> Imported:
 
     Notes
     -----
-    *Guarantee*: the convex pieces cover every obstacle of the map, to a nanometre, and nothing further than `tolerance`
+    *Guarantee*: the convex pieces cover every obstacle of the map, and nothing further than `tolerance`
     from one. Unknown cells of a grid, and everything outside of it, count as obstacles.
     """
     path = Path(path)

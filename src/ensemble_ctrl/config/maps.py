@@ -17,7 +17,6 @@ from ensemble_ctrl.config.source import MAX_MAP_BYTES, read_bytes, text_of
 from ensemble_ctrl.config.tree import TextError
 from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
-from ensemble_ctrl.constraints.cells import DECIMALS
 from ensemble_ctrl.constraints.polygon import LARGEST
 from ensemble_ctrl.errors import ProblemError
 
@@ -118,7 +117,7 @@ def areas_from_file(path: Path, tolerance: float | None = None) -> list[Area]:
 
     Notes
     -----
-    *Guarantee*: the pieces cover the areas, to a nanometre, and nothing further than the tolerance from them.
+    *Guarantee*: the pieces cover the areas, and nothing further than the tolerance from them.
     """
     if path.suffix.lower() in (".pgm", ".png"):
         raise TextError(
@@ -174,7 +173,7 @@ def _cut(shape: Shape, tolerance: float) -> list[Floats]:
     try:
         if tolerance == 0:
             return convex_pieces(outline, holes)
-        return [np.round(piece, DECIMALS) + 0.0 for piece in convex_cover(outline, holes, tolerance)]
+        return convex_cover(outline, holes, tolerance)
     except ProblemError as error:
         where = f"{shape.where}: " if shape.where else ""
         name = f"{shape.name!r}: " if shape.name else ""

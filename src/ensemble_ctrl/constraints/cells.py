@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.cover import CORNERS, joined, with_fewer_corners, within
-from ensemble_ctrl.constraints.polygon import ring
+from ensemble_ctrl.constraints.polygon import facets, ring
 from ensemble_ctrl.errors import ProblemError
 
 Array = NDArray[np.float64]
@@ -21,6 +21,8 @@ MAX_RECTANGLES = 20_000
 """Largest number of rectangles that polygons are made of."""
 DECIMALS = 9
 """Corners are given to a nanometre."""
+GROWN = 1e-7
+"""Metres by which a corner may be moved outwards for that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +66,8 @@ class Cells:
 
         Notes
         -----
-        *Guarantee*: every occupied cell lies in one of the pieces, to a nanometre, and no point of a piece is further
-        than `tolerance` from an occupied cell, or from the outside of the grid.
+        *Guarantee*: every occupied cell lies in one of the pieces, to roundings of floats, and no point of a piece is
+        further than `tolerance` from an occupied cell, or from the outside of the grid.
 
         Examples
         --------
@@ -84,13 +86,33 @@ class Cells:
         found = []
         for shape in shapes:
             corners = with_fewer_corners(ring(shapely.get_coordinates(shape), "Cells"), area, CORNERS)
-            found.append(np.round(self._placed((corners - 1) * merge), DECIMALS) + 0.0)
+            found.append(_rounded(self._placed((corners - 1) * merge)))
         return found
 
     def _placed(self, corners: Array) -> Array:
         """Columns and rows as places in the plane."""
         c, s = cos(self.yaw), sin(self.yaw)
         return np.asarray(self.origin + self.size * corners @ np.array([[c, s], [-s, c]]))
+
+
+def _rounded(corners: Array) -> Array:
+    """A convex polygon with corners of few decimals, grown by a nanometre on each side where rounding takes some away.
+
+    Roundings of floats are not counted: three cells of 0.05 m are 0.15 m. Corners too sharp, or too far from the
+    origin, for so many decimals stay as they are.
+    """
+    near, noise = np.round(corners, DECIMALS) + 0.0, 4 * float(np.spacing(np.abs(corners).max()))
+    unit = 0.1**DECIMALS
+    if noise > unit / 10:
+        return corners
+    if np.abs(near - corners).max() <= noise:
+        return near
+    middle = corners.mean(axis=0)
+    A, b = facets(corners, inwards=True)
+    factor = unit / float((A @ middle - b).min())
+    if not 0.0 < factor * np.abs(corners - middle).max() <= GROWN:
+        return corners
+    return np.asarray(np.round(corners + factor * (corners - middle), DECIMALS) + 0.0)
 
 
 def _coarse(mask: Mask, merge: int) -> Mask:
