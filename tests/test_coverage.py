@@ -158,4 +158,4 @@ def test_a_thousand_windows_that_contain_each_other_are_one() -> None:
         left, right = (replay(p, controls, parameters=parameters).robustness for p in (many, one))
         assert np.array_equal(left, right)
     paths = np.zeros((1, 101, 2))
-    assert np.array_equal(clearances(many, paths), clearances(one, paths))
+    assert np.array_equal(clearances(many, paths, 9.0), clearances(one, paths, 9.0))

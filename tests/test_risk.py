@@ -97,7 +97,7 @@ def test_clearances_are_those_of_shapely() -> None:
     paths = trajectories(problem, controls, problem.fleet.representatives(5), 40)
     block = Polygon(problem.obstacles["o"][0].vertices)
     wanted = [min(1.0, LineString(path).distance(block)) for path in paths]
-    np.testing.assert_allclose(clearances(problem, paths), wanted, atol=2e-4)
+    np.testing.assert_allclose(clearances(problem, paths, 1.0), wanted, atol=2e-4)
 
 
 def test_a_price_at_the_end_lowers_the_worst_distances() -> None:

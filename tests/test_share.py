@@ -142,7 +142,8 @@ def test_a_mean_is_bounded_under_any_law(seed: int) -> None:
     (bound,) = certify(problem, controls).parts
     seen = dense(problem, controls)
     assert bound.proven <= seen + 1e-4
-    assert "start_x" in problem.fleet.names or bound.proven >= seen - 0.1
+    assert bound.sampled >= seen - 1e-4
+    assert "start_x" in problem.fleet.names or bound.proven >= seen - 0.1 or bound.sampled < 0
 
 
 @MANY

@@ -8,29 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints import Obstacle, Solid
-from ensemble_ctrl.constraints.stl import (
-    Avoid,
-    Formula,
-    Inside,
-    Not,
-    Share,
-    conjuncts,
-    ground,
-    kept_out,
-    outermost,
-    reads_fleet,
-    resolve,
-    without_implied,
-)
-from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
-from ensemble_ctrl.motion import Motion
-from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.risk import FAR
+from ensemble_ctrl.constraints.obstacle import Obstacle
+from ensemble_ctrl.constraints.solid import Solid
+from ensemble_ctrl.constraints.stl.formula import Formula, Not, Share
+from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside
+from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, conjuncts, ground, kept_out, reads_fleet, resolve
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.motion import Motion
+    from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
@@ -183,9 +175,9 @@ def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
     return ((Solid.hull if region.A.shape[1] == 3 else Obstacle.polygon)(region.vertices),)
 
 
-def clearances(problem: Problem, paths: Floats) -> Floats:
-    """Smallest distance of each path from what everybody keeps out of, at most `FAR`, shape (members,), metres."""
-    least = np.full(len(paths), FAR)
+def clearances(problem: Problem, paths: Floats, most: float) -> Floats:
+    """Smallest distance of each path from what everybody keeps out of, at most `most`, shape (members,), metres."""
+    least = np.full(len(paths), most)
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     for duty in duties(problem):
         least = np.minimum(least, duty.distances(paths, times).min(axis=1, initial=np.inf))

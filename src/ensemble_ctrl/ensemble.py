@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +40,13 @@ class Ensemble(ReadOnlyArrays, ABC):
     input_lower: Floats
     input_upper: Floats
     radius: float
+    provable: ClassVar[bool] = False
+    """Whether a proof of plans is known for fleets of this kind (`ensemble_ctrl.certificate`)."""
+
+    @property
+    @abstractmethod
+    def identity(self) -> list[object]:
+        """What tells how members move, and from where, from that of another fleet."""
 
     @property
     @abstractmethod

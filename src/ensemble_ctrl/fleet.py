@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -120,6 +120,13 @@ class Fleet(Ensemble):
             twice = [n for n in self.parameters if n in self.system.parameters and self.system.parameters[n][place]]
             if len(twice) > 1:
                 raise ProblemError(f"fleet.parameters: expected one of {' and '.join(twice)}, got both")
+
+    provable: ClassVar[bool] = True
+
+    @property
+    def identity(self) -> list[object]:
+        """The system, and the pose at the start."""
+        return [self.system, self.position.tolist(), self.heading]
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -241,7 +248,7 @@ class Fleet(Ensemble):
         cloud, share, together = self.cloud or {}, 1.0, []
         counted = whole = 1
         for k, (name, law) in enumerate(self.parameters.items()):
-            values = cloud.get(name, law.values if isinstance(law, Samples) else None)
+            values = cloud.get(name, law.measured)
             if values is None:
                 below = np.nextafter(lower[k], -np.inf)
                 share *= float(law.cdf(upper[k]) - law.cdf(below))

@@ -147,6 +147,12 @@ class OdeFleet(Ensemble):
             )
 
     @property
+    def identity(self) -> list[object]:
+        """The system with its settings, and the state at the start."""
+        start = self.start_states(self.center[None])
+        return [self.system.name, sorted(self.system.settings().items()), start.tolist()]
+
+    @property
     def states(self) -> tuple[str, ...]:
         """The system's states."""
         return self.system.states

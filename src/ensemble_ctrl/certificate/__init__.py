@@ -10,3 +10,26 @@ from ensemble_ctrl.certificate.record import as_data, claim, differences
 from ensemble_ctrl.certificate.task import TaskBound
 
 __all__ = ["Bound", "Certificate", "CounterExample", "TaskBound", "as_data", "certify", "claim", "differences"]
+
+TRUSTED = tuple(
+    f"ensemble_ctrl.{room}{module}"
+    for room, modules in {
+        "certificate.": ("certify", "clearance", "enclosure", "fingerprint", "instants", "schedule", "share", "task"),
+        "constraints.": ("_rows", "_sides", "cover", "exact", "obstacle", "polygon", "polyhedron", "solid"),
+        "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
+        "": ("duties", "errors", "readonly"),
+    }.items()
+    for module in modules
+)
+"""The modules that have to be right for *yes* to be true of a problem: all that `certify` reaches by imports."""
+
+HANDED = tuple(
+    f"ensemble_ctrl.{room}{module}"
+    for room, modules in {
+        "": ("ensemble", "fleet", "motion", "problem"),
+        "systems.": ("arcs", "bicycle", "unicycle"),
+        "moments.": ("law", "measure", "samples", "normal", "beta", "mixture"),
+    }.items()
+    for module in modules
+)
+"""Where the objects are defined that a problem hands to these modules: see *How a proof could still be wrong*."""

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import Bound, Prover
-from ensemble_ctrl.certificate.enclosure import Flow
+from ensemble_ctrl.certificate.enclosure import Flow, Ranged
+from ensemble_ctrl.certificate.fingerprint import fingerprint
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.share import boxes, weighed
 from ensemble_ctrl.certificate.task import TaskBound, bound_task
-from ensemble_ctrl.constraints.stl import Formula, reads_fleet
 from ensemble_ctrl.duties import NOTHING_AVOIDED, Chance, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.fleet import Member
-from ensemble_ctrl.moments import Law
-from ensemble_ctrl.problem import OdeProblem, Problem
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.constraints.stl.formula import Formula
+    from ensemble_ctrl.ensemble import Member
+    from ensemble_ctrl.fleet import Fleet
+    from ensemble_ctrl.moments import Law
+    from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 SPLITS = (1, 4, 16)
@@ -131,16 +134,17 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     """
     began = time.perf_counter()
     laws, controls = _laws(problem, ranges), problem.fleet.checked_controls(controls)
-    if isinstance(problem, OdeProblem):
+    if not problem.fleet.provable:
         return _not_covered(problem, controls, laws)
     flow = Flow.of(problem, controls, laws)
     prover = Prover(flow, problem.fleet.names)
     clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
+    fleet = weighed(problem, laws)
     some = {id(chance.part): chance for chance in chances(problem)}
     parts = tuple(
-        _share(problem, controls, laws, some[id(part)])
+        _share(problem, controls, laws, fleet, some[id(part)])
         if id(part) in some
-        else part_bound(problem, controls, laws, part)
+        else part_bound(problem, controls, laws, part, fleet)
         for part in other_parts(problem)
     )
     found = _counter_example(clearances, parts)
@@ -158,7 +162,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     )
 
 
-def _not_covered(problem: OdeProblem, controls: Floats, laws: Mapping[str, Law]) -> Certificate:
+def _not_covered(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> Certificate:
     """The certificate that claims nothing, of a fleet that follows a differential equation."""
     ranges = {name: (law.lower, law.upper) for name, law in laws.items()}
     return Certificate("not covered", (), (), None, ranges, 0, 0.0, fingerprint(problem, controls, laws))
@@ -174,44 +178,6 @@ def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
     return laws
 
 
-def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> str:
-    """SHA-256 of the controls and of everything that the claim depends on."""
-    fleet = problem.fleet
-    digest = hashlib.sha256()
-    numbers: Sequence[object] = [
-        *_dynamics(problem),
-        fleet.radius,
-        problem.duration,
-        [(name, law.lower, law.upper) for name, law in laws.items()],
-        _spread(problem, laws) if reads_fleet(problem.task) else [],
-        str(problem.task),
-        [
-            (name, region.A.tolist(), region.lower.tolist(), region.upper.tolist())
-            for name, region in problem.regions.items()
-        ],
-        [(name, piece.A.tolist(), piece.b.tolist()) for name, piece in problem.pieces],
-        [(name, motion.times.tolist(), motion.offsets.tolist()) for name, motion in problem.motions.items()],
-    ]
-    digest.update(repr(numbers).encode())
-    digest.update(np.ascontiguousarray(controls, dtype="<f8").tobytes())
-    return digest.hexdigest()
-
-
-def _spread(problem: Problem, laws: Mapping[str, Law]) -> list[object]:
-    """How the fleet is spread, for claims about a share or the mean of it."""
-    quantiles = [law.quantile(np.linspace(0.0, 1.0, 65)).tolist() for law in laws.values()]
-    return [quantiles, [(name, column.tolist()) for name, column in (problem.fleet.cloud or {}).items()]]
-
-
-def _dynamics(problem: Problem) -> Sequence[object]:
-    """How members move, and from where."""
-    if isinstance(problem, OdeProblem):
-        system, start = problem.fleet.system, problem.fleet.start_states(problem.fleet.center[None])
-        return [system.name, sorted(system.settings().items()), start.tolist()]
-    fleet = problem.fleet
-    return [fleet.system, fleet.position.tolist(), fleet.heading]
-
-
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     """The worst piece of one duty."""
     spans = Spans.of(duty.begin, duty.end, problem.duration, prover.flow.steps)
@@ -224,27 +190,33 @@ def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
 
 
 def part_bound(
-    problem: Problem, controls: Floats, laws: Mapping[str, Law], part: Formula, wanted: float = 0.0, cells: int = 0
+    problem: Problem,
+    controls: Floats,
+    ranges: Mapping[str, Ranged],
+    part: Formula,
+    fleet: Fleet,
+    wanted: float = 0.0,
+    cells: int = 0,
 ) -> TaskBound:
     """The bound of one part of the task; on finer time where the bulges between grid times stand in the way.
 
-    `wanted` is the robustness in metres that would do, `cells` as for `bound_task`.
+    `wanted` is the robustness in metres that would do, `fleet` and `cells` as for `bound_task`.
     """
     formula = grounded(problem, part)
     for split in SPLITS:
-        bound = bound_task(problem, controls, laws, formula, weighed(problem, laws), split, cells)
+        bound = bound_task(problem, controls, ranges, formula, fleet, split, cells)
         if bound.proven >= wanted or bound.sampled < wanted:
             break
     return replace(bound, part=str(part))
 
 
-def _share(problem: Problem, controls: Floats, laws: dict[str, Law], chance: Chance) -> TaskBound:
+def _share(problem: Problem, controls: Floats, laws: Mapping[str, Law], fleet: Fleet, chance: Chance) -> TaskBound:
     """The bound of ``share(p, f)``: that of `f` for all members of a box with enough mass, if one is proven."""
     best: TaskBound | None = None
-    for box, mass in boxes(problem, controls, weighed(problem, laws), chance):
+    for box, mass in boxes(problem, controls, fleet, chance):
         prover = Prover(Flow.of(problem, controls, box), problem.fleet.names)
         bounds = [_clearance(prover, problem, duty).proven for duty in chance.duties]
-        bounds += [part_bound(problem, controls, box, part).proven for part in chance.others]
+        bounds += [part_bound(problem, controls, box, part, fleet).proven for part in chance.others]
         found = TaskBound(str(chance.part), min(bounds), np.inf, {}, share=mass)
         if best is None or found.proven > best.proven:
             best = found
@@ -252,7 +224,7 @@ def _share(problem: Problem, controls: Floats, laws: dict[str, Law], chance: Cha
             break
     if best is not None and best.proven >= 0:
         return best
-    found = part_bound(problem, controls, laws, chance.part)  # members that need not be side by side
+    found = part_bound(problem, controls, laws, chance.part, fleet)  # members that need not be side by side
     if best is not None and best.proven >= found.proven:
         return replace(best, sampled=found.sampled)
     return replace(found, share=chance.part.p) if found.proven >= 0 else found

@@ -11,16 +11,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import START, UNIT, Flow, Track, first_cells, lowered, signs_of
 from ensemble_ctrl.certificate.instants import Spans
-from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.exact import hull
-from ensemble_ctrl.fleet import Member
-from ensemble_ctrl.motion import Motion
+from ensemble_ctrl.constraints.obstacle import Obstacle
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.ensemble import Member
+    from ensemble_ctrl.motion import Motion
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

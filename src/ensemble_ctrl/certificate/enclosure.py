@@ -23,13 +23,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.instants import Mesh
-from ensemble_ctrl.moments import Law
-from ensemble_ctrl.problem import Problem
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,6 +40,26 @@ UNIT = float(np.finfo(float).eps)
 """Twice the unit roundoff of double precision."""
 START = slice(3, 5)
 """The place at the start, in a drive."""
+
+
+class Ranged(Protocol):
+    """A parameter's range; a law has one."""
+
+    @property
+    def lower(self) -> float:
+        """Smallest value."""
+
+    @property
+    def upper(self) -> float:
+        """Largest value."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """A range, whatever the law in it."""
+
+    lower: float
+    upper: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,19 +96,21 @@ class Flow:
 
     @classmethod
     def of(
-        cls, problem: Problem, controls: Floats, laws: Mapping[str, Law] | None = None, mesh: Mesh | None = None
+        cls, problem: Problem, controls: Floats, ranges: Mapping[str, Ranged] | None = None, mesh: Mesh | None = None
     ) -> Flow:
-        """The flow of a problem's fleet, or of one with other ranges of the same parameters.
+        """The flow of a problem's fleet, or of one with other ranges of all its parameters.
 
         Its steps are those of the controls, or the pieces of a mesh of them.
         """
-        fleet = problem.fleet if laws is None else replace(problem.fleet, parameters=laws, cloud=None)
+        fleet = problem.fleet
+        each = [(fleet.parameters if ranges is None else ranges)[name] for name in fleet.names]
+        lower, upper = (np.array([getattr(one, end) for one in each], dtype=float) for end in ("lower", "upper"))
         v, omega = fleet.system.rates(*np.asarray(controls, dtype=float).T)
         mesh = Mesh.of(problem.duration, len(v)) if mesh is None else mesh
         v, omega = (np.where(mesh.owner < len(rate), rate[mesh.owner % len(rate)], 0.0) for rate in (v, omega))
         turned = np.concatenate([[0.0], np.cumsum(mesh.length * omega)[:-1]])
         swapped = fleet.system.heading_from == "y"
-        drive = fleet.lower, fleet.upper, fleet.origin, fleet.directions, swapped
+        drive = lower, upper, fleet.origin, fleet.directions, swapped
         return cls(*drive, mesh.length, mesh.begin, v, omega, turned, _extent(problem))
 
     def bent(self) -> Flow:

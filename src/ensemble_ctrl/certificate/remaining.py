@@ -113,7 +113,7 @@ def certify_set(
     prover = Prover(flow, problem.fleet.names, cells=CELLS)
     growth = (away + 2 * np.sin(min(turn, np.pi) / 2) * _distance(flow, prover)) * (1 + 64 * UNIT)
     growth = growth if more is None else growth + more
-    found = [(np.inf, "no obstacle")]
+    found, fleet = [(np.inf, "no obstacle")], problem.fleet
     for duty in duties(problem):
         spans = Spans.of(duty.begin, duty.end, problem.duration, flow.steps)
         for piece in duty.pieces:
@@ -125,7 +125,7 @@ def certify_set(
     for part in other_parts(problem):
         value = part.value if isinstance(part, Known) else -np.inf
         if not isinstance(part, Known):
-            value = part_bound(problem, controls, problem.fleet.parameters, part, largest, CELLS).proven - largest
+            value = part_bound(problem, controls, fleet.parameters, part, fleet, largest, CELLS).proven - largest
         robustness, hardest = min((robustness, hardest), (value, str(part)))
     worst = nearest if clearance < robustness else hardest
     proven = clearance >= 0 and robustness >= 0

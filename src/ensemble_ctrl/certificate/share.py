@@ -9,16 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.enclosure import Flow, Track
+from ensemble_ctrl.certificate.enclosure import Flow, Range, Track
 from ensemble_ctrl.certificate.task import MASS_ERROR, CellSignals, scheduled
 from ensemble_ctrl.duties import Chance, grounded
-from ensemble_ctrl.fleet import Fleet
-from ensemble_ctrl.moments import Interval, Law, Samples
-from ensemble_ctrl.problem import Problem
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.fleet import Fleet
+    from ensemble_ctrl.moments import Law
+    from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -31,7 +34,7 @@ LOOKS = 4
 """Times looked at in each step."""
 
 
-def boxes(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance) -> Iterator[tuple[dict[str, Law], float]]:
+def boxes(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance) -> Iterator[tuple[dict[str, Range], float]]:
     """Ranges of the members that seem to do a chance part, with their mass; with more and more to spare.
 
     Only those with the mass that the part asks for.
@@ -50,13 +53,13 @@ def boxes(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance) -> I
         mass = _certain(fleet, low, high)
         if mass >= chance.part.p:
             ends = zip(fleet.names, low.tolist(), high.tolist(), strict=True)
-            yield {name: Interval(a, b) for name, a, b in ends}, mass
+            yield {name: Range(a, b) for name, a, b in ends}, mass
 
 
 def _certain(fleet: Fleet, low: Floats, high: Floats) -> float:
     """The mass of a box, rounded down where it comes from distribution functions."""
     rest = zip(fleet.parameters.items(), low, high, strict=True)
-    counted = all(isinstance(law, Samples) or (a <= law.lower and b >= law.upper) for (_, law), a, b in rest)
+    counted = all(law.measured is not None or (a <= law.lower and b >= law.upper) for (_, law), a, b in rest)
     return fleet.mass(low, high) if counted else max(0.0, fleet.mass(low, high) - MASS_ERROR)
 
 

@@ -12,19 +12,22 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 from math import ceil, floor
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.enclosure import UNIT, Flow, Track, first_cells, lowered
+from ensemble_ctrl.certificate.enclosure import UNIT, Flow, Ranged, Track, first_cells, lowered
 from ensemble_ctrl.certificate.instants import exact
 from ensemble_ctrl.certificate.schedule import MOST, Schedule
 from ensemble_ctrl.constraints.stl.formula import Formula, Share
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet, resolve
-from ensemble_ctrl.fleet import Fleet, Member
-from ensemble_ctrl.moments import Interval, Law, Samples
-from ensemble_ctrl.problem import Problem
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.ensemble import Member
+    from ensemble_ctrl.fleet import Fleet
+    from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
@@ -196,33 +199,33 @@ class CellSignals:
 
 
 def scheduled(
-    problem: Problem, controls: Floats, laws: Mapping[str, Law], formula: Formula, split: int
+    problem: Problem, controls: Floats, ranges: Mapping[str, Ranged], formula: Formula, split: int
 ) -> tuple[Flow, Schedule] | None:
     """The flow on the instants that a ground formula needs, each step in so many parts; None if it looks past the end.
 
     Steps in which members turn far have more parts.
     """
     plain = negation_normal_form(resolve(formula, problem.duration))
-    flow = Flow.of(problem, controls, laws)
+    flow = Flow.of(problem, controls, ranges)
     turns = np.abs(flow.step * flow.omega) * flow.sharpest / TURN
     each = 2 ** np.ceil(np.log2(np.clip(np.nan_to_num(turns, nan=1.0), 1.0, MOST_PARTS))).astype(np.int64)
     parts = split * each
     while parts.sum() > MOST and parts.max() > 1:
         parts = np.maximum(parts // 2, 1)
     schedule = Schedule.of(plain, problem.duration, parts)
-    return None if schedule is None else (Flow.of(problem, controls, laws, schedule.mesh), schedule)
+    return None if schedule is None else (Flow.of(problem, controls, ranges, schedule.mesh), schedule)
 
 
 def bound_task(
     problem: Problem,
     controls: Floats,
-    laws: Mapping[str, Law],
+    ranges: Mapping[str, Ranged],
     formula: Formula,
     fleet: Fleet,
     split: int = 1,
     cells: int = 0,
 ) -> TaskBound:
-    """Bound the robustness of a ground formula for every member with parameters in the ranges of `laws`.
+    """Bound the robustness of a ground formula for every member with parameters in the ranges.
 
     `fleet` has the laws that shares and means are of. `cells` of each parameter are looked at to begin with, 0 for
     `CELLS`, and `split` parts of each step.
@@ -231,7 +234,7 @@ def bound_task(
     -----
     *Guarantee*: `proven` is never above the robustness of any member in dense time.
     """
-    found = scheduled(problem, controls, laws, formula, split)
+    found = scheduled(problem, controls, ranges, formula, split)
     if found is None:
         return TaskBound(str(formula), -np.inf, np.inf, {}, covered=False)
     flow, schedule = found
@@ -333,7 +336,7 @@ def masses(fleet: Fleet, centres: Floats, half: Floats) -> Masses:
     Cells share their edges, and what lies on an edge belongs to the lower cell, so that nothing counts twice.
     """
     laws, cloud = list(fleet.parameters.items()), fleet.cloud or {}
-    counted = all(isinstance(law, Interval | Samples) for _, law in laws)
+    counted = all(law.uniform or law.measured is not None for _, law in laws)
     mass, total, robots = np.ones(len(centres)), 1.0, None
     for k, (name, law) in enumerate(laws):
         width = law.upper - law.lower
@@ -344,16 +347,16 @@ def masses(fleet: Fleet, centres: Floats, half: Floats) -> Masses:
             place = np.searchsorted(edges, cloud[name], side="left")
             inside = index[:, None] == place
             robots = inside if robots is None else robots & inside
-        elif isinstance(law, Samples):
-            place = np.searchsorted(edges, law.values, side="left")
-            mass, total = mass * np.bincount(place, minlength=count)[index], total * len(law.values)
-        elif isinstance(law, Interval):
+        elif law.measured is not None:
+            place = np.searchsorted(edges, law.measured, side="left")
+            mass, total = mass * np.bincount(place, minlength=count)[index], total * len(law.measured)
+        elif law.uniform:
             total *= count
         else:
             mass *= np.diff(np.concatenate([[0.0], law.cdf(edges), [1.0]]))[index]
     if robots is not None:
         mass, total = mass * robots.sum(axis=1), total * robots.shape[1]
-    even = all(isinstance(law, Interval) for _, law in laws)
+    even = all(law.uniform for _, law in laws)
     return Masses(mass, total, counted, even) if counted else Masses(mass / total, 1.0, counted, even)
 
 

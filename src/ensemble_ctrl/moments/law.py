@@ -7,6 +7,7 @@ measure of total mass 2, so that :math:`\phi_0 = 1/\sqrt 2` and the mean is :mat
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +31,13 @@ class Law(ABC):
 
     lower: float
     upper: float
+    uniform: ClassVar[bool] = False
+    """Whether equal parts of the range have equal shares of the fleet."""
+
+    @property
+    def measured(self) -> FloatArray | None:
+        """The values of the members in increasing order, each as often as the others, where these were measured."""
+        return None
 
     @property
     def center(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +47,7 @@ class Interval(Law):
 
     lower: float
     upper: float
+    uniform: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name, value in zip(("lower", "upper"), ends(self.lower, self.upper), strict=True):

@@ -86,6 +86,11 @@ class Samples(WeightedLaw):
         points, counts = np.unique(np.clip(self.to_scaled(self.values), -1.0, 1.0), return_counts=True)
         return points, np.asarray(counts * (2.0 / len(self.values)), dtype=np.float64)
 
+    @property
+    def measured(self) -> FloatArray:
+        """The values; see `Law.measured`."""
+        return self.values
+
     def recurrence(self, order: int) -> Recurrence:
         """Coefficients up to `order`, or up to the highest order that the values can tell apart."""
         points = condensed(*self._points, order + 2)

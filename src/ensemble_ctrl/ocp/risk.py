@@ -105,7 +105,7 @@ def risk_cost(problem: Problem, controls: Floats) -> float:
     if risk.of == "terminal":
         losses = np.linalg.norm(paths[:, -1] - problem.objective.places(problem.fleet, members), axis=1)
     else:
-        losses = -clearances(problem, paths)
+        losses = -clearances(problem, paths, FAR)
     return risk.weight * value_at_risk(losses, risk.level)[1]
 
 

@@ -1,0 +1,47 @@
+"""What a certificate is about, in one number: another question has another."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl.rewrite import reads_fleet
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.moments import Law
+    from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+
+def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> str:
+    """SHA-256 of the controls and of everything that the claim depends on."""
+    fleet = problem.fleet
+    digest = hashlib.sha256()
+    numbers: Sequence[object] = [
+        *fleet.identity,
+        fleet.radius,
+        problem.duration,
+        [(name, law.lower, law.upper) for name, law in laws.items()],
+        _spread(problem, laws) if reads_fleet(problem.task) else [],
+        str(problem.task),
+        [
+            (name, region.A.tolist(), region.lower.tolist(), region.upper.tolist())
+            for name, region in problem.regions.items()
+        ],
+        [(name, piece.A.tolist(), piece.b.tolist()) for name, piece in problem.pieces],
+        [(name, motion.times.tolist(), motion.offsets.tolist()) for name, motion in problem.motions.items()],
+    ]
+    digest.update(repr(numbers).encode())
+    digest.update(np.ascontiguousarray(controls, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+def _spread(problem: Problem, laws: Mapping[str, Law]) -> list[object]:
+    """How the fleet is spread, for claims about a share or the mean of it."""
+    quantiles = [law.quantile(np.linspace(0.0, 1.0, 65)).tolist() for law in laws.values()]
+    return [quantiles, [(name, column.tolist()) for name, column in (problem.fleet.cloud or {}).items()]]
