@@ -2,7 +2,45 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from typing import Any
+
+MOST_LISTED = 20
+"""Findings that a message lists; of further ones it gives the number."""
+
+MOST_LETTERS = 60
+"""Letters of a name that a message repeats."""
+
+_LONG_WORD = re.compile(rf"[^\s,;]{{{MOST_LETTERS + 1},}}")
+
+
+def shortened(text: str) -> str:
+    """A name as a message repeats it.
+
+    Examples
+    --------
+    >>> len(shortened("a" * 1000))
+    60
+    """
+    return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 3]}..."
+
+
+def with_short_words(text: str) -> str:
+    """A message with each long name in it shortened."""
+    return _LONG_WORD.sub(lambda word: shortened(word[0]), text)
+
+
+def first_of(lines: Sequence[object]) -> list[str]:
+    """The first lines of a long list, and how many more there are.
+
+    Examples
+    --------
+    >>> first_of(range(22))[-2:]
+    ['19', 'and 2 more']
+    """
+    rest = len(lines) - MOST_LISTED
+    return [*map(str, lines[:MOST_LISTED]), *([f"and {rest} more"] if rest > 0 else [])]
 
 
 class EnsembleError(Exception):

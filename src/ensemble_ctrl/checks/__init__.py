@@ -25,7 +25,7 @@ from ensemble_ctrl.checks.systems import ode_findings
 from ensemble_ctrl.checks.target import place_findings, target_findings
 from ensemble_ctrl.checks.task import STATES, task_findings, unused_findings
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.errors import ProblemError, first_of
 from ensemble_ctrl.ode_fleet import OdeFleet
 
 if TYPE_CHECKING:
@@ -55,11 +55,11 @@ def require_sound(problem: Problem) -> None:
     Raises
     ------
     ProblemError
-        With every error in its message, and as `Finding` in its attribute ``findings``.
+        With the first errors in its message, and all as `Finding` in its attribute ``findings``.
     """
     errors = tuple(finding for finding in findings(problem) if finding.severity == "error")
     if errors:
-        refusal = ProblemError("\n".join(map(str, errors)))
+        refusal = ProblemError("\n".join(first_of(errors)))
         refusal.findings = errors
         raise refusal
 

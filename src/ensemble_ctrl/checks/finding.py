@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ensemble_ctrl.errors import shortened
+
 Severity = Literal["error", "warning"]
 Path = tuple[str | int, ...]
 
@@ -49,4 +51,4 @@ def path_text(path: Path) -> str:
     >>> path_text(("regions", "goal", "box", 0))
     'regions.goal.box[0]'
     """
-    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).removeprefix(".")
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{shortened(key)}" for key in path).removeprefix(".")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, diagnostic_data, say
 from ensemble_ctrl.config import Diagnostic, read
-from ensemble_ctrl.errors import ConfigError
+from ensemble_ctrl.errors import ConfigError, first_of
 
 Report = tuple[str, ConfigError | None, tuple[Diagnostic, ...]]
 
@@ -39,8 +39,8 @@ def _check(name: str, overrides: Sequence[str]) -> Report:
 def _say(name: str, error: ConfigError | None, warnings: Sequence[Diagnostic], quiet: bool) -> None:
     """Errors and warnings on stderr, a line for a good file on stdout."""
     if not quiet:
-        for warning in warnings:
-            complain(str(warning))
+        for line in first_of(warnings):
+            complain(line)
     if error is not None:
         complain(str(error))
     elif not quiet:

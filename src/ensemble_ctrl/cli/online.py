@@ -14,6 +14,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
+from ensemble_ctrl.errors import first_of
 from ensemble_ctrl.files import put_file
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.planner import solve
@@ -53,8 +54,8 @@ def run_online(options: OnlineRun) -> int:
     progress = Progress(options.quiet)
     progress("check", None)
     loaded = read(options.config, options.overrides, loop=True)
-    for warning in loaded.warnings:
-        progress.note(str(warning))
+    for line in first_of(loaded.warnings):
+        progress.note(line)
     settings = (loaded.problem.online or OnlineSettings()).with_robots(options.traction, options.seed)
     problem = loaded.problem
     folder = ResultsFolder(options.output, f"{problem.name}-online", options.overwrite)

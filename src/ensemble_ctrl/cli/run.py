@@ -13,7 +13,7 @@ from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.config import read
 from ensemble_ctrl.config.overrides import Given
-from ensemble_ctrl.errors import RunawayError
+from ensemble_ctrl.errors import RunawayError, first_of
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.report import route_lines, summary_lines
 from ensemble_ctrl.results import controls_csv, summary, to_json, write_report, write_results
@@ -60,8 +60,8 @@ def run(options: RunOptions) -> int:
         require(f"--animate {options.animation}", options.animation)
     progress("check", None)
     loaded = read(options.config, options.overrides)
-    for warning in loaded.warnings:
-        progress.note(str(warning))
+    for line in first_of(loaded.warnings):
+        progress.note(line)
     guess = Plan.load(options.guess) if options.guess else None
     folder = ResultsFolder(options.output, loaded.problem.name, options.overwrite)
 

@@ -11,7 +11,7 @@ from ensemble_ctrl.checks import Finding, Path, path_text
 from ensemble_ctrl.config.messages import Diagnostic
 from ensemble_ctrl.config.overrides import Override
 from ensemble_ctrl.config.source import Text
-from ensemble_ctrl.config.tree import Place, Tree, start, within
+from ensemble_ctrl.config.tree import Place, Tree, indices, place_at, start
 
 
 class Locator:
@@ -32,6 +32,7 @@ class Locator:
     def __init__(self, text: Text, tree: Tree, data: Any, overrides: Sequence[Override]) -> None:
         self._text, self._tree, self._data, self._overrides = text, tree, data, overrides
         self._lines = text.content.split("\n")
+        self._indices: dict[Path, list[int]] = {}
 
     def __call__(self, finding: Finding) -> Diagnostic:
         """The finding with its place."""
@@ -70,10 +71,18 @@ class Locator:
             return start(keys[path])
         if path in values:
             node = values[path]
-            return start(node) if finding.offset is None else within(self._text.content, node, finding.offset)
+            return start(node) if finding.offset is None else self._within(path, finding.offset)
         while path and path not in values:
             path = path[:-1]
         return start(keys[path] if path in keys else values[()])
+
+    def _within(self, path: Path, offset: int) -> Place:
+        """The place of a character of the value at a path; the value's start if that is not known."""
+        content, node = self._text.content, self._tree.values[path]
+        if path not in self._indices:
+            self._indices[path] = indices(content, node)
+        found = self._indices[path]
+        return place_at(content, found[min(offset, len(found) - 1)]) if found else start(node)
 
     def _in_file(self, path: Path) -> Path:
         """The path without the places of lists that the file doesn't have (one shape is a list of one)."""

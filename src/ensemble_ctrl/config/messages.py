@@ -13,6 +13,7 @@ from ensemble_ctrl.checks import Finding, Path, Severity
 from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.constraints.stl import FormulaError
+from ensemble_ctrl.errors import MOST_LISTED, first_of, with_short_words
 
 EXAMPLES: dict[Path, str] = {
     ("fleet",): "fleet: {model: unicycle, start: {position: [0, 0], heading: 0}}",
@@ -58,6 +59,10 @@ class Diagnostic:
     hint: str = ""
     excerpt: str = ""
 
+    def __post_init__(self) -> None:
+        for name in ("message", "hint"):
+            object.__setattr__(self, name, with_short_words(getattr(self, name)))
+
     def __str__(self) -> str:
         place = "" if self.line is None else f":{self.line}:{self.column}"
         path = f"{self.path}: " if self.path else ""
@@ -83,19 +88,20 @@ def _printable(text: str) -> str:
 
 
 def layout(diagnostics: Iterable[Diagnostic], name: str) -> str:
-    """All of them as one text, ending with how many errors there are."""
+    """The first of them as one text, ending with how many errors there are."""
     listed = list(diagnostics)
     count = sum(item.severity == "error" for item in listed)
-    return "\n".join([*map(str, listed), f"{count} error{'s' * (count != 1)} in {_printable(name)}"])
+    return "\n".join([*first_of(listed), f"{count} error{'s' * (count != 1)} in {_printable(name)}"])
 
 
 def findings_of(error: ValidationError, root: type[BaseModel] = ProblemFile) -> list[Finding]:
     """Pydantic's errors in our words."""
-    return [_finding(detail, root) for detail in error.errors(include_url=False)]
+    found = enumerate(error.errors(include_url=False))
+    return [_finding(detail, root, guess=place < MOST_LISTED) for place, detail in found]
 
 
-def _finding(detail: Any, root: type[BaseModel]) -> Finding:
-    """One of pydantic's errors in our words."""
+def _finding(detail: Any, root: type[BaseModel], guess: bool) -> Finding:
+    """One of pydantic's errors in our words, with a guess at what was meant."""
     path: Path = tuple(key for key in detail["loc"] if key != "[key]")
     on_key = path != detail["loc"]
     kind, value = detail["type"], detail["input"]
@@ -108,11 +114,13 @@ def _finding(detail: Any, root: type[BaseModel]) -> Finding:
             return Finding(path, "this is required, but missing", hint)
         case "extra_forbidden":
             known = fields_at(path[:-1], root)
-            hint = suggestion(path[-1], known) or f"known here: {', '.join(known)}"
+            hint = (guess and suggestion(path[-1], known)) or f"known here: {', '.join(known)}"
             return Finding(path, "unknown field", hint, on_key=True)
         case "literal_error":
             known = re.findall(r"'([^']*)'", detail["ctx"]["expected"])
-            return Finding(path, f"{show(value)} is not one of {', '.join(known)}", suggestion(value, known))
+            return Finding(
+                path, f"{show(value)} is not one of {', '.join(known)}", suggestion(value, known) if guess else ""
+            )
     wanted = _KINDS.get(kind.split("_")[0])
     return Finding(path, f"expected {wanted}, got {show(value)}" if wanted else detail["msg"])
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from ensemble_ctrl.config.tree import Path, TextError, Tree
 from ensemble_ctrl.config.wrong import show
+from ensemble_ctrl.errors import shortened
 
 _KEY = re.compile(r"[^\s.\[\]]+(?:\.[^\s.\[\]]+|\[\d+\])*")
 
@@ -27,7 +28,9 @@ class Override:
 
 def name_of_override(given: Given) -> str:
     """What messages call an override: the option as it was typed."""
-    return f"--set {given}" if isinstance(given, str) else f"{given[0]} {given[1].partition('=')[2]}"
+    return (
+        f"--set {shortened(given)}" if isinstance(given, str) else f"{given[0]} {shortened(given[1].partition('=')[2])}"
+    )
 
 
 def parse_override(given: Given) -> Override:

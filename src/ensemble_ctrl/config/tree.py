@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from itertools import accumulate
 from typing import Any, ClassVar
 
 import yaml
@@ -187,14 +188,13 @@ def start(node: Node) -> Place:
     return Place(node.start_mark.line + 1, node.start_mark.column + 1)
 
 
-def within(text: str, node: Node, offset: int) -> Place:
-    """Where a character of a text value stands in the file, whatever its quotes and line breaks.
+def indices(text: str, node: Node) -> list[int]:
+    """Where each character of a text value stands in the file, and where it ends, whatever its quotes and line breaks.
 
-    The value and the file agree on everything but white space, unless there are escapes; then this is the
-    value's start.
+    The value and the file agree on everything but white space, unless there are escapes; then the list is empty.
     """
     if not isinstance(node, ScalarNode):
-        return start(node)
+        return []
     first, end = node.start_mark.index, node.end_mark.index
     if node.style in ("|", ">"):
         first = text.find("\n", first, end) + 1
@@ -202,9 +202,13 @@ def within(text: str, node: Node, offset: int) -> Place:
         first, end = first + 1, end - 1
     raw = [i for i in range(first, end) if not text[i].isspace()]
     if [text[i] for i in raw] != [c for c in node.value if not c.isspace()] or not raw:
-        return start(node)
-    count = sum(not c.isspace() for c in node.value[:offset])
-    index = raw[count] if count < len(raw) else raw[-1] + 1
+        return []
+    seen = [0, *accumulate(not c.isspace() for c in node.value)]
+    return [raw[count] if count < len(raw) else raw[-1] + 1 for count in seen]
+
+
+def place_at(text: str, index: int) -> Place:
+    """The line and column of a character."""
     return Place(text.count("\n", 0, index) + 1, index - text.rfind("\n", 0, index))
 
 

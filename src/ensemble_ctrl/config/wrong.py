@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import Any
 
+from ensemble_ctrl.errors import MOST_LETTERS, shortened
+
 
 class Wrong(ValueError):
     """A value is not what was wanted; pydantic keeps it with the place at which it was raised.
@@ -55,8 +57,7 @@ def show(value: Any) -> str:
         return f"[{', '.join(map(show, value))}]" if scalars else f"a list of {len(value)}"
     if isinstance(value, float) and not math.isfinite(value):
         return ".nan" if math.isnan(value) else f"{'-' if value < 0 else ''}.inf"
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return shortened(repr(value))
 
 
 def only(keys: Iterable[Any], known: Iterable[str], path: tuple[str | int, ...] = ()) -> None:
@@ -75,5 +76,5 @@ def only(keys: Iterable[Any], known: Iterable[str], path: tuple[str | int, ...] 
 
 def suggestion(word: Any, known: Iterable[str]) -> str:
     """The known word most like this one, as a hint; empty if none is."""
-    close = get_close_matches(str(word), list(known), n=1, cutoff=0.6)
+    close = get_close_matches(str(word)[:MOST_LETTERS], list(known), n=1, cutoff=0.6)
     return f"did you mean {close[0]!r}?" if close else ""

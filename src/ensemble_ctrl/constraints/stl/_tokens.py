@@ -6,7 +6,7 @@ import re
 from typing import NamedTuple
 
 from ensemble_ctrl.constraints.stl._hints import hint_for
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.errors import ProblemError, shortened
 
 _TOKEN = re.compile(
     r"""\s* (?: ( (?:\d+\.?\d*|\.\d+) (?:[eE][+-]?\d+)? )
@@ -165,8 +165,3 @@ def _kind(text: str) -> str:
     if text.lower() in _OPERATORS and text in (text.upper(), text.capitalize()):
         text = text.lower()
     return _KINDS.get(text, "other" if text in _STRANGE else "name")
-
-
-def shortened(text: str, most: int = 60) -> str:
-    """A text of at most `most` characters, for a message."""
-    return text if len(text) <= most else f"{text[: most - 3]}..."

@@ -9,6 +9,7 @@ from ensemble_ctrl.constraints.stl.formula import Always, Eventually, Formula, R
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, leaves, resolve
 from ensemble_ctrl.constraints.stl.text import FormulaError
+from ensemble_ctrl.errors import MOST_LETTERS, MOST_LISTED, shortened
 
 Temporal = Eventually | Always | Until | Release
 
@@ -28,29 +29,35 @@ def check_names(formula: Formula, regions: Iterable[str], obstacles: Iterable[st
 def name_errors(
     formula: Formula, regions: Iterable[str], obstacles: Iterable[str], states: Iterable[str]
 ) -> list[FormulaError]:
-    """One error for each unknown name, in the order of the text."""
-    known_regions, known_states = list(regions), list(states)
-    avoidable = [ALL_OBSTACLES, *obstacles, *known_regions]
-    errors = []
+    """One error for each unknown name, in the order of the text; the first of them with what was meant, perhaps."""
+    unknown = list(_unknown_names(formula, list(regions), list(obstacles), list(states)))
+    return [_unknown(*found, guess=place < MOST_LISTED) for place, found in enumerate(unknown)]
+
+
+def _unknown_names(
+    formula: Formula, regions: list[str], obstacles: list[str], states: list[str]
+) -> Iterator[tuple[int, str, str, list[str]]]:
+    """Column, kind and name of every unknown name, and the names that are known there."""
+    avoidable = [ALL_OBSTACLES, *obstacles, *regions]
+    inside, outside, coordinates = set(regions), set(avoidable), set(states)
     for leaf in leaves(formula):
         match leaf:
-            case Inside(name=name) if name not in known_regions:
-                errors.append(_unknown(leaf.column, "a region", name, known_regions))
-            case Avoid(name=name) if name not in avoidable:
-                errors.append(_unknown(leaf.column, "an obstacle or region", name, avoidable))
+            case Inside(name=name) if name not in inside:
+                yield leaf.column, "a region", name, regions
+            case Avoid(name=name) if name not in outside:
+                yield leaf.column, "an obstacle or region", name, avoidable
             case Predicate():
-                wrong = [name for name, _ in leaf.coefficients if name not in known_states]
-                errors += [_unknown(leaf.column, "a state", name, known_states) for name in wrong]
-    return errors
+                for name, _ in leaf.coefficients:
+                    if name not in coordinates:
+                        yield leaf.column, "a state", name, states
 
 
-def _unknown(column: int, kind: str, name: str, known: list[str]) -> FormulaError:
+def _unknown(column: int, kind: str, name: str, known: list[str], guess: bool) -> FormulaError:
     """An error that suggests the most similar name, or lists what there is."""
-    close = get_close_matches(name, known, n=1)
-    if close:
-        return FormulaError(column, f"the name of {kind} (did you mean {close[0]!r}?)", repr(name))
-    listed = ", ".join(known[:12]) or "there is none"
-    return FormulaError(column, f"the name of {kind} ({listed})", repr(name))
+    close = get_close_matches(name[:MOST_LETTERS], known, n=1) if guess else []
+    listed = ", ".join(map(shortened, known[:12])) or "there is none"
+    meant = f"did you mean {close[0]!r}?" if close else listed
+    return FormulaError(column, f"the name of {kind} ({meant})", shortened(repr(name)))
 
 
 def check_windows(formula: Formula, duration: float) -> float:
