@@ -18,8 +18,10 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
     frozenset(layer.split())
     for layer in (
         "errors _version plain readonly files",
+        "values",
         "moments systems",
         "constraints ensemble motion risk target",
+        "arguments",
         "fleet ode_fleet",
         "problem checks drawing",
         "duties bounds",

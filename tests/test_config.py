@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ensemble_ctrl import config
-from ensemble_ctrl.config.units import quantity
+from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.errors import ConfigError

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 import yaml
 
+from ensemble_ctrl.arguments.units import WANTED, pattern, quantity
 from ensemble_ctrl.cli.init import schema_text
 from ensemble_ctrl.config import load, schema
-from ensemble_ctrl.config.units import WANTED, pattern, quantity
 from ensemble_ctrl.config.wrong import Wrong
 
 jsonschema = pytest.importorskip("jsonschema")

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from math import isfinite
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -15,13 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl import planfile
 from ensemble_ctrl.arrival import arrival, risk
 from ensemble_ctrl.certificate import Certificate, certify
-from ensemble_ctrl.config import dump, load_text
+from ensemble_ctrl.config import dump, load, load_text
 from ensemble_ctrl.conflicts import Conflict, conflicts
 from ensemble_ctrl.errors import ProblemError, RunawayError, SolveError
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.readonly import ReadOnlyArrays
 from ensemble_ctrl.replay import Replay, replay
+from ensemble_ctrl.values import called, expect, number, numbers, path_of, whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,11 +73,13 @@ class Plan(ReadOnlyArrays):
     twin: Floats | None = None
 
     def __post_init__(self) -> None:
-        controls = np.array(self.controls, dtype=float)
+        expect("problem", self.problem, Problem)
+        expect("details", self.details, dict)
+        controls = numbers("controls", self.controls)
         wanted = (self.problem.steps, len(self.problem.fleet.system.controls))
         if controls.shape != wanted or not np.isfinite(controls).all():
             raise ProblemError(f"controls: expected {wanted} finite numbers, got shape {controls.shape}")
-        if self.status not in STATUSES:
+        if not isinstance(self.status, str) or self.status not in STATUSES:
             raise ProblemError(f"status: expected one of {', '.join(STATUSES)}, got {self.status!r}")
         controls.setflags(write=False)
         object.__setattr__(self, "controls", controls)
@@ -119,7 +123,7 @@ class Plan(ReadOnlyArrays):
         """Where no plan was found: a change of the problem for which there is one; see `ensemble_ctrl.suggest`."""
         from ensemble_ctrl.suggest import suggest
 
-        return suggest(self.problem, self.controls, seconds=seconds, progress=progress)
+        return suggest(self.problem, self.controls, seconds=number("seconds", seconds), progress=progress)
 
     def plot(self, kind: str = "trajectories", ax: Axes | None = None) -> Axes:
         """Draw one kind of picture; returns the axes and shows nothing.
@@ -138,7 +142,7 @@ class Plan(ReadOnlyArrays):
         """
         from ensemble_ctrl.report.plot import draw
 
-        needs = kind == "certificate" and self.certificate is None
+        needs = expect("kind", kind, str, "a kind of picture") == "certificate" and self.certificate is None
         return draw(replace(self, certificate=self.certify()) if needs else self, kind, ax)
 
     def animate(self, path: str | Path, seconds: float = 6.0) -> Path:
@@ -163,7 +167,7 @@ class Plan(ReadOnlyArrays):
         """
         from ensemble_ctrl.report.animation import animate
 
-        return animate(self.problem, self.controls, Path(path), seconds)
+        return animate(self.problem, self.controls, path_of("path", path), number("seconds", seconds))
 
     def to_dataframe(self, members: int = 0) -> DataFrame:
         """The table of `export` as a data frame; needs pandas.
@@ -186,7 +190,7 @@ class Plan(ReadOnlyArrays):
         """
         from ensemble_ctrl.export import frame
 
-        return frame(self.problem, self.controls, members)
+        return frame(self.problem, self.controls, whole("members", members, 0))
 
     def export(
         self,
@@ -230,7 +234,7 @@ class Plan(ReadOnlyArrays):
         """
         from ensemble_ctrl.export import export
 
-        path = Path(path)
+        path = path_of("path", path)
         form = path.suffix.removeprefix(".") if form is None else form
         export(self.problem, self.controls, self.certificate, form, path, members, overwrite)
         return path
@@ -248,7 +252,7 @@ class Plan(ReadOnlyArrays):
         Path
             The file written.
         """
-        path = Path(path)
+        path = path_of("path", path)
         path = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
         planfile.write(path, planfile.Saved(self.controls, dump(self.problem), self.status, self.details))
         return path
@@ -270,7 +274,7 @@ class Plan(ReadOnlyArrays):
         ConfigError
             If the problem in it is not one that this version reads.
         """
-        path = planfile.path_of(path)
+        path = planfile.path_of(path_of("path", path))
         saved = planfile.read(path)
         problem = load_text(saved.problem, f"{path}: problem", trust=trust)
         try:
@@ -293,19 +297,19 @@ class Plan(ReadOnlyArrays):
 
 
 def plan(
-    problem: Problem,
+    problem: Problem | str | PathLike[str],
     *,
     progress: Progress | None = None,
     guess: Plan | Floats | None = None,
-    log: Path | None = None,
+    log: str | Path | None = None,
     check: bool = True,
 ) -> Plan:
     """Find one broadcast control that does the task for the whole fleet, and replay it.
 
     Parameters
     ----------
-    problem : Problem
-        What to plan.
+    problem : Problem or path
+        What to plan, or the problem file that says it.
     progress : callable, optional
         ``progress(phase, iteration or None) -> bool``; returning True stops with the best plan so far.
     guess : Plan or ndarray of shape (steps', n_u), optional
@@ -341,8 +345,13 @@ def plan(
     """
     from ensemble_ctrl.soonest import solve
 
-    controls = guess.controls if isinstance(guess, Plan) else guess
-    solution, soonest = solve(problem, progress=progress, guess=controls, log=log)
+    if not isinstance(problem, Problem):
+        problem = load(path_of("problem", problem))
+    controls = guess.controls if isinstance(guess, Plan) else None if guess is None else numbers("guess", guess)
+    file = None if log is None else path_of("log", log)
+    if progress is not None:
+        called("progress", progress)
+    solution, soonest = solve(problem, progress=progress, guess=controls, log=file)
     if progress is not None:
         progress("replay", None)
     details = _details(solution) | ({} if soonest is None else {"soonest": asdict(soonest)})

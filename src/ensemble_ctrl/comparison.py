@@ -9,6 +9,7 @@ from ensemble_ctrl.api import Plan, plan
 from ensemble_ctrl.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.planner import Progress
 from ensemble_ctrl.problem import Guarantee, Method, OdeProblem, Problem
+from ensemble_ctrl.values import expect
 
 VARIANTS: dict[str, tuple[Guarantee, Method]] = {
     "moment": ("moment", "nlp"),
@@ -72,6 +73,7 @@ def compare(
     -----
     Nothing is tightened after the first solution, so that each row shows what its constraints alone give.
     """
+    expect("problem", problem, Problem)
     if isinstance(problem, OdeProblem):
         raise UnsupportedError(f"compare: expected robots on arcs, got the {problem.fleet.system.name}")
     without = left_out(problem, variants)

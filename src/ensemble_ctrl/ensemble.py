@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Law, tensor_rule
 from ensemble_ctrl.readonly import ReadOnlyArrays
+from ensemble_ctrl.values import numbers
 
 Floats = NDArray[np.float64]
 Member = dict[str, float]
@@ -180,7 +181,7 @@ class Ensemble(ReadOnlyArrays, ABC):
         ProblemError
             For commands that are empty, of another shape or not finite; a NaN would fail no comparison.
         """
-        array, n_u = np.asarray(controls, dtype=float), len(self.input_lower)
+        array, n_u = numbers("controls", controls), len(self.input_lower)
         if array.ndim != 2 or not array.size or array.shape[1] != n_u or not np.isfinite(array).all():
             raise ProblemError(f"controls: expected finite numbers of shape (steps, {n_u}), got shape {array.shape}")
         return array

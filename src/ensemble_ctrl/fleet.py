@@ -10,11 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ensemble_ctrl.arguments import laws_of, mapping_of, quantity_of
 from ensemble_ctrl.ensemble import PRIMES, Ensemble, Member
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Law, Samples, tensor_rule
 from ensemble_ctrl.readonly import ReadOnlyMapping
 from ensemble_ctrl.systems import ArcSystem
+from ensemble_ctrl.values import expect, numbers
 
 Floats = NDArray[np.float64]
 START = {"start_heading": 2, "start_x": 3, "start_y": 4}
@@ -23,7 +25,7 @@ START = {"start_heading": 2, "start_x": 3, "start_y": 4}
 
 def frozen(values: Any, shape: tuple[int, ...], what: str) -> Floats:
     """A read-only float copy of `values`, checked for shape and finiteness."""
-    array = np.array(values, dtype=float)
+    array = numbers(what, values, f"{shape} numbers")
     if array.shape != shape:
         raise ProblemError(f"{what}: expected {shape} numbers, got shape {array.shape}")
     if not np.isfinite(array).all():
@@ -76,9 +78,10 @@ class Fleet(Ensemble):
     rate_bounds: Floats | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.parameters, Mapping):
-            raise ProblemError(f"fleet.parameters: expected a mapping of names to laws, got {self.parameters!r}")
-        object.__setattr__(self, "parameters", ReadOnlyMapping(self.parameters))
+        expect("fleet.system", self.system, ArcSystem)
+        object.__setattr__(self, "parameters", ReadOnlyMapping(laws_of("fleet.parameters", self.parameters)))
+        for name, kind in (("heading", "angle"), ("radius", "length")):
+            object.__setattr__(self, name, quantity_of(f"fleet.{name}", getattr(self, name), kind))
         for name in ("position", "input_lower", "input_upper"):
             object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"fleet.{name}"))
         if not np.isfinite([self.heading, self.radius]).all() or self.radius < 0:
@@ -86,7 +89,7 @@ class Fleet(Ensemble):
         if (self.input_lower > self.input_upper).any():
             raise ProblemError(f"fleet.input_bounds: low above high: {self.input_lower}, {self.input_upper}")
         if self.rate_bounds is not None:
-            rates = np.array(self.rate_bounds, dtype=float)
+            rates = numbers("fleet.rate_bounds", self.rate_bounds, "two numbers above 0")
             if rates.shape != (2,) or np.isnan(rates).any() or (rates <= 0).any():
                 raise ProblemError(f"fleet.rate_bounds: expected two numbers above 0, got {self.rate_bounds!r}")
             rates.setflags(write=False)
@@ -97,7 +100,8 @@ class Fleet(Ensemble):
 
     def _checked_cloud(self, cloud: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         """Columns of one length, whose laws are their samples."""
-        columns = {name: np.array(values, dtype=float) for name, values in cloud.items()}
+        given = mapping_of("fleet.cloud", cloud, object, "columns")
+        columns = {name: numbers(f"fleet.cloud[{name!r}]", values) for name, values in given.items()}
         lengths = {column.shape for column in columns.values()}
         if len(lengths) != 1 or any(len(shape) != 1 for shape in lengths):
             raise ProblemError(f"fleet.cloud: expected columns of one length, got shapes {sorted(lengths)}")

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ensemble_ctrl.arguments import laws_of, numbers_by_name, quantity_of
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.errors import ProblemError, RunawayError
@@ -16,6 +17,7 @@ from ensemble_ctrl.moments import Law
 from ensemble_ctrl.readonly import ReadOnlyMapping
 from ensemble_ctrl.systems import OdeSystem
 from ensemble_ctrl.systems.integration import Rule, extrapolated, halving_error
+from ensemble_ctrl.values import expect, numbers
 
 Floats = NDArray[np.float64]
 
@@ -75,15 +77,15 @@ class OdeFleet(Ensemble):
     rate_bounds: Floats | None = None
 
     def __post_init__(self) -> None:
+        expect("fleet.system", self.system, OdeSystem)
         self.system.require_complete()
         for name in self.system.states:
             if name in RESERVED:
                 wanted = "names that are no words of the task language"
                 raise ProblemError(f"{type(self.system).__name__}.states: expected {wanted}, got {name!r}")
-        for name in ("parameters", "start"):
-            if not isinstance(getattr(self, name), Mapping):
-                raise ProblemError(f"fleet.{name}: expected a mapping of names, got {getattr(self, name)!r}")
-            object.__setattr__(self, name, ReadOnlyMapping(getattr(self, name)))
+        object.__setattr__(self, "parameters", ReadOnlyMapping(laws_of("fleet.parameters", self.parameters)))
+        object.__setattr__(self, "start", ReadOnlyMapping(numbers_by_name("fleet.start", self.start)))
+        object.__setattr__(self, "radius", quantity_of("fleet.radius", self.radius, "length"))
         lower, upper = np.array(self.system.input_bounds, dtype=float).T
         for name, given, own in (("input_lower", self.input_lower, lower), ("input_upper", self.input_upper, upper)):
             object.__setattr__(self, name, self._per_control(name, own if given is None else given))
@@ -101,7 +103,7 @@ class OdeFleet(Ensemble):
 
     def _per_control(self, name: str, values: ArrayLike, finite: bool = True) -> Floats:
         """A read-only number for each command."""
-        array = np.array(values, dtype=float)
+        array = numbers(f"fleet.{name}", values, "one number for each command")
         wanted = f"one number for each of {', '.join(self.system.controls)}"
         if array.shape != (len(self.system.controls),) or np.isnan(array).any() or (finite and np.isinf(array).any()):
             raise ProblemError(f"fleet.{name}: expected {wanted}, got {array.tolist()}")

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.arguments import mapping_of, names_of, obstacles_of, quantity_of, regions_of, task_of
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Formula, conjuncts, without_implied
+from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Fleet, frozen
 from ensemble_ctrl.motion import Motion
@@ -19,6 +21,7 @@ from ensemble_ctrl.ode_fleet import OdeFleet
 from ensemble_ctrl.readonly import ReadOnlyArrays, ReadOnlyMapping
 from ensemble_ctrl.risk import Risk
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target
+from ensemble_ctrl.values import expect, flag, numbers
 
 if TYPE_CHECKING:
     from ensemble_ctrl.receding.settings import OnlineSettings
@@ -68,10 +71,19 @@ class Objective(ReadOnlyArrays):
     earliest: str | None = None
 
     def __post_init__(self) -> None:
+        for name in ("robustness", "terminal", "smoothness"):
+            value = quantity_of(f"objective.{name}", getattr(self, name), "number")
+            object.__setattr__(self, name, value)
+        if self.cvar is not None:
+            expect("objective.cvar", self.cvar, Risk)
+        if self.earliest is not None:
+            expect("objective.earliest", self.earliest, str, "the name of a region")
         if self.target is not None and not isinstance(self.target, Formation | MomentTarget | SpreadTarget):
-            dimensions = min(max(np.size(self.target), 1), 3) if np.ndim(self.target) == 1 else 2
+            place = numbers("objective.target", self.target, "a place [x, y], or a target")
+            dimensions = min(max(place.size, 1), 3) if place.ndim == 1 else 2
             object.__setattr__(self, "target", frozen(self.target, (dimensions,), "objective.terminal.target"))
-        if not isinstance(self.effort, int | float):
+        if not isinstance(self.effort, int | float) or isinstance(self.effort, bool):
+            numbers("objective.effort", self.effort, "a weight, or one for each command")
             object.__setattr__(self, "effort", frozen(self.effort, (np.size(self.effort),), "objective.effort"))
         weights = [self.robustness, self.terminal, *np.atleast_1d(self.effort).tolist(), self.smoothness]
         if not np.isfinite(weights).all() or min(weights) < 0:
@@ -134,6 +146,10 @@ class SolveOptions:
     max_iterations: int = 300
     cells: int = 1
 
+    def __post_init__(self) -> None:
+        for name, kind in (("time_limit", "time"), ("margin", "length")):
+            object.__setattr__(self, name, quantity_of(f"solve.{name}", getattr(self, name), kind))
+
 
 @dataclass(frozen=True)
 class VerifyOptions:
@@ -153,6 +169,9 @@ class VerifyOptions:
     substeps: int = 1
     certificate: bool = True
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "certificate", flag("verify.certificate", self.certificate))
+
 
 @dataclass(frozen=True)
 class ReportOptions:
@@ -169,6 +188,10 @@ class ReportOptions:
     twin: bool = False
     suggest: bool = True
 
+    def __post_init__(self) -> None:
+        for name in ("twin", "suggest"):
+            object.__setattr__(self, name, flag(f"report.{name}", getattr(self, name)))
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -180,16 +203,17 @@ class Problem:
         Names the results folder.
     fleet : Fleet
         Who moves.
-    duration : float
-        Horizon in seconds.
+    duration : float or str
+        Horizon in seconds, or as a text with a unit: ``"20 s"``.
     steps : int
         Number of control steps; each lasts ``duration / steps``.
-    task : Formula
+    task : Formula or str
         What every member has to do.
     regions : mapping of str to Polyhedron
-        Named areas the task speaks of.
+        Named areas the task speaks of; a box may be written as ``[[x low, x high], [y low, y high]]``.
     obstacles : mapping of str to tuple of Obstacle
-        Named obstacles, each a union of convex pieces.
+        Named obstacles, each a union of convex pieces. One piece stands for itself, and may be an Obstacle, a bounded
+        Polyhedron or a box. Obstacles without names are called o1, o2, ...
     motions : mapping of str to Motion
         How some of the obstacles move from where they are drawn.
     objective : Objective
@@ -232,14 +256,29 @@ class Problem:
     least_duration: float | None = None
     online: OnlineSettings | None = None
     ignore: Collection[str] = ()
+    fleets: ClassVar[type[Ensemble]] = Fleet
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.checks import require_sound
 
-        object.__setattr__(self, "ignore", tuple(self.ignore))
-        object.__setattr__(self, "regions", ReadOnlyMapping(self.regions))
-        object.__setattr__(self, "obstacles", ReadOnlyMapping(self.obstacles))
-        object.__setattr__(self, "motions", ReadOnlyMapping(self.motions))
+        least = self.least_duration
+        read: dict[str, Any] = {
+            "name": expect("name", self.name, str, "text"),
+            "fleet": expect("fleet", self.fleet, self.fleets),
+            "duration": quantity_of("duration", self.duration, "time"),
+            "task": task_of("task", self.task),
+            "regions": ReadOnlyMapping(regions_of("regions", self.regions)),
+            "obstacles": ReadOnlyMapping(obstacles_of("obstacles", self.obstacles)),
+            "motions": ReadOnlyMapping(mapping_of("motions", self.motions, Motion, "a Motion")),
+            "objective": expect("objective", self.objective, Objective),
+            "solve": expect("solve", self.solve, SolveOptions),
+            "verify": expect("verify", self.verify, VerifyOptions),
+            "report": expect("report", self.report, ReportOptions),
+            "least_duration": None if least is None else quantity_of("least_duration", least, "time"),
+            "ignore": names_of("ignore", self.ignore),
+        }
+        for name, value in read.items():
+            object.__setattr__(self, name, value)
         require_sound(self)
 
     @property
@@ -299,4 +338,5 @@ class OdeProblem(Problem):
     """
 
     fleet: OdeFleet  # type: ignore[assignment]
+    fleets: ClassVar[type[Ensemble]] = OdeFleet
     verify: VerifyOptions = field(default_factory=lambda: VerifyOptions(certificate=False))

@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import ExactOps, Formula, Share, StateSignals, member_robustness, reads_fleet
 from ensemble_ctrl.duties import NOTHING_AVOIDED, Duty, chances, duties, grounded, other_parts
-from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.values import expect, whole
 
 Floats = NDArray[np.float64]
 
@@ -211,9 +211,9 @@ def replay(
     that reads the fleet as a whole (``mean``, ``share``), for which all members are held at once.
     """
     began = time.perf_counter()
+    expect("problem", problem, Problem)
     substeps = problem.verify.substeps if substeps is None else substeps
-    if substeps < 1:
-        raise ProblemError(f"substeps: expected 1 or more, got {substeps}")
+    substeps = whole("substeps", substeps, 1)
     controls = problem.fleet.checked_controls(controls)
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
     size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
@@ -267,8 +267,7 @@ _Closest = tuple[float, float, Member]
 def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
     """Sampled members, the corners of the ranges first."""
     members = problem.verify.members if members is None else members
-    if members < 1:
-        raise ProblemError(f"members: expected 1 or more, got {members}")
+    members = whole("members", members, 1)
     corners = problem.fleet.corners[:members]
     rest = problem.fleet.sample(members - len(corners), problem.solve.seed if seed is None else seed)
     return np.concatenate([corners, rest])

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.values import number
 
 Floats = NDArray[np.float64]
 Loss = Literal["terminal", "clearance"]
@@ -52,8 +53,10 @@ class Risk:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.of not in LOSSES:
+        if not isinstance(self.of, str) or self.of not in LOSSES:
             raise ProblemError(f"cvar: expected one of {', '.join(LOSSES)}, got {self.of!r}")
+        for name in ("level", "weight"):
+            object.__setattr__(self, name, number(f"cvar.{name}", getattr(self, name)))
         if not 0 <= self.level < 1:
             raise ProblemError(f"cvar: expected a level from 0 to below 1, got {self.level:g}")
         if not (np.isfinite(self.weight) and self.weight >= 0):

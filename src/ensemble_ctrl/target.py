@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.readonly import ReadOnlyArrays
+from ensemble_ctrl.values import expect
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +38,7 @@ class Formation(ReadOnlyArrays):
     places: Floats
 
     def __post_init__(self) -> None:
+        expect("target.parameter", self.parameter, str, "the name of a parameter")
         values, places = _numbers("values", self.values), _numbers("places", self.places)
         if values.ndim != 1 or len(values) < 2 or places.shape != (len(values), 2):
             shapes = f"{values.shape} and {places.shape}"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, Not, Or, conjuncts, resolve
 from ensemble_ctrl.problem import Problem, ReportOptions
+from ensemble_ctrl.values import expect
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +53,9 @@ def unconstrained(problem: Problem) -> Problem:
     >>> str(unconstrained(problem).task)
     'F[3,4] in(goal)'
     """
-    bare = problem.with_(verify=replace(problem.verify, certificate=False), report=ReportOptions())
+    bare = expect("problem", problem, Problem).with_(
+        verify=replace(problem.verify, certificate=False), report=ReportOptions()
+    )
     rest = tuple(part for part in conjuncts(problem.task) if not _holds_back(problem, part))
     if rest:
         return bare.with_(task=rest[0] if len(rest) == 1 else And(rest))

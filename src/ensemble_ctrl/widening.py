@@ -10,6 +10,7 @@ from ensemble_ctrl.conflicts import Conflict
 from ensemble_ctrl.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.values import expect
 
 Tell = Callable[[Interval, bool], None]
 """Called after each range tried, with whether it was certified."""
@@ -73,7 +74,7 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
     *Guarantee*: the plan returned is certified for its whole range. That no wider plan exists is not proven: the
     planner just found none.
     """
-    names = problem.fleet.names
+    names = expect("problem", problem, Problem).fleet.names
     if isinstance(problem, OdeProblem):
         raise UnsupportedError(f"widest: no proof covers the {problem.fleet.system.name}, so no range can be certified")
     if not names or parameter not in (None, *names):

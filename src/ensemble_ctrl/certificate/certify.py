@@ -18,6 +18,7 @@ from ensemble_ctrl.certificate.share import boxes, weighed
 from ensemble_ctrl.certificate.task import TaskBound, bound_task
 from ensemble_ctrl.duties import NOTHING_AVOIDED, Chance, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.values import shown
 
 if TYPE_CHECKING:
     from ensemble_ctrl.constraints.stl.formula import Formula
@@ -133,6 +134,8 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     Certificate
     """
     began = time.perf_counter()
+    if not hasattr(problem, "fleet"):
+        raise ProblemError(f"problem: expected a Problem, got {shown(problem)}")
     laws, controls = _laws(problem, ranges), problem.fleet.checked_controls(controls)
     if not problem.fleet.provable:
         return _not_covered(problem, controls, laws)
@@ -170,6 +173,8 @@ def _not_covered(problem: Problem, controls: Floats, laws: Mapping[str, Law]) ->
 
 def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
     """The fleet's ranges, some of them replaced."""
+    if ranges is not None and not isinstance(ranges, Mapping):
+        raise ProblemError(f"ranges: expected a mapping of names to laws, got {shown(ranges)}")
     laws = dict(problem.fleet.parameters)
     for name, law in (ranges or {}).items():
         if name not in laws:

@@ -47,7 +47,7 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     yield from _number(("solve", "time_limit"), solve.time_limit, above=0.0, unit=" s")
     yield from _number(("solve", "margin"), solve.margin, least=0.0, unit=" m")
     yield from _whole(("solve", "seed"), solve.seed, 0, MAX_SEED)
-    if solve.routes != "all":
+    if not isinstance(solve.routes, str) or solve.routes != "all":
         yield from _whole(("solve", "routes"), solve.routes, 1, 1000, " (or all)")
     yield from _whole(("solve", "max_iterations"), solve.max_iterations, 1, 1_000_000)
     yield from _whole(("solve", "cells"), solve.cells, 1, 64)
@@ -78,8 +78,8 @@ def _whole(path: Path, value: object, least: int, most: int, also: str = "") -> 
 
 def _choice(path: Path, value: object, known: tuple[str, ...]) -> Iterator[Finding]:
     """One of a few words."""
-    if value not in known:
-        yield Finding(path, f"{value!r} is not one of {', '.join(known)}")
+    if not isinstance(value, str) or value not in known:
+        yield Finding(path, f"expected one of {', '.join(known)}, got {value!r}")
 
 
 def _factors(problem: Problem) -> Iterator[Finding]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import import_map
-from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.errors import EnsembleError
 from ensemble_ctrl.folder import write_text

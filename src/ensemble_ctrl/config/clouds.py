@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, WithJsonSchema
 
+from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.config.samples import Columns, columns_of, samples
-from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, show
 
 KNOWN = ("traction", "linear_traction", "angular_traction", "start_heading")

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, WithJsonSchema
 
+from ensemble_ctrl.arguments.units import pattern, quantity
 from ensemble_ctrl.checks import ALL_OBSTACLES
-from ensemble_ctrl.config.units import pattern, quantity
 from ensemble_ctrl.config.wrong import Wrong, only, show, suggestion
 from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.constraints.stl._tokens import RESERVED

@@ -9,10 +9,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, PrivateAttr, ValidationInfo, WithJsonSchema, model_validator
 
+from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.samples import Columns, Values, columns_of, samples
-from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, suggestion
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal

@@ -25,6 +25,7 @@ from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.errors import ConfigError, ProblemError
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.receding.remaining import loop_findings
+from ensemble_ctrl.values import expect, shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +105,16 @@ def read(source: Source, overrides: Iterable[Given] = (), *, trust: bool = False
 
 def read_text(text: str, name: str = "<text>", overrides: Iterable[Given] = (), *, trust: bool = False) -> Loaded:
     """Read a problem from a text, and keep its warnings; see `load`."""
+    expect("text", text, str, "text")
     return _read(Text(name, text, FilePath(name).parent if trust or CONSENT.get() else FilePath()), overrides, trust)
 
 
 def _read(text: Text, overrides: Iterable[Given], trust: bool = False, loop: bool = False) -> Loaded:
     """All steps."""
+    if isinstance(overrides, bytes) or not isinstance(overrides, Iterable):
+        raise ProblemError(f"overrides: expected texts KEY=VALUE, got {shown(overrides)}")
     tree = _tree(text)
-    changes = _overrides(overrides, text.name)
+    changes = _overrides([overrides] if isinstance(overrides, str) else overrides, text.name)
     data = _changed(tree.data, changes, text.name)
     locate = Locator(text, tree, data, changes)
     if not isinstance(data, dict):

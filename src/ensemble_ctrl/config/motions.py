@@ -7,8 +7,8 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
+from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.config import fields as f
-from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, show
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.motion import Motion

@@ -10,12 +10,12 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, WithJsonSchema, model_validator
 
+from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.laws import PlainSection, law_data, law_of
 from ensemble_ctrl.config.own import system_class
 from ensemble_ctrl.config.schema import ProblemFile, Verify
-from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ode_fleet import START, OdeFleet

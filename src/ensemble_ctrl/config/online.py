@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.checks import MAX_SEED
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.fields import Model, whole
 from ensemble_ctrl.config.shapes import RegionShape
-from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.receding.options import MAX_ORDER, OnlineOptions
 from ensemble_ctrl.receding.propagation import Errors

@@ -10,6 +10,7 @@ from typing import Any
 from ensemble_ctrl.config.tree import Path, TextError, Tree
 from ensemble_ctrl.config.wrong import show
 from ensemble_ctrl.errors import shortened
+from ensemble_ctrl.values import expect
 
 _KEY = re.compile(r"[^\s.\[\]]+(?:\.[^\s.\[\]]+|\[\d+\])*")
 
@@ -46,7 +47,8 @@ def parse_override(given: Given) -> Override:
     >>> parse_override("fleet.start.position[0]=2.5").path
     ('fleet', 'start', 'position', 0)
     """
-    key, equals, value = (given if isinstance(given, str) else given[1]).partition("=")
+    text = given[1] if isinstance(given, tuple) else given
+    key, equals, value = expect("override", text, str, "KEY=VALUE").partition("=")
     if not equals or not _KEY.fullmatch(key.strip()):
         raise TextError("expected KEY=VALUE with dots in the key", hint="for example  --set fleet.radius=0.3")
     parts = re.findall(r"[^\s.\[\]]+", key)

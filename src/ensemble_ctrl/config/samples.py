@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.checks import MAX_SAMPLES
 from ensemble_ctrl.config.source import MAX_MAP_BYTES, checked_path, read_bytes, text_of
 from ensemble_ctrl.config.tree import TextError
-from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, show
 
 Values = tuple[float, ...]

@@ -11,7 +11,9 @@ from typing import IO
 
 from ensemble_ctrl.config.tree import Place, TextError
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
+from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.files import NotRegular, read_regular
+from ensemble_ctrl.values import shown
 
 MAX_BYTES = 1_000_000
 MAX_MAP_BYTES = 5_000_000
@@ -47,6 +49,8 @@ def read_source(source: Source) -> Text:
     TextError
         If it can't be read, is too large, or is not text.
     """
+    if not isinstance(source, str | os.PathLike) and not hasattr(source, "read"):
+        raise ProblemError(f"problem: expected a path, or an open file, got {shown(source)}")
     name = name_of(source)
     if isinstance(source, str | os.PathLike) and source != "-":
         path = Path(source)

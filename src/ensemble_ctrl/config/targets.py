@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
+from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.checks import STATES
-from ensemble_ctrl.config.units import quantity
 from ensemble_ctrl.config.wrong import Wrong, only, show
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target

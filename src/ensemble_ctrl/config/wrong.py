@@ -1,63 +1,13 @@
-"""What a validator raises, and small helpers for wording."""
+"""Unknown keys and words of a problem file; what a validator raises is `Wrong`."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import Any
 
-from ensemble_ctrl.errors import MOST_LETTERS, shortened
-
-
-class Wrong(ValueError):
-    """A value is not what was wanted; pydantic keeps it with the place at which it was raised.
-
-    Parameters
-    ----------
-    message : str
-        What was wanted and what came.
-    hint : str
-        What to do.
-    path : tuple
-        Keys from the place at which it was raised to the value that is wrong.
-    offset : int, optional
-        0-based place of the mistake within the value's text.
-    on_key : bool
-        Whether it is about the last key of the path, not about its value.
-    """
-
-    def __init__(
-        self,
-        message: str,
-        hint: str = "",
-        path: tuple[str | int, ...] = (),
-        offset: int | None = None,
-        on_key: bool = False,
-    ) -> None:
-        super().__init__(message)
-        self.message, self.hint, self.path, self.offset, self.on_key = message, hint, path, offset, on_key
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is a finite number, of a size that others can be added to."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 1e300
-
-
-def show(value: Any) -> str:
-    """A value as it stands in the file, shortened."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, dict):
-        return "a section" if value else "an empty section"
-    if isinstance(value, list | tuple):
-        scalars = len(value) <= 4 and not any(isinstance(item, dict | list | tuple) for item in value)
-        return f"[{', '.join(map(show, value))}]" if scalars else f"a list of {len(value)}"
-    if isinstance(value, float) and not math.isfinite(value):
-        return ".nan" if math.isnan(value) else f"{'-' if value < 0 else ''}.inf"
-    return shortened(repr(value))
+from ensemble_ctrl.arguments.wrong import Wrong, is_number, show
+from ensemble_ctrl.errors import MOST_LETTERS
 
 
 def only(keys: Iterable[Any], known: Iterable[str], path: tuple[str | int, ...] = ()) -> None:
@@ -78,3 +28,6 @@ def suggestion(word: Any, known: Iterable[str]) -> str:
     """The known word most like this one, as a hint; empty if none is."""
     close = get_close_matches(str(word)[:MOST_LETTERS], list(known), n=1, cutoff=0.6)
     return f"did you mean {close[0]!r}?" if close else ""
+
+
+__all__ = ["Wrong", "is_number", "only", "show", "suggestion"]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.values import numbers
 
 Array = NDArray[np.float64]
 MAX_ROWS = 250_000
@@ -16,7 +17,7 @@ TOLERANCE = 1e-9
 
 def checked_rows(value: ArrayLike, name: str) -> Array:
     """A read-only copy of a matrix of row vectors, each finite and not zero."""
-    rows = np.array(value, dtype=float)
+    rows = numbers(name, value, "rows of numbers")
     if rows.ndim != 2 or not rows.size:
         raise ProblemError(f"{name}: expected shape (rows, n), got {rows.shape}")
     if not np.isfinite(rows).all():

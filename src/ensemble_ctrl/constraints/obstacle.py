@@ -16,6 +16,7 @@ from ensemble_ctrl.constraints.polygon import check_size, facets, is_convex, rin
 from ensemble_ctrl.constraints.polyhedron import SignedMoments
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.readonly import ReadOnlyArrays
+from ensemble_ctrl.values import numbers
 
 Array = NDArray[np.float64]
 _Kernel = Callable[[Array, Array], Array]
@@ -92,7 +93,7 @@ class Obstacle(ReadOnlyArrays):
         """Keep the rows, checked to be finite and of the right shape."""
         name = type(self).__name__
         A = checked_rows(A, f"{name}.A")
-        b = np.array(b, dtype=float)
+        b = numbers("Obstacle.b", b)
         if A.shape[1] != dimension or b.shape != (len(A),):
             wanted = f"A (facets, {dimension}) and b (facets,)"
             raise ProblemError(f"{name}: expected {wanted}, got {A.shape} and {b.shape}")
@@ -113,7 +114,7 @@ class Obstacle(ReadOnlyArrays):
     @classmethod
     def box(cls, bounds: ArrayLike) -> Obstacle:
         """Rectangle ``[[x low, x high], [y low, y high]]``, metres; rows as in the paper's Example 2."""
-        pairs = np.asarray(bounds, dtype=float)
+        pairs = numbers("Obstacle.box", bounds, "[[x low, x high], [y low, y high]]")
         if pairs.shape != (2, 2):
             raise ProblemError(f"Obstacle.box: expected [[x low, x high], [y low, y high]], got shape {pairs.shape}")
         if not (pairs[:, 0] < pairs[:, 1]).all():

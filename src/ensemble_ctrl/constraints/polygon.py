@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.constraints import exact
 from ensemble_ctrl.constraints.cover import CORNERS, Shapes, adding_at_most, joined, with_fewer_corners, within
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.values import numbers
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -117,7 +118,7 @@ def _valid(corners: Array, inner: list[Array], name: str) -> Polygon:
 
 def ring(vertices: ArrayLike, name: str) -> Array:
     """The corners of a simple polygon, counter-clockwise, without repeats and those exactly on a straight side."""
-    corners = np.array(vertices, dtype=float)
+    corners = numbers(name, vertices, "corners [[x, y], ...]")
     if corners.ndim != 2 or corners.shape[1] != 2:
         raise ProblemError(f"{name}: expected corners of shape (corners, 2), got {corners.shape}")
     check_size(corners, name)

@@ -15,6 +15,7 @@ from ensemble_ctrl.constraints._sides import closed, joined
 from ensemble_ctrl.constraints.polygon import facets, is_convex, ring
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.readonly import ReadOnlyArrays
+from ensemble_ctrl.values import numbers
 
 Array = NDArray[np.float64]
 
@@ -72,7 +73,7 @@ class Polyhedron(ReadOnlyArrays):
     @classmethod
     def box(cls, bounds: ArrayLike) -> Polyhedron:
         """Axis-aligned box ``[[x low, x high], [y low, y high], ...]``, shape (n, 2)."""
-        pairs = np.asarray(bounds, dtype=float)
+        pairs = numbers("Polyhedron.box", bounds, "[[low, high], ...]")
         if pairs.ndim != 2 or pairs.shape[1] != 2 or not len(pairs):
             raise ProblemError(f"Polyhedron.box: expected [[low, high], ...], got shape {pairs.shape}")
         return cls(np.eye(len(pairs)), pairs[:, 0], pairs[:, 1])
@@ -244,7 +245,7 @@ class Polyhedron(ReadOnlyArrays):
 
 def _checked_bound(value: ArrayLike, name: str, rows: int, forbidden: float) -> Array:
     """A read-only copy of one side's bounds."""
-    bound = np.array(value, dtype=float)
+    bound = numbers(name, value)
     if bound.shape != (rows,):
         raise ProblemError(f"{name}: expected shape ({rows},) as A has {rows} rows, got {bound.shape}")
     if np.isnan(bound).any() or (bound == forbidden).any():

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.constraints._rows import TOLERANCE, is_cone_trivial, space_vertices
 from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.values import numbers
 
 Array = NDArray[np.float64]
 BLOCK = 8192
@@ -53,7 +54,7 @@ class Solid(Obstacle):
     @classmethod
     def box(cls, bounds: ArrayLike) -> Solid:
         """Box ``[[x low, x high], [y low, y high], [z low, z high]]``, metres."""
-        pairs = np.asarray(bounds, dtype=float)
+        pairs = numbers("Solid.box", bounds, "[[low, high], ...]")
         if pairs.shape != (3, 2):
             wanted = "[[x low, x high], [y low, y high], [z low, z high]]"
             raise ProblemError(f"Solid.box: expected {wanted}, got shape {pairs.shape}")
@@ -72,7 +73,7 @@ class Solid(Obstacle):
         """
         from scipy.spatial import ConvexHull, QhullError
 
-        corners = np.asarray(points, dtype=float)
+        corners = numbers("Solid.hull", points, "points [[x, y, z], ...]")
         if corners.ndim != 2 or corners.shape[1] != 3 or not np.isfinite(corners).all():
             raise ProblemError(f"Solid.hull: expected finite points of shape (points, 3), got shape {corners.shape}")
         try:

@@ -26,6 +26,7 @@ from ensemble_ctrl.receding.propagation import PoseSet
 from ensemble_ctrl.receding.remaining import for_a_while, of_one_robot, with_map
 from ensemble_ctrl.receding.settings import OnlineSettings
 from ensemble_ctrl.receding.tracker import Tracker
+from ensemble_ctrl.values import expect
 
 Floats = NDArray[np.float64]
 Source = Literal["new", "kept", "stopped", "recovered"]
@@ -170,7 +171,7 @@ class Receding:
         robots: Sequence[str] | None = None,
     ) -> None:
         self.timer = timer
-        settings = problem.online or OnlineSettings()
+        settings = expect("problem", problem, Problem).online or OnlineSettings()
         robots = tuple(settings.robots) if robots is None else robots
         if not robots or len(set(robots)) < len(robots) or not all(robots):
             raise ProblemError(f"robots: expected different names, at least one, got {list(robots)}")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.systems.arcs import ArcSystem
 from ensemble_ctrl.systems.arrays import Arrays
+from ensemble_ctrl.values import number
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +48,7 @@ class Bicycle(ArcSystem):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        object.__setattr__(self, "wheelbase", number("wheelbase", self.wheelbase))
         if not np.isfinite(self.wheelbase) or self.wheelbase <= 0:
             raise ProblemError(f"wheelbase: expected a finite length above 0 m, got {self.wheelbase!r}")
 

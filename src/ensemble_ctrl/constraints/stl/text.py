@@ -32,6 +32,7 @@ from ensemble_ctrl.constraints.stl._tokens import FormulaError, Token, Tokens
 from ensemble_ctrl.constraints.stl._window import read_window
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known
+from ensemble_ctrl.values import expect
 
 __all__ = ["FormulaError", "parse"]
 
@@ -92,7 +93,7 @@ def parse(text: str) -> Formula:
     >>> str(parse("eventually[1, T] x + 2*y <= 3 => !in(goal)"))
     'not F[1,T] -x - 2*y >= -3 or not in(goal)'
     """
-    if not text.strip():
+    if not expect("formula", text, str, "text").strip():
         raise FormulaError(1, "a formula", "an empty text")
     return _Parser(text).formula()
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from ensemble_ctrl.config.wrong import Wrong, show
+from ensemble_ctrl.arguments.wrong import Wrong, show
 from ensemble_ctrl.constraints.stl._tokens import TIME_UNITS
 
 UNITS: dict[str, tuple[str, float, float]] = {
