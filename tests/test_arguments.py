@@ -133,6 +133,7 @@ CALLED: dict[str, tuple[Callable[[Any], Any], str]] = {
     "plan guess": (lambda wrong: ec.plan(problem(), guess=wrong), "None"),
     "plan progress": (lambda wrong: ec.plan(problem(), progress=wrong), "None"),
     "plan log": (lambda wrong: ec.plan(problem(), log=wrong), "None text"),
+    "example": (ec.example, ""),
     "load": (ec.load, "text"),
     "load_text": (ec.load_text, "text"),
     "load_text overrides": (lambda wrong: ec.load_text("{}", overrides=wrong), "text list section"),
@@ -182,7 +183,14 @@ def test_wrong_types_are_refused_at_the_call(call: Callable[[Any], Any], right: 
 
 def test_every_public_name_is_in_the_table() -> None:
     inside = {"TruncatedNormal", "Beta"}  # of the same reader of numbers as Interval
-    plain = {"Unicycle", "DoubleIntegrator", "Quadrotor", "OdeSystem", "OdeProblem"}  # without arguments, or as others
+    plain = {
+        "examples",
+        "Unicycle",
+        "DoubleIntegrator",
+        "Quadrotor",
+        "OdeSystem",
+        "OdeProblem",
+    }  # without arguments, or as others
     results = {"Certificate", "Replay", "Solid", "__version__"} | {n for n in ec.__all__ if n.endswith("Error")}
     assert set(ec.__all__) - {*MADE, *CALLED} - inside - plain - results == set()
 

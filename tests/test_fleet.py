@@ -83,7 +83,7 @@ def test_wrong_names_are_refused(parameters: dict[str, tuple[float, float]], mes
 
 
 def test_parameters_are_a_mapping() -> None:
-    with pytest.raises(ProblemError, match=r"^fleet.parameters: expected a mapping of names to laws, got Interval"):
+    with pytest.raises(ProblemError, match=r"^fleet.parameters: expected a mapping of names, each to a law such as"):
         Fleet(Unicycle(), Interval(1, 2), np.zeros(2), 0.0, np.zeros(2), np.ones(2))  # type: ignore[arg-type]
 
 

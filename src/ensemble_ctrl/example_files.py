@@ -13,6 +13,7 @@ from ensemble_ctrl.config import load
 from ensemble_ctrl.config.wrong import suggestion
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.values import expect
 
 EDITOR_LINE = "# yaml-language-server: $schema="
 """How a problem file names its schema for an editor, on its first line."""
@@ -47,7 +48,7 @@ def example(name: str) -> Problem:
     >>> example("five_obstacles").steps
     160
     """
-    with as_file(file_of(name)) as path:
+    with as_file(file_of(expect("example", name, str, "the name of an example"))) as path:
         return load(path)
 
 

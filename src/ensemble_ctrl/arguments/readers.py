@@ -39,7 +39,7 @@ def quantity_of(name: str, value: Any, kind: str) -> float:
 def mapping_of(name: str, value: Any, kind: type[T], wanted: str) -> dict[str, T]:
     """Values of a type by their names; `wanted` says what one is."""
     if not isinstance(value, Mapping):
-        raise ProblemError(f"{name}: expected a mapping of names to {wanted}, got {shown(value)}")
+        raise ProblemError(f"{name}: expected a mapping of names, each to {wanted}, got {shown(value)}")
     return {_name(name, key): expect(f"{name}[{key!r}]", each, kind, wanted) for key, each in value.items()}
 
 
@@ -50,7 +50,7 @@ def laws_of(name: str, value: Any) -> dict[str, Law]:
 
 def numbers_by_name(name: str, value: Any) -> dict[str, float]:
     """Numbers by their names."""
-    given = mapping_of(name, value, object, "numbers")
+    given = mapping_of(name, value, object, "a number")
     return {key: quantity_of(f"{name}.{key}", each, "number") for key, each in given.items()}
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ensemble_ctrl.checks.finding import Finding, Path
-from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.moments import Law, Mixture, Samples
@@ -55,9 +54,6 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     yield from _choice(("solve", "guarantee"), solve.guarantee, ("moment", "nodes", "hull"))
     yield from _whole(("verify", "members"), verify.members, 1, MAX_MEMBERS)
     yield from _whole(("verify", "substeps"), verify.substeps, 1, 1000)
-    if not isinstance(problem.task, Formula):
-        message = f"expected a formula, got {type(problem.task).__name__}"
-        yield Finding(("task",), message, "read a text with ensemble_ctrl.constraints.stl.parse")
 
 
 def _number(
