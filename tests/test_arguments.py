@@ -190,7 +190,7 @@ def test_every_public_name_is_in_the_table() -> None:
         "Quadrotor",
         "OdeSystem",
         "OdeProblem",
-    }  # without arguments, or as others
+    }
     results = {"Certificate", "Replay", "Solid", "__version__"} | {n for n in ec.__all__ if n.endswith("Error")}
     assert set(ec.__all__) - {*MADE, *CALLED} - inside - plain - results == set()
 
