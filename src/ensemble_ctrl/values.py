@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.errors import ProblemError, shortened
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -21,8 +21,7 @@ def shown(value: object) -> str:
     """A value that came, with its type, shortened."""
     if value is None:
         return "None"
-    text = " ".join(repr(value).split())
-    return f"{text if len(text) <= 60 else text[:57] + '...'} ({type(value).__name__})"
+    return f"{shortened(' '.join(repr(value).split()))} ({type(value).__name__})"
 
 
 def expect(name: str, value: object, kind: type[T], wanted: str = "") -> T:
