@@ -68,6 +68,15 @@ def test_what_robots_may_differ_by_more_is_taken_off() -> None:
     assert more.worst == "avoid(low)"
 
 
+@pytest.mark.parametrize("away", [np.nan, np.inf])
+@pytest.mark.parametrize("task", ["F[3,4] in(goal)", "G avoid(obstacles)"])
+def test_a_set_without_a_size_proves_nothing(away: float, task: str) -> None:
+    problem = PROBLEM.with_(task=parse(task))
+    assert certify_set(problem, CONTROLS, 0.0, 0.0).proven
+    assert not certify_set(problem, CONTROLS, away, 0.0).proven
+    assert not certify_set(problem, CONTROLS, 0.0, 0.0, np.full(40, away)).proven
+
+
 def test_nothing_left_to_do_is_proven() -> None:
     assert certify_set(PROBLEM.with_(task=Known(0.2)), CONTROLS, 0.01, 0.01).proven
     assert not certify_set(PROBLEM.with_(task=Known(-0.2)), CONTROLS, 0.01, 0.01).proven

@@ -124,7 +124,7 @@ def certify_set(
     robustness, hardest = np.inf, ""
     for part in other_parts(problem):
         value = part.value if isinstance(part, Known) else -np.inf
-        if not isinstance(part, Known):
+        if not isinstance(part, Known) and np.isfinite(largest):
             value = part_bound(problem, controls, fleet.parameters, part, fleet, largest, CELLS).proven - largest
         robustness, hardest = min((robustness, hardest), (value, str(part)))
     worst = nearest if clearance < robustness else hardest

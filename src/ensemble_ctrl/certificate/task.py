@@ -147,7 +147,7 @@ class CellSignals:
         some = slice(first // 2, (last + 1) // 2 + 1)
         value = self.position[:, some] @ row + offset
         reach = (np.abs(self.slope[:, some] @ row) * self.half[:, None]).sum(axis=-1)
-        spread = reach + self.curvature[:, some] + self.error
+        spread = reach + self.curvature[:, some] + (self.error + 4 * UNIT * abs(offset))
         sign = 1.0 if self.upper else -1.0
         ends = value + sign * spread
         bulge = self.bulge[:, some.start : some.stop - 1]
