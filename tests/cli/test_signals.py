@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -134,3 +135,35 @@ def test_a_thread_installs_no_handlers() -> None:
     thread.start()
     thread.join()
     assert seen == [signal.getsignal(signal.SIGINT)]
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("as_json", [False, True])
+def test_a_signal_after_the_search_is_in_the_result(
+    command: Command, place: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int, as_json: bool
+) -> None:
+    plain = run_module.write_results
+
+    def interrupted(*given: Any) -> None:
+        plain(*given)
+        os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(run_module, "write_results", interrupted)
+    done = command("small.yaml", *(["--json"] if as_json else []))
+    assert done.code == code
+    words = "interrupted after the search ended"
+    if as_json:
+        assert done.data["status"] == "planned"
+        assert done.data["interrupted"].startswith(words)
+        assert done.data["exit_code"] == code
+    else:
+        head, second, *_ = done.out.splitlines()
+        assert head.startswith("small: plan found, proven")
+        assert second.startswith(f"  stopped    {words}")
+    assert ec.Plan.load(place / "plans/small").status == "planned"
+    assert not list(place.rglob("*.png"))
+
+
+def test_an_uninterrupted_result_says_nothing_of_it(command: Command) -> None:
+    done = command("small.yaml", "--no-plots", "--json")
+    assert "interrupted" not in done.data

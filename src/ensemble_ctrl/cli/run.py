@@ -78,11 +78,11 @@ def run(options: RunOptions) -> int:
             if options.suggest and found.problem.report.suggest and progress.stop_signal is None:
                 found = with_suggestions(found, progress)
             written = _write(found, folder, options, progress)
+            progress.finish()
+            code = codes.INTERNAL if written.error else exit_code(found, progress.stop_signal)
+            _print(found, options, written, code)
     finally:
         folder.discard()
-    progress.finish()
-    code = codes.INTERNAL if written.error else exit_code(found, progress.stop_signal)
-    _print(found, options, written, code)
     return code
 
 
@@ -157,14 +157,24 @@ def _print(found: Plan, options: RunOptions, written: Written, code: int) -> Non
             complain(f"error: {failure_message(found)}")
 
 
+def _interrupted(found: Plan, code: int) -> str:
+    """What an interruption after the search left out; empty without one, or where the plan's status says it."""
+    if code not in (codes.INTERRUPTED, codes.TERMINATED) or found.status == "interrupted":
+        return ""
+    return "interrupted after the search ended; what was not yet made or drawn by then is missing"
+
+
 def _result(found: Plan, options: RunOptions, written: Written, code: int) -> str:
     """The result as text."""
-    folder = None if written.folder is None else str(written.folder)
+    folder, after = None if written.folder is None else str(written.folder), _interrupted(found, code)
     unwritten = found.controls.tolist() if folder is None else None
     if options.json:
         facts = {**summary(found), "exit_code": code, "folder": folder}
         facts |= {} if unwritten is None else {"controls": unwritten}
+        facts |= {"interrupted": after} if after else {}
         return to_json({**facts, "message": written.error} if written.error else facts)
+    head, *rows = summary_lines(found, folder)
+    stopped = [f"  {'stopped':<11}{after}"] if after else []
     table = route_lines(found.details["routes"]) if options.verbose else []
     controls = [] if unwritten is None else ["controls, since no file holds them:", controls_csv(found).rstrip()]
-    return "\n".join([*summary_lines(found, folder), *table, *controls])
+    return "\n".join([head, *stopped, *rows, *table, *controls])
