@@ -111,3 +111,8 @@ def test_a_text_with_a_unit_matches_exactly_when_it_is_read(kind: str, text: str
         assert not re.search(pattern(kind), text)
     else:
         assert re.search(pattern(kind), text)
+
+
+def test_the_schema_says_what_it_is_the_schema_of() -> None:
+    described = schema()
+    assert described["$id"] == f"urn:ensemble-ctrl:problem-file:{described['properties']['version']['default']}"

@@ -17,6 +17,7 @@ import pytest
 import ensemble_ctrl as ec
 from ensemble_ctrl.cli import run as run_module
 from ensemble_ctrl.cli.progress import Progress, stoppable
+from ensemble_ctrl.results import write_results
 
 from .conftest import Command
 from .tools import COMMAND, environment, left
@@ -142,10 +143,8 @@ def test_a_thread_installs_no_handlers() -> None:
 def test_a_signal_after_the_search_is_in_the_result(
     command: Command, place: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int, as_json: bool
 ) -> None:
-    plain = run_module.write_results
-
     def interrupted(*given: Any) -> None:
-        plain(*given)
+        write_results(*given)
         os.kill(os.getpid(), number)
 
     monkeypatch.setattr(run_module, "write_results", interrupted)

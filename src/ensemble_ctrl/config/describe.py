@@ -13,6 +13,9 @@ from ensemble_ctrl.config.fields import Model
 from ensemble_ctrl.config.ode_section import OdeProblemFile
 from ensemble_ctrl.config.schema import ProblemFile
 
+IDENTITY = "urn:ensemble-ctrl:problem-file:1"
+"""What this schema is the schema of, with the version of the format; no address to fetch it from."""
+
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
@@ -27,7 +30,7 @@ def schema() -> dict[str, Any]:
     models = {model.__name__: model for model in _all(Model)}
     for name, section in {ProblemFile.__name__: described, **described["$defs"]}.items():
         _explain(section, models[name])
-    return {"$schema": DIALECT, **described, "title": "A problem file of ensemble_ctrl"}
+    return {"$schema": DIALECT, "$id": IDENTITY, **described, "title": "A problem file of ensemble_ctrl"}
 
 
 def meanings(model: type[Model]) -> dict[str, str]:
