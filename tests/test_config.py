@@ -475,7 +475,7 @@ CASES = {
         (O1, "{polygon: [[2, 2], [3, 3], [3, 2], [2, 4]]}"),
         (11, 17, "obstacles.o1.polygon"),
         "expected a polygon that does not cross itself, got Self-intersection[2.66666666666667 2.66666666666667]",
-        "",
+        "repair the polygon first, as with shapely.make_valid, or in QGIS by Fix geometries",
     ),
     "flat polygon": (
         (O1, "{polygon: [[2, 2], [3, 3]]}"),
@@ -523,7 +523,7 @@ CASES = {
         (O1, "{wkt: 'POLYGON ((5 0, 9 0, 9 9, 5 0), (15 1, 16 1, 16 2, 15 1))'}"),
         (11, 13, "obstacles.o1.wkt"),
         "expected holes that are inside of the polygon and apart, got Hole lies outside shell[15 1]",
-        "",
+        "repair the polygon first, as with shapely.make_valid, or in QGIS by Fix geometries",
     ),
     "map in another folder": (
         (O1, "{file: ../map.json}"),
@@ -540,8 +540,8 @@ CASES = {
     "WKT of a point": (
         (O1, "{wkt: POINT (1 1)}"),
         (11, 13, "obstacles.o1.wkt"),
-        "expected polygons, got Point",
-        "",
+        "expected polygons, got 1 Point",
+        "what is to be kept clear of needs a polygon with a width",
     ),
     "map that is not there": (
         (O1, "{file: nothere.json}"),

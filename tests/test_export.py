@@ -80,7 +80,7 @@ def test_the_tube_is_not_much_larger_than_the_fleet(fleet: str) -> None:
 def test_the_tube_as_geojson_has_a_feature_for_each_step_and_one_for_all(tmp_path: Path) -> None:
     plan = made("one traction")
     text = plan.export(tmp_path / "tube.geojson").read_text()
-    shapes, data = shapes_of(text), json.loads(text)
+    (shapes, _), data = shapes_of(text), json.loads(text)
     assert {shape.name for shape in shapes} == {"fleet", *(f"step {k}" for k in range(12))}
     whole, *steps = (shapely.geometry.shape(feature["geometry"]) for feature in data["features"])
     assert whole.is_valid

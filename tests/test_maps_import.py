@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 import zlib
 from collections.abc import Callable
@@ -204,7 +205,9 @@ USUAL = [False, True, True, False, False, True]
         (GREY, {"suffix": ".png"}, USUAL),
         (GREY, {"suffix": ".png", "mode": "scale"}, USUAL),
         (255 - GREY, {"negate": 1}, USUAL),
-        (GREY, {"free_thresh": 0.7}, [False, False, True, False, False, False]),
+        (GREY, {"free_thresh": 0.7}, [False, True, True, False, False, False]),
+        (GREY + (GREY == 205), {"free_thresh": 0.7}, [False, False, True, False, False, False]),
+        (np.array([[0, 255, 100], [10, 19, 60]], dtype=np.uint8), {"mode": "raw"}, USUAL),
         (GREY.astype(np.uint16) * 257, {"suffix": ".png"}, USUAL),
         (GREY > 250, {"suffix": ".png"}, USUAL),
         (np.dstack([GREY, GREY, GREY]), {"suffix": ".png"}, USUAL),
@@ -243,7 +246,7 @@ def test_what_is_written_is_a_problem_at_the_roomiest_place(tmp_path: Path) -> N
 # --- in problem files
 
 PROBLEM = """
-fleet: {model: unicycle, start: {position: [20, 20], heading: 0}}
+fleet: {model: unicycle, start: {position: START, heading: 0}}
 horizon: {duration: 4 s}
 regions: {goal: REGION}
 obstacles: {o1: OBSTACLE}
@@ -251,9 +254,9 @@ task: G avoid(o1)
 """
 
 
-def problem_file(folder: Path, obstacle: str, region: str = "{box: [[0, 1], [0, 1]]}") -> Path:
+def problem_file(folder: Path, obstacle: str, region: str = "{box: [[0, 1], [0, 1]]}", start: str = "[20, 20]") -> Path:
     path = folder / "problem.yaml"
-    path.write_text(PROBLEM.replace("OBSTACLE", obstacle).replace("REGION", region))
+    path.write_text(PROBLEM.replace("START", start).replace("OBSTACLE", obstacle).replace("REGION", region))
     return path
 
 
@@ -267,7 +270,139 @@ def test_a_problem_names_maps_and_their_features(tmp_path: Path) -> None:
     assert load(problem_file(tmp_path, "{box: [[0, 1], [0, 1]]}", region)).regions["goal"].contains([9.5, 9.5])
     one = load(problem_file(tmp_path, "{file: yard.geojson, feature: b}")).obstacles["o1"]
     np.testing.assert_allclose(one[0].vertices.mean(axis=0), [5.5, 0.5])
-    assert len(load(problem_file(tmp_path, "[{file: room.yaml, tolerance: 50 cm}]")).obstacles["o1"]) >= 1
+    grown = problem_file(tmp_path, "[{file: room.yaml, tolerance: 10 cm}]", start="[0.25, 0.25]")
+    assert len(load(grown).obstacles["o1"]) >= 1
+
+
+UNSEEN = np.full((8, 8), 254, dtype=np.uint8)
+UNSEEN[:, 4:] = 205
+UNSEEN[0, 0] = 100
+
+
+@pytest.mark.parametrize(
+    ("thresholds", "unknown", "free", "note"),
+    [
+        ({}, "", False, None),
+        ({"free_thresh": 0.25}, "", False, "32 cells of the grey 205 .unknown. count as occupied"),
+        ({"free_thresh": 0.25}, ", unknown: occupied", False, None),
+        ({"free_thresh": 0.25}, ", unknown: free", True, "33 unknown cells count as free"),
+        ({}, ", unknown: free", True, "33 unknown cells count as free"),
+    ],
+)
+def test_cells_that_no_scan_has_seen(
+    tmp_path: Path, thresholds: dict[str, float], unknown: str, free: bool, note: str | None
+) -> None:
+    grid(tmp_path, UNSEEN, **thresholds)
+    obstacle = f"{{file: room.yaml, tolerance: 0{unknown}}}"
+    loaded = read(problem_file(tmp_path, obstacle, "{box: [[0.2, 1], [0.2, 1]]}", "[1, 1]"))
+    near = min(float(piece.distance([3.2, 1.0])) for piece in loaded.problem.obstacles["o1"])
+    assert (near > 0) == free
+    found = [warning for warning in loaded.warnings if warning.path == "obstacles.o1.file"]
+    assert len(found) == (note is not None)
+    assert note is None or re.search(note, found[0].message)
+    imported = import_map(tmp_path / "room.yaml", 0.0, unknown.rpartition(" ")[2] or None)  # type: ignore[arg-type]
+    assert [text for text in imported.notes if note and re.search(note, text)] == list(imported.notes)
+    assert taken(imported.problem, [[3.2, 1.0]]) == [not free]
+
+
+def test_unknown_cells_are_of_grids_only(tmp_path: Path) -> None:
+    geojson(tmp_path, feature("a", square(0, 0)))
+    with pytest.raises(ConfigError, match="expected an occupancy grid where unknown is given, got shapes"):
+        load(problem_file(tmp_path, "{file: yard.geojson, unknown: free}"))
+    with pytest.raises(ConfigError, match="expected unknown only with file"):
+        load(problem_file(tmp_path, "{box: [[0, 1], [0, 1]], unknown: free}"))
+
+
+@pytest.mark.parametrize(
+    ("start", "region", "message"),
+    [
+        ("[7, 2]", "{box: [[1, 2], [1, 2]]}", r"the start \(7, 2\) is 3 m beyond the edge of the map"),
+        ("[1, 1]", "{box: [[7, 8], [1, 2]]}", r"regions.goal: this region is 3 m beyond the edge of the map"),
+    ],
+)
+@pytest.mark.parametrize("model", ["unicycle", "double_integrator"])
+def test_beyond_the_edge_of_a_map_nothing_is_known(
+    tmp_path: Path, start: str, region: str, message: str, model: str
+) -> None:
+    grid(tmp_path, np.full((8, 8), 254, dtype=np.uint8))
+    path = problem_file(tmp_path, "{file: room.yaml}", region, start)
+    path.write_text(path.read_text().replace("unicycle", model).replace(", heading: 0" * (model != "unicycle"), ""))
+    with pytest.raises(ConfigError, match=message):
+        load(path)
+
+
+# --- habits of map files
+
+
+@pytest.mark.parametrize("text", ["POLYGON ((0 0, 4 0, 4 3, 0 3, 0 0))", "POLYGON ((0 0, 9 0, 9 1, 0 1, 0 0))"])
+def test_one_block_leaves_room_around_it(tmp_path: Path, text: str) -> None:
+    (tmp_path / "map.wkt").write_text(text)
+    problem = load_text(import_map(tmp_path / "map.wkt").problem)
+    assert float(problem.obstacles["map"][0].distance(problem.fleet.position)) > 0.5
+
+
+def test_coordinates_of_a_country_are_written_to_a_millimetre(tmp_path: Path) -> None:
+    blocks = [[(x, 5334000.0), (x + 8, 5334000.0), (x + 8, 5334006.0), (x, 5334006.0)] for x in (691000.0, 691012.0)]
+    rings = ["((" + ", ".join(f"{x} {y}" for x, y in [*block, block[0]]) + "))" for block in blocks]
+    (tmp_path / "map.wkt").write_text(f"MULTIPOLYGON ({', '.join(rings)})")
+    found = import_map(tmp_path / "map.wkt")
+    problem = load_text(found.problem)
+    room = min(float(piece.distance(problem.fleet.position)) for piece in problem.obstacles["map"])
+    assert room == pytest.approx(1.9, abs=0.15)
+    told = re.search(r"roomiest place found, ([\d.]+) m", found.problem)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(room, abs=0.01)
+
+
+def test_no_free_cell_is_said_with_its_reason(tmp_path: Path) -> None:
+    blue = np.dstack([np.full((6, 6), level, dtype=np.uint8) for level in (205, 225, 250)])
+    cases: list[tuple[Any, dict[str, Any], str]] = [
+        (blue, {"suffix": ".png"}, "of a coloured cell the darkest channel counts.*0.196"),
+        (np.full((6, 6), 100, dtype=np.uint8), {}, "the least occupancy is 0.608, this is 0.196"),
+        (np.full((6, 6), 254, dtype=np.uint8), {"free_thresh": 0.0}, "the least occupancy is 0.004, this is 0"),
+        (np.full((6, 6), 205, dtype=np.uint8), {"free_thresh": 0.3}, "all that are below it are unknown"),
+    ]
+    for pixels, fields, message in cases:
+        with pytest.raises(ConfigError, match=f"free_thresh: no cell of the image is free: .*{message}"):
+            import_map(grid(tmp_path, pixels, **fields))
+
+
+def test_points_and_lines_beside_polygons_are_counted(tmp_path: Path) -> None:
+    features = [feature("block", square(0, 0))]
+    for kind, places in (("Point", [5, 1]), ("Point", [6, 1]), ("LineString", [[6, 0], [6, 3]])):
+        features.append({"type": "Feature", "geometry": {"type": kind, "coordinates": places}, "properties": {}})
+    path = geojson(tmp_path, *features)
+    told = "left out 2 Point and 1 LineString, without an area"
+    assert import_map(path).notes[0].startswith(told)
+    warnings = read(problem_file(tmp_path, "{file: yard.geojson}")).warnings
+    assert [w.message.startswith(told) for w in warnings if w.path == "obstacles.o1.file"] == [True]
+
+
+@pytest.mark.parametrize("key", ["name", "Name", "NAME", "title"])
+def test_names_of_features(tmp_path: Path, key: str) -> None:
+    named = feature("x", square(0, 0))
+    named["properties"] = {key: "shed", "area": 1}
+    assert set(load_text(import_map(geojson(tmp_path, named)).problem).obstacles) == {"shed"}
+
+
+SQUARES = ["POLYGON ((0 0, 1 0, 1 1, 0 1, 0 0))", "POLYGON ((5 0, 6 0, 6 1, 5 1, 5 0))"]
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("\n".join(SQUARES), {"map"}),
+        ("SRID=25832;" + "\nSRID=25832;".join(SQUARES) + "\n", {"map"}),
+        (f'WKT,id,name\n"{SQUARES[0]}",1,shed\n"{SQUARES[1]}",2,hedge\n', {"shed", "hedge"}),
+        (f"id;wkt_geom\n1;{SQUARES[0]}\n2;{SQUARES[1]}\n", {"a1", "a2"}),
+        (f"GEOMETRYCOLLECTION (\n{SQUARES[0]},\n{SQUARES[1]})", {"map"}),
+    ],
+)
+def test_well_known_text_as_databases_and_tables_have_it(tmp_path: Path, text: str, names: set[str]) -> None:
+    (tmp_path / "map.csv").write_text(text)
+    problem = import_map(tmp_path / "map.csv").problem
+    assert set(load_text(problem).obstacles) == names
+    assert taken(problem, [[0.5, 0.5], [5.5, 0.5], [3.0, 0.5]]) == [True, True, False]
 
 
 @pytest.mark.parametrize(
@@ -334,7 +469,7 @@ HOSTILE: dict[str, tuple[str, Callable[[], str], str]] = {
     "cut off": (".json", lambda: '{"type": "Polygon", "coordinates": [[[0,', ":1:41: error: not JSON: expecting value"),
     "nested": (".json", lambda: "[" * 200_000, "nested at most"),
     "collections": (".json", lambda: '{"type": "GeometryCollection", "geometries": [' * 30 + "]}" * 30, "nested at"),
-    "a line": (".json", lambda: '{"type": "LineString", "coordinates": [[0, 0], [1, 1]]}', "polygons with a width"),
+    "a line": (".json", lambda: '{"type": "LineString", "coordinates": [[0, 0], [1, 1]]}', "got only 1 LineString"),
     "no object": (".json", lambda: "[1, 2]", "GeoJSON object"),
     "unhashable type": (".json", lambda: '{"type": {}}', "GeoJSON object"),
     "no polygons": (".json", lambda: '{"type": "FeatureCollection", "features": []}', "at least one polygon"),
@@ -350,7 +485,35 @@ HOSTILE: dict[str, tuple[str, Callable[[], str], str]] = {
     "no resolution": (".yaml", lambda: "image: room.pgm\nresolution: 0\n", r":2:13: .*above 0, got 0"),
     "huge resolution": (".yaml", lambda: f"image: room.pgm\nresolution: 1{'0' * 400}\n", r":2:13: .*a finite number"),
     "NaN origin": (".yaml", lambda: "resolution: 1\norigin: [0, .nan, 0]", r":2:9: .*\[x, y, yaw\]"),
-    "raw mode": (".yaml", lambda: json.dumps({"image": "room.pgm", "mode": "raw", **FINE}), "one of trinary, scale"),
+    "another mode": (
+        ".yaml",
+        lambda: json.dumps({"image": "room.pgm", "mode": "rough", **FINE}),
+        "one of trinary, scale, raw",
+    ),
+    "origin without a yaw": (
+        ".yaml",
+        lambda: json.dumps({"image": "room.pgm", "resolution": 0.5, "origin": [0, 0, float("nan")]}),
+        "write 0 as its yaw, unless the map is turned",
+    ),
+    "degrees by their system": (
+        ".json",
+        lambda: ring_of("[1, 1], [9, 1], [9, 9], [1, 1]").replace(
+            '{"type"', '{"crs": {"type": "name", "properties": {"name": "EPSG:4326"}}, "type"', 1
+        ),
+        r"got degrees \('EPSG:4326'\)",
+    ),
+    "degrees by their size": (
+        ".json",
+        lambda: '{"type": "Polygon", "coordinates": [[[11.57, 48.1], [11.58, 48.1], [11.58, 48.11], [11.57, 48.1]]]}',
+        "which can only be degrees",
+    ),
+    "degrees of EWKT": (".wkt", lambda: "SRID=4326;POLYGON ((0 0, 8 0, 8 8, 0 0))", "project it to metres first"),
+    "a spike": (".wkt", lambda: "POLYGON ((0 0, 4 0, 2 0, 2 -1, 2 4, 0 0))", "shapely.make_valid"),
+    "a line among geometries": (
+        ".wkt",
+        lambda: "POLYGON ((0 0, 1 0, 1 1, 0 0))\nPOLYGON ((5 0, 6 0, 6 1, 5 0)\n",
+        "map.wkt:2:1: error: expected WKT",
+    ),
     "empty": (".yaml", lambda: "", "resolution: expected a finite number above 0, got nothing"),
 }  # fmt: skip
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from contextvars import copy_context
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -409,13 +409,17 @@ def import_map(
             metavar="LENGTH",
         ),
     ] = None,
+    unknown: Annotated[
+        Literal["occupied", "free"] | None,
+        typer.Option(help="What cells of a grid are that no scan has seen [default: occupied].", metavar="WHAT"),
+    ] = None,
     section: Annotated[bool, typer.Option("--section", help="Only the obstacles and regions.")] = False,
     overwrite: Replace = False,
 ) -> None:
     """Turn a map into a problem file with few convex obstacles."""
     from ensemble_ctrl.cli.importing import import_file
 
-    import_file(source, output, tolerance, section, overwrite)
+    import_file(source, output, tolerance, unknown, section, overwrite)
 
 
 @app.command(

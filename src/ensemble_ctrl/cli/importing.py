@@ -7,12 +7,20 @@ from pathlib import Path
 from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import import_map
+from ensemble_ctrl.config.occupancy import Unknown
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.errors import EnsembleError
 from ensemble_ctrl.folder import write_text
 
 
-def import_file(source: Path, output: Path | None, tolerance: str | None, section: bool, overwrite: bool) -> None:
+def import_file(
+    source: Path,
+    output: Path | None,
+    tolerance: str | None,
+    unknown: Unknown | None,
+    section: bool,
+    overwrite: bool,
+) -> None:
     """Print a map as a problem file, or write it.
 
     Raises
@@ -20,7 +28,9 @@ def import_file(source: Path, output: Path | None, tolerance: str | None, sectio
     EnsembleError
         If the map or the tolerance is not what was wanted, or the file is there already.
     """
-    found = import_map(source, None if tolerance is None else _length(tolerance))
+    found = import_map(source, None if tolerance is None else _length(tolerance), unknown)
+    for note in found.notes:
+        complain(f"{source}: warning: {note}")
     text = found.section if section else found.problem
     kept = f"{found.obstacles} obstacle{'s' * (found.obstacles != 1)} in {found.pieces} convex pieces"
     if output is None:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple, NoReturn
 
+from ensemble_ctrl.config.degrees import check_system
 from ensemble_ctrl.config.tree import Place, TextError
 from ensemble_ctrl.config.wrong import is_number, show
 
 Ring = list[tuple[float, float]]
 
 KINDS = ("Polygon", "MultiPolygon", "GeometryCollection", "Feature", "FeatureCollection")
+WITHOUT_AREA = ("Point", "MultiPoint", "LineString", "MultiLineString")
+"""What is left out, and counted."""
+NAMES = ("name", "Name", "NAME", "title", "Title", "TITLE")
+"""Properties that say what a feature is called; else its ``id``."""
 MAX_NESTING = 10
 
 
@@ -37,13 +42,13 @@ class Shape(NamedTuple):
     region: bool = False
 
 
-def shapes_of(text: str) -> list[Shape]:
-    """Every polygon of a GeoJSON text, in its own units.
+def shapes_of(text: str) -> tuple[list[Shape], list[str]]:
+    """Every polygon of a GeoJSON text, in its own units, and the kinds of the points and lines beside them.
 
     Raises
     ------
     TextError
-        If it is not JSON, not GeoJSON, or holds something else than polygons.
+        If it is not JSON, not GeoJSON, or its coordinates are degrees.
     """
     try:
         data = json.loads(text, parse_constant=lambda name: _constant(text, name))
@@ -55,7 +60,16 @@ def shapes_of(text: str) -> list[Shape]:
             f"nested at most {MAX_NESTING} deep" if isinstance(error, RecursionError) else "numbers of usual length"
         )
         raise TextError(f"expected JSON {wanted}, got more") from None
-    return list(_shapes(data, ("", False), "", 0))
+    check_system(_system(data))
+    left_out: list[str] = []
+    return list(_shapes(data, ("", False), "", 0, left_out)), left_out
+
+
+def _system(data: Any) -> str:
+    """The name of the coordinate system that an object says it is in, as the format had it before 2016."""
+    for key in ("crs", "properties", "name"):
+        data = data.get(key) if isinstance(data, dict) else None
+    return data if isinstance(data, str) else ""
 
 
 def _constant(text: str, name: str) -> NoReturn:
@@ -66,25 +80,27 @@ def _constant(text: str, name: str) -> NoReturn:
     raise TextError(f"expected finite numbers, got {name}", place)
 
 
-def _shapes(data: Any, owner: tuple[str, bool], where: str, depth: int) -> Iterator[Shape]:
-    """The polygons of one object; `where` says which it is."""
+def _shapes(data: Any, owner: tuple[str, bool], where: str, depth: int, left_out: list[str]) -> Iterator[Shape]:
+    """The polygons of one object; `where` says which it is. What has no area is named in `left_out`."""
     kind = data.get("type") if isinstance(data, dict) else None
+    if kind in WITHOUT_AREA:
+        left_out.append(str(kind))
+        return
     if kind not in KINDS:
-        hint = "draw walls as polygons with a width" if kind in ("LineString", "MultiLineString") else ""
         got = show(kind) if isinstance(data, dict) else show(data)
-        raise TextError(f"{_at(where)}expected a GeoJSON object of type {', '.join(KINDS)}, got {got}", hint=hint)
+        raise TextError(f"{_at(where)}expected a GeoJSON object of type {', '.join(KINDS)}, got {got}")
     if depth > MAX_NESTING:
         raise TextError(f"{_at(where)}expected objects nested at most {MAX_NESTING} deep, got more")
     match kind:
         case "FeatureCollection":
             for i, feature in enumerate(_list(data, "features", where)):
-                yield from _shapes(feature, owner, _below(where, f"features[{i}]"), depth + 1)
+                yield from _shapes(feature, owner, _below(where, f"features[{i}]"), depth + 1, left_out)
         case "Feature":
             if data.get("geometry") is not None:
-                yield from _shapes(data["geometry"], _owner(data), _below(where, "geometry"), depth + 1)
+                yield from _shapes(data["geometry"], _owner(data), _below(where, "geometry"), depth + 1, left_out)
         case "GeometryCollection":
             for i, part in enumerate(_list(data, "geometries", where)):
-                yield from _shapes(part, owner, _below(where, f"geometries[{i}]"), depth + 1)
+                yield from _shapes(part, owner, _below(where, f"geometries[{i}]"), depth + 1, left_out)
         case "MultiPolygon":
             for i, rings in enumerate(_list(data, "coordinates", where)):
                 yield _shape(owner, rings, _below(where, f"coordinates[{i}]"))
@@ -93,12 +109,16 @@ def _shapes(data: Any, owner: tuple[str, bool], where: str, depth: int) -> Itera
 
 
 def _owner(feature: dict[str, Any]) -> tuple[str, bool]:
-    """What a feature is called, by its property ``name`` or its ``id``, and whether its ``role`` is ``region``."""
+    """What a feature is called, by one of `NAMES` or its ``id``, and whether its ``role`` is ``region``."""
     properties = feature.get("properties")
     told = properties if isinstance(properties, dict) else {}
-    given = told.get("name", feature.get("id"))
-    named = isinstance(given, str | int) and not isinstance(given, bool)
-    return str(given) if named else "", told.get("role") == "region"
+    return name_among([*(told.get(key) for key in NAMES), feature.get("id")]), told.get("role") == "region"
+
+
+def name_among(given: Iterable[Any]) -> str:
+    """The first that is a name; empty without one."""
+    named = (str(one) for one in given if isinstance(one, str | int) and not isinstance(one, bool) and one != "")
+    return next(named, "")
 
 
 def _shape(owner: tuple[str, bool], data: Any, where: str) -> Shape:

@@ -15,14 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.checks import ALL_OBSTACLES
-from ensemble_ctrl.config.maps import Area, areas_from_file, box_of, is_box
+from ensemble_ctrl.config.maps import Area, MapContent, box_of, is_box, read_map
 from ensemble_ctrl.config.messages import Diagnostic, layout
+from ensemble_ctrl.config.occupancy import Unknown
 from ensemble_ctrl.config.tree import TextError
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.errors import ConfigError
 
 Floats = NDArray[np.float64]
 
+LITTLE = 1e-3
+"""Metres: a start closer to an obstacle than that is in it once it is rounded."""
 PLACES = 60
 """Places along each side of the map that are tried as a start."""
 HEAD = """\
@@ -32,7 +35,7 @@ version: 1
 name: {name}
 fleet:
   model: unicycle
-  start: {{position: [{x:.6g}, {y:.6g}], heading: 0 deg}} # the roomiest place found, {room:.3g} m from everything
+  start: {{position: [{x}, {y}], heading: 0 deg}} # the roomiest place found, {room:.3g} m from everything
 horizon: {{duration: 20 s}}
 task: "{task}"
 """
@@ -52,6 +55,8 @@ class Imported:
         How many convex pieces the obstacles have together.
     obstacles, regions : int
         How many there are.
+    notes : tuple of str
+        What its reader should know of how the map was read.
     """
 
     problem: str
@@ -59,9 +64,10 @@ class Imported:
     pieces: int
     obstacles: int
     regions: int
+    notes: tuple[str, ...] = ()
 
 
-def import_map(path: str | Path, tolerance: float | None = None) -> Imported:
+def import_map(path: str | Path, tolerance: float | None = None, unknown: Unknown | None = None) -> Imported:
     """Read a map: GeoJSON, WKT, or the ``.yaml`` of an occupancy grid.
 
     Parameters
@@ -71,6 +77,8 @@ def import_map(path: str | Path, tolerance: float | None = None) -> Imported:
     tolerance : float, optional
         Metres by which obstacles may grow, so that they need fewer convex pieces; if not given, two cells of an
         occupancy grid, and nothing for shapes.
+    unknown : {"occupied", "free"}, optional
+        What the cells of an occupancy grid are that no scan has seen; occupied if not given.
 
     Returns
     -------
@@ -88,14 +96,14 @@ def import_map(path: str | Path, tolerance: float | None = None) -> Imported:
     """
     path = Path(path)
     try:
-        areas = areas_from_file(path, tolerance)
-        return _written(path, areas, tolerance)
+        return _written(path, read_map(path, tolerance, unknown), tolerance)
     except TextError as error:
         raise _refusal(path, error) from None
 
 
-def _written(path: Path, areas: Sequence[Area], tolerance: float | None) -> Imported:
+def _written(path: Path, content: MapContent, tolerance: float | None) -> Imported:
     """The texts of a map's areas."""
+    areas = content.areas
     names = _names([area.name or "map" for area in areas])
     obstacles = {name: area for name, area in zip(names, areas, strict=True) if not area.region}
     regions = {name: area for name, area in zip(names, areas, strict=True) if area.region}
@@ -104,7 +112,7 @@ def _written(path: Path, areas: Sequence[Area], tolerance: float | None) -> Impo
     if regions:
         section += "regions:\n" + "".join(f"  {name}:{_region(name, area)}" for name, area in regions.items())
     pieces = sum(len(area.corners) for area in obstacles.values())
-    place, room = _roomiest(areas)
+    place, room = _roomiest(content)
     title = re.sub(r"[^\w .+-]", "", path.stem)[:60].strip(" .") or "map"
     head = HEAD.format(
         title=title,
@@ -117,7 +125,7 @@ def _written(path: Path, areas: Sequence[Area], tolerance: float | None) -> Impo
         room=room,
         task=f"G avoid({ALL_OBSTACLES})" if obstacles else f"F in({next(iter(regions))})",
     )
-    return Imported(head + section, section, pieces, len(obstacles), len(regions))
+    return Imported(head + section, section, pieces, len(obstacles), len(regions), content.notes)
 
 
 def _names(given: Sequence[str]) -> list[str]:
@@ -151,17 +159,33 @@ def _region(name: str, area: Area) -> str:
     return _shapes(area.corners)
 
 
-def _roomiest(areas: Sequence[Area]) -> tuple[Floats, float]:
-    """The place of a grid over the map that is furthest from its obstacles, and how far that is, metres."""
-    (left, right), (low, high) = box_of(np.concatenate([c for area in areas for c in area.corners]))
+def _roomiest(content: MapContent) -> tuple[tuple[float, float], float]:
+    """The place of a grid over the map that is furthest from its obstacles, and how far that is, metres.
+
+    Where shapes leave no room between them, places around the map are tried, too; beyond an image nothing is known.
+    """
+    bounds = box_of(np.concatenate([corners for area in content.areas for corners in area.corners]))
+    place, room = _roomiest_in(bounds, content.areas)
+    if room < LITTLE and content.edge is None:
+        around = 0.5 * float(np.ptp(bounds, axis=1).max())
+        place, room = _roomiest_in(bounds + np.array([-around, around]), content.areas)
+    if room < LITTLE:
+        raise TextError("found no room between the obstacles, as far as they grew", hint="give a smaller tolerance")
+    return place, room
+
+
+def _roomiest_in(bounds: Floats, areas: Sequence[Area]) -> tuple[tuple[float, float], float]:
+    """The same of a grid in a box."""
+    (left, right), (low, high) = bounds.tolist()
     across, up = np.linspace(left, right, PLACES + 2)[1:-1], np.linspace(low, high, PLACES + 2)[1:-1]
-    places = np.stack(np.meshgrid(across, up, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = np.stack(np.meshgrid(across, up, indexing="ij"), axis=-1).reshape(-1, 2).round(3)
     room = np.full(len(places), max(right - left, high - low))
     for area in areas:
         for piece in () if area.region else area.pieces:
             np.minimum(room, piece.distance(places), out=room)
     best = int(room.argmax())
-    return np.round(places[best], 3), float(room[best])
+    x, y = places[best].tolist()
+    return (x, y), float(room[best])
 
 
 def _printable(text: str) -> str:

@@ -14,6 +14,7 @@ from ensemble_ctrl.checks import Finding, findings, path_text
 from ensemble_ctrl.config.build import build
 from ensemble_ctrl.config.dump import to_data
 from ensemble_ctrl.config.locate import Locator
+from ensemble_ctrl.config.mapped import edge_findings, map_notes
 from ensemble_ctrl.config.messages import Diagnostic, findings_of, layout
 from ensemble_ctrl.config.ode_section import OdeProblemFile
 from ensemble_ctrl.config.overrides import Given, Override, apply, name_of_override, parse_override
@@ -122,17 +123,17 @@ def _read(text: Text, overrides: Iterable[Given], trust: bool = False, loop: boo
             [locate(Finding((), f"expected a problem with fleet, horizon and task, got {show(data)}"))],
             text.name,
         )
-    problem = _problem(text, data, locate, trust)
+    problem, notes = _problem(text, data, locate, trust)
     if loop or problem.online is not None:
         wrong = [locate(finding) for finding in loop_findings(problem)]
         if wrong:
             _refuse(sorted(wrong, key=locate.order), text.name)
-    warnings = [locate(finding) for finding in findings(problem)]
+    warnings = [*notes, *(locate(finding) for finding in findings(problem))]
     return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content)
 
 
-def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> Problem:
-    """Validate and build, collecting every error."""
+def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> tuple[Problem, list[Diagnostic]]:
+    """Validate and build, collecting every error; what its maps have to say, too."""
     found = locate.repeated()
     kind: type[ProblemFile] = ProblemFile
     context: dict[str, Any] = {"folder": text.folder, "trust": trust}
@@ -143,16 +144,19 @@ def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> 
         except Wrong as error:  # nothing else can be read without it
             path = ("fleet", "model", *error.path)
             _refuse([*found, locate(Finding(path, error.message, error.hint))], text.name)
+    notes: list[Diagnostic] = []
     try:
         file = kind.model_validate(data, context=context)
+        notes = [locate(finding) for finding in map_notes(file)]
         problem = build(file, re.sub(r"[^\w .+-]", "", FilePath(text.name).stem) or "problem")
+        found += [locate(finding) for finding in edge_findings(file, problem)]
     except ValidationError as error:
         found += [locate(finding) for finding in findings_of(error, kind)]
     except ProblemError as error:
         found += [locate(finding) for finding in error.findings or [Finding((), str(error))]]
     if found:
-        _refuse(sorted(found, key=locate.order), text.name)
-    return problem
+        _refuse(sorted([*found, *notes], key=locate.order), text.name)
+    return problem, notes
 
 
 def _tree(text: Text) -> Tree:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.config.degrees import check_places
 from ensemble_ctrl.config.geojson import Shape, shapes_of
-from ensemble_ctrl.config.occupancy import read_occupancy
+from ensemble_ctrl.config.occupancy import Unknown, read_occupancy
 from ensemble_ctrl.config.source import MAX_MAP_BYTES, read_bytes, text_of
 from ensemble_ctrl.config.tree import TextError
-from ensemble_ctrl.config.wrong import Wrong, show
+from ensemble_ctrl.config.wkt import shapes_of_wkt
+from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.polygon import LARGEST
 from ensemble_ctrl.errors import ProblemError
@@ -25,10 +26,10 @@ Floats = NDArray[np.float64]
 MAX_PIECES = 1_000
 MAX_CORNERS = 10_000
 """Convex pieces and corners that one map may have, before and after they are cut: a problem file has to hold them."""
-MAX_NESTING = 20
 CELLS = 2.0
 """Cells by which an occupancy grid may grow unless a tolerance is given."""
-_EXAMPLE = "for example 'POLYGON ((0 0, 2 0, 1 1, 0 0))'"
+WIDER = "what is to be kept clear of needs a polygon with a width"
+REPAIR = "repair the polygon first, as with shapely.make_valid, or in QGIS by Fix geometries"
 _SIMPLER = "give a tolerance (in metres), or cut out what you need"
 
 
@@ -54,6 +55,24 @@ class Area:
     def pieces(self) -> tuple[Obstacle, ...]:
         """Its convex pieces."""
         return tuple(Obstacle.box(box_of(c)) if is_box(c) else Obstacle.polygon(c) for c in self.corners)
+
+
+@dataclass(frozen=True, eq=False)
+class MapContent:
+    """What a map holds.
+
+    Attributes
+    ----------
+    areas : list of Area
+    notes : tuple of str
+        What its reader should know of how it was read.
+    edge : ndarray, shape (4, 2), optional
+        Corners of a grid, metres; beyond it nothing is known. None for maps of shapes.
+    """
+
+    areas: list[Area]
+    notes: tuple[str, ...] = ()
+    edge: Floats | None = None
 
 
 def is_box(corners: Floats) -> bool:
@@ -87,33 +106,28 @@ def areas_from_wkt(text: str, tolerance: float = 0.0) -> list[Area]:
     TextError
         If it is not WKT, or holds something else.
     """
-    import shapely
-
-    if _nesting(text) > MAX_NESTING:
-        raise TextError(f"expected WKT nested at most {MAX_NESTING} deep, got more")
-    try:
-        with np.errstate(invalid="ignore"):  # NaN is told of below
-            geometry = shapely.from_wkt(text)
-    except shapely.errors.GEOSException:
-        raise TextError(f"expected WKT, got {show(text)}", hint=_EXAMPLE) from None
-    return _areas(list(_shapes(geometry)), tolerance)
+    shapes, left_out = shapes_of_wkt(text)
+    if left_out:
+        raise TextError(f"expected polygons, got {counted(left_out)}", hint=WIDER)
+    return _areas(shapes, tolerance)
 
 
-def areas_from_file(path: Path, tolerance: float | None = None) -> list[Area]:
+def read_map(path: Path, tolerance: float | None = None, unknown: Unknown | None = None) -> MapContent:
     """The areas of a map: features of a GeoJSON file by their names, a WKT file as one, an occupancy grid as one.
 
     Parameters
     ----------
     path : Path
-        GeoJSON, WKT, or the ``.yaml`` that goes with an image of an occupancy grid.
+        GeoJSON, WKT (also a CSV table with a column of it), or the ``.yaml`` that goes with an occupancy grid's image.
     tolerance : float, optional
         Metres by which areas may grow, so that they need fewer pieces: 0, or `CELLS` of a grid's cells, if not given.
+    unknown : {"occupied", "free"}, optional
+        What the cells of a grid are that no scan has seen; see `read_occupancy`.
 
     Raises
     ------
     TextError
-        If it can't be read, with the place where that is known; if it holds something else than polygons; if it is too
-        large.
+        If it can't be read, with the place where that is known; if it has no polygons; if it is too large.
 
     Notes
     -----
@@ -125,20 +139,30 @@ def areas_from_file(path: Path, tolerance: float | None = None) -> list[Area]:
         )
     text = text_of(read_bytes(path, MAX_MAP_BYTES), MAX_MAP_BYTES)
     if path.suffix.lower() in (".yaml", ".yml"):
-        return [_grid(path, text, tolerance)]
-    if text.lstrip().startswith(("{", "[")):
-        return _areas(shapes_of(text), tolerance or 0.0)
-    return areas_from_wkt(text.strip(), tolerance or 0.0)
+        return _grid(path, text, tolerance, unknown)
+    if unknown is not None:
+        raise TextError("expected an occupancy grid where unknown is given, got shapes")
+    shapes, left_out = shapes_of(text) if text.lstrip().startswith(("{", "[")) else shapes_of_wkt(text)
+    if left_out and not shapes:
+        raise TextError(f"expected at least one polygon, got only {counted(left_out)}", hint=WIDER)
+    check_places([corner for shape in shapes for ring in shape.rings for corner in ring])
+    notes = (f"left out {counted(left_out)}, without an area; {WIDER}",) if left_out else ()
+    return MapContent(_areas(shapes, tolerance or 0.0), notes)
 
 
-def _grid(path: Path, text: str, tolerance: float | None) -> Area:
+def counted(kinds: Sequence[str]) -> str:
+    """How many there are of each kind, as ``2 Point and 1 LineString``."""
+    return " and ".join(f"{count} {kind}" for kind, count in Counter(kinds).items())
+
+
+def _grid(path: Path, text: str, tolerance: float | None, unknown: Unknown | None) -> MapContent:
     """The occupied cells of a grid."""
-    cells = read_occupancy(path, text)
+    cells, notes = read_occupancy(path, text, unknown)
     try:
         corners = cells.pieces(CELLS * cells.size if tolerance is None else tolerance)
     except ProblemError as error:
         raise TextError(str(error).partition(": ")[2], hint="give a larger tolerance (in metres)") from None
-    return Area("walls", _no_more_than_fit(corners))
+    return MapContent([Area("walls", _no_more_than_fit(corners))], notes, cells.outline)
 
 
 def _areas(shapes: list[Shape], tolerance: float) -> list[Area]:
@@ -177,7 +201,9 @@ def _cut(shape: Shape, tolerance: float) -> list[Floats]:
     except ProblemError as error:
         where = f"{shape.where}: " if shape.where else ""
         name = f"{shape.name!r}: " if shape.name else ""
-        raise TextError(f"{where}{name}{str(error).partition(': ')[2]}") from None
+        message = str(error).partition(": ")[2]
+        broken = "cross itself" in message or "holes" in message
+        raise TextError(f"{where}{name}{message}", hint=REPAIR if broken else "") from None
 
 
 def _no_more_than_fit(pieces: Sequence[Floats]) -> tuple[Floats, ...]:
@@ -187,27 +213,6 @@ def _no_more_than_fit(pieces: Sequence[Floats]) -> tuple[Floats, ...]:
         wanted = f"at most {MAX_PIECES} convex pieces with {MAX_CORNERS} corners"
         raise TextError(f"expected {wanted}, got {len(pieces)} with {count}", hint=_SIMPLER)
     return tuple(pieces)
-
-
-def _shapes(geometry: Any) -> Iterable[Shape]:
-    """The polygons of a shapely geometry."""
-    if hasattr(geometry, "geoms"):
-        for part in geometry.geoms:
-            yield from _shapes(part)
-        return
-    if geometry.geom_type != "Polygon" or geometry.is_empty:
-        raise TextError(f"expected polygons, got {'an empty one' if geometry.is_empty else geometry.geom_type}")
-    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (geometry.exterior, *geometry.interiors)]
-    yield Shape("", [[(float(x), float(y)) for x, y in ring] for ring in rings], "")
-
-
-def _nesting(text: str) -> int:
-    """How deep the brackets of a text are nested at most."""
-    depth = deepest = 0
-    for bracket in re.findall(r"[()]", text):
-        depth += 1 if bracket == "(" else -1
-        deepest = max(deepest, depth)
-    return deepest
 
 
 def wrong(path: Path, error: TextError) -> Wrong:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +21,16 @@ from ensemble_ctrl.files import read_regular
 MAX_CELLS = 16_000_000
 LARGEST = 1e6
 MAX_IMAGE_BYTES = 100_000_000
+FREE, OCCUPIED = 0.196, 0.65
+"""Thresholds of a map that gives none."""
+GREY, EXACT = 205 / 255, 1e-6
+"""What ``map_saver`` writes for unknown cells, of 1, and how exactly."""
+Unknown = Literal["occupied", "free"]
 EXAMPLE = "for example  image: office.pgm, resolution: 0.05, origin: [-10, -10, 0]"
 
 
-def read_occupancy(path: Path, text: str) -> Cells:
-    """The grid that a map file and its image describe.
+def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tuple[Cells, tuple[str, ...]]:
+    """The grid that a map file and its image describe, and what its reader should know of how it was read.
 
     Parameters
     ----------
@@ -32,33 +38,76 @@ def read_occupancy(path: Path, text: str) -> Cells:
         Of the map file; the image is in its folder or below.
     text : str
         What is in the map file.
+    unknown : {"occupied", "free"}, optional
+        What the cells are that no scan has seen; occupied if not given, and then it is said where the map's own
+        thresholds would have them free.
+
+    Returns
+    -------
+    cells : Cells
+    notes : tuple of str
 
     Raises
     ------
     TextError
-        If a field is missing or wrong, or the image can't be read.
+        If a field is missing or wrong, the image can't be read, or none of its cells is free.
 
     Notes
     -----
-    Only cells whose occupancy is below ``free_thresh`` are free: unknown cells, and those with any transparency, count
-    as occupied, and of a coloured cell the channel that says most. Modes ``trinary`` and ``scale`` agree in this.
+    A cell is free if its occupancy is below ``free_thresh``, occupied if it is above ``occupied_thresh``, and else
+    unknown, as are cells with any transparency and those of exactly the grey 205 by which ``map_saver`` writes
+    unknown ones, whatever the thresholds make of it. Of a coloured cell the channel that says most counts.
     """
     tree = Tree.read(text)
     fields = _Fields(tree, tree.data if isinstance(tree.data, dict) else {})
     size = fields.number("resolution", above=0.0)
     x, y, yaw = fields.numbers("origin", 3)
-    free = fields.number("free_thresh", above=0.0, default=0.196)
-    negate = fields.choice("negate", (0, 1, False, True), 0)
-    fields.choice("mode", ("trinary", "scale"), "trinary")
+    free = fields.number("free_thresh", default=FREE)
+    occupied = max(free, fields.number("occupied_thresh", default=OCCUPIED))
+    negate = bool(fields.choice("negate", (0, 1, False, True), 0))
+    raw = fields.choice("mode", ("trinary", "scale", "raw"), "trinary") == "raw"
     for key, values in (("resolution", [size]), ("origin", [x, y, yaw])):
         if max(map(abs, values)) > LARGEST:
             raise fields.wrong(key, f"expected at most {LARGEST:g}, got {max(values, key=abs):g}")
     name = fields.text("image")
     try:
-        taken = _occupancy(checked_path(path.parent, name), bool(negate)) >= free
+        pixels, opaque = _pixels(checked_path(path.parent, name))
     except Wrong as error:
         raise fields.wrong("image", error.message, error.hint) from None
-    return Cells(taken[::-1], size, (x, y), yaw)
+    occupancy = _raw(pixels) if raw else _occupancy(pixels, negate)
+    below = opaque & (occupancy < free)
+    grey = opaque & (np.abs(pixels - GREY).max(axis=2) < EXACT) if not (negate or raw) else np.zeros_like(opaque)
+    unseen = ~opaque | grey | (~below & (occupancy <= occupied)) | (occupancy > 1)
+    taken = ~below & ~unseen if unknown == "free" else ~below | unseen
+    if taken.all():
+        raise fields.wrong("free_thresh", *_nothing_free(pixels, occupancy, opaque, free))
+    return Cells(taken[::-1], size, (x, y), yaw), tuple(_notes(unknown, int(unseen.sum()), int((grey & below).sum())))
+
+
+def _notes(unknown: Unknown | None, unseen: int, freed: int) -> Iterator[str]:
+    """What is to be said of the cells that no scan has seen."""
+    if unknown == "free" and unseen:
+        yield f"{unseen:,} unknown cells count as free: what stands there is not known, and no proof is about it"
+    if unknown is None and freed:
+        thresholds = "its free_thresh would have them free"
+        ways = "write  unknown: free  to pass through them, or  unknown: occupied  to leave it at that"
+        yield f"{freed:,} cells of the grey 205 (unknown) count as occupied, though {thresholds}; {ways}"
+
+
+def _nothing_free(
+    pixels: NDArray[np.float32], occupancy: NDArray[np.float32], opaque: NDArray[np.bool_], free: float
+) -> tuple[str, str]:
+    """Why no cell is free, and what to do about it."""
+    if not opaque.any():
+        return "no cell of the image is free: all have some transparency", "write it without transparency"
+    least = float(occupancy[opaque].min())
+    if pixels.shape[2] > 1 and float((1 - pixels.mean(axis=2))[opaque].min()) < free:
+        why = "of a coloured cell the darkest channel counts"
+        return f"no cell of the image is free: {why}, and the least occupancy is {least:.3f}", "write the image in grey"
+    if least < free:
+        return "no cell of the image is free: all that are below it are unknown (the grey 205)", "see unknown: free"
+    hint = f"raise it above {least:.3f}" if least < OCCUPIED else "negate: 1 is for images whose free cells are dark"
+    return f"no cell of the image is free: the least occupancy is {least:.3f}, this is {free:g}", hint
 
 
 class _Fields:
@@ -84,7 +133,9 @@ class _Fields:
         """A list of finite numbers."""
         value = self._data.get(key)
         if not isinstance(value, list) or len(value) != count or not all(map(is_number, value)):
-            raise self.wrong(key, f"expected [x, y, yaw], got {show(value)}", "" if key in self._data else EXAMPLE)
+            turned = isinstance(value, list) and len(value) == count and all(map(is_number, value[:2]))
+            hint = "write 0 as its yaw, unless the map is turned" if turned else ""
+            raise self.wrong(key, f"expected [x, y, yaw], got {show(value)}", hint if key in self._data else EXAMPLE)
         return [float(item) for item in value]
 
     def text(self, key: str) -> str:
@@ -103,11 +154,14 @@ class _Fields:
         return value
 
 
-def _occupancy(path: Path, negate: bool) -> NDArray[np.float32]:
+def _occupancy(pixels: NDArray[np.float32], negate: bool) -> NDArray[np.float32]:
     """How occupied each cell is, 0 to 1, shape (rows, columns), the top row first."""
-    pixels, opaque = _pixels(path)
-    light = pixels.max(axis=2) if negate else 1 - pixels.min(axis=2)
-    return np.where(opaque, light, np.float32(1.0))
+    return np.asarray(pixels.max(axis=2) if negate else 1 - pixels.min(axis=2))
+
+
+def _raw(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The same where pixels are percents of occupancy; above 1 where they are none: unknown."""
+    return np.asarray(np.rint(255 * pixels.max(axis=2)) / np.float32(100), dtype=np.float32)
 
 
 def _pixels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

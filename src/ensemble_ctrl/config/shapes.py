@@ -20,7 +20,8 @@ from pydantic import (
 
 from ensemble_ctrl.checks import STATES
 from ensemble_ctrl.config import fields as f
-from ensemble_ctrl.config.maps import Area, area_of_polygon, areas_from_file, areas_from_wkt, wrong
+from ensemble_ctrl.config.maps import Area, MapContent, area_of_polygon, areas_from_wkt, read_map, wrong
+from ensemble_ctrl.config.occupancy import Unknown
 from ensemble_ctrl.config.source import checked_path
 from ensemble_ctrl.config.tree import TextError
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
@@ -108,7 +109,7 @@ class RegionShape(f.Model):
             "box": Polyhedron.box,
             "polygon": lambda corners: _convex([area_of_polygon(corners)]),
             "halfspaces": lambda rows: _intersection(rows, places),
-            "file": lambda name: _convex(_mapped(name, self.feature, 0.0, info)),
+            "file": lambda name: _convex(_chosen(name, _content(name, 0.0, None, info), self.feature)),
         }
         self._area = _built(self, forms)
         return self
@@ -136,12 +137,15 @@ class ObstacleShape(f.Model):
     """Name of the feature in the file; all of them without it."""
     tolerance: f.Margin | None = None
     """Metres by which an area may grow to be simpler; it never shrinks."""
+    unknown: Unknown | None = None
+    """What cells of an occupancy grid are that no scan has seen: `occupied` (if not given), or `free`."""
     _pieces: Pieces = PrivateAttr()
+    _content: MapContent | None = PrivateAttr(None)
 
     @model_validator(mode="after")
     def _build(self, info: ValidationInfo) -> Self:
         """Build the convex pieces, so that what is wrong with them is reported with everything else."""
-        _only_of_files(self, ("feature", "tolerance"))
+        _only_of_files(self, ("feature", "tolerance", "unknown"))
         places = _places(info)
         kind = Solid if len(places) == 3 else Obstacle
         forms: dict[str, Callable[[Any], Pieces]] = {
@@ -149,10 +153,20 @@ class ObstacleShape(f.Model):
             "polygon": lambda corners: area_of_polygon(corners).pieces,
             "halfspaces": lambda rows: (kind(*_rows(rows, places)),),
             "wkt": lambda text: _pieces(areas_from_wkt(text)),
-            "file": lambda name: _pieces(_mapped(name, self.feature, self.tolerance, info)),
+            "file": lambda name: _pieces(self._mapped(name, info)),
         }
         self._pieces = _built(self, forms)
         return self
+
+    def _mapped(self, name: str, info: ValidationInfo) -> list[Area]:
+        """The areas of a map, of which the rest is kept."""
+        self._content = _content(name, self.tolerance, self.unknown, info)
+        return _chosen(name, self._content, self.feature)
+
+    @property
+    def content(self) -> MapContent | None:
+        """What its map holds beside the areas, if it has one."""
+        return self._content
 
     @property
     def pieces(self) -> Pieces:
@@ -183,22 +197,26 @@ def _only_of_files(shape: f.Model, names: Iterable[str]) -> None:
             raise Wrong(f"expected {name} only with file", path=(name,))
 
 
-def _mapped(name: str, feature: str | None, tolerance: float | None, info: ValidationInfo) -> list[Area]:
-    """The areas of a map that lies with the problem file, or one of them."""
+def _content(name: str, tolerance: float | None, unknown: Unknown | None, info: ValidationInfo) -> MapContent:
+    """What a map holds that lies with the problem file."""
     path = checked_path((info.context or {}).get("folder", Path()), name)
     try:
-        areas = areas_from_file(path, tolerance)
+        return read_map(path, tolerance, unknown)
     except TextError as error:
         raise wrong(path, error) from None
-    found = [area for area in areas if feature in (None, area.name)]
+
+
+def _chosen(file: str, content: MapContent, feature: str | None) -> list[Area]:
+    """The areas of a map that are meant: one by its name, or all obstacles."""
+    found = [area for area in content.areas if feature in (None, area.name)]
     if feature is None:
-        found = [area for area in areas if not area.region]
+        found = [area for area in content.areas if not area.region]
         if not found:
-            raise Wrong(f"expected obstacles in {path}, got only regions", "name one with feature")
+            raise Wrong(f"expected obstacles in {file}, got only regions", "name one with feature")
     if not found:
-        known = [area.name for area in areas if area.name]
+        known = [area.name for area in content.areas if area.name]
         hint = suggestion(feature, known) or f"it has {', '.join(known) or 'no names'}"
-        raise Wrong(f"{path} has no feature named {show(feature)}", hint, _FEATURE)
+        raise Wrong(f"{file} has no feature named {show(feature)}", hint, _FEATURE)
     return found
 
 

@@ -46,6 +46,12 @@ class Cells:
     origin: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
 
+    @property
+    def outline(self) -> Array:
+        """Corners of the grid, counter-clockwise from its origin, shape (4, 2), metres."""
+        rows, columns = self.occupied.shape
+        return self._placed(np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], dtype=float))
+
     def pieces(self, tolerance: float) -> list[Array]:
         """Convex polygons that cover every occupied cell, and a frame around the grid.
 
