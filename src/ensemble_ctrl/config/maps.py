@@ -215,7 +215,7 @@ def _no_more_than_fit(pieces: Sequence[Floats]) -> tuple[Floats, ...]:
     return tuple(pieces)
 
 
-def wrong(path: Path, error: TextError) -> Wrong:
+def wrong(name: str, error: TextError) -> Wrong:
     """What is wrong with a map, told where a problem file names it."""
     place = f":{error.place.line}:{error.place.column}" if error.place else ""
-    return Wrong(f"{path}{place}: {error.message}", error.hint)
+    return Wrong(f"{name}{place}: {error.message}", error.hint)

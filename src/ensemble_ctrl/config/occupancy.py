@@ -171,19 +171,19 @@ def _pixels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     try:
         content = read_regular(path, MAX_IMAGE_BYTES)
         if len(content) > MAX_IMAGE_BYTES:
-            raise Wrong(f"{path}: expected an image of at most {MAX_IMAGE_BYTES // 1_000_000} MB, got more")
+            raise Wrong(f"{path.name}: expected an image of at most {MAX_IMAGE_BYTES // 1_000_000} MB, got more")
         with _opened(content) as image:
             if image.width * image.height > MAX_CELLS:
                 raise _too_large(path, f"{image.width} x {image.height}")
             return _channels(image)
     except FileNotFoundError:
-        raise Wrong(f"{path}: no such file") from None
+        raise Wrong(f"{path.name}: no such file") from None
     except UnidentifiedImageError:
-        raise Wrong(f"{path}: expected an image in PGM or PNG") from None
+        raise Wrong(f"{path.name}: expected an image in PGM or PNG") from None
     except Image.DecompressionBombError:
         raise _too_large(path, "many more") from None
     except (OSError, ValueError, SyntaxError, EOFError, MemoryError) as error:
-        raise Wrong(f"{path}: this image can't be read: {getattr(error, 'strerror', None) or error}") from None
+        raise Wrong(f"{path.name}: this image can't be read: {getattr(error, 'strerror', None) or error}") from None
 
 
 def _opened(content: bytes) -> Any:
@@ -210,5 +210,5 @@ def _channels(image: Any) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
 def _too_large(path: Path, got: str) -> Wrong:
     """An image with too many cells."""
     return Wrong(
-        f"{path}: expected at most {MAX_CELLS:,} cells, got {got}", "make it coarser, or cut out what you need"
+        f"{path.name}: expected at most {MAX_CELLS:,} cells, got {got}", "make it coarser, or cut out what you need"
     )

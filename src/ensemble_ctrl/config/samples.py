@@ -75,27 +75,27 @@ def columns_from_file(path: Path, above: float = -math.inf) -> Columns:
         text = text_of(read_bytes(path, MAX_MAP_BYTES), MAX_MAP_BYTES)
     except TextError as error:
         hint = _THIN if error.message.startswith("expected at most") else error.hint
-        raise Wrong(f"{path}: {error.message}", hint) from None
+        raise Wrong(f"{path.name}: {error.message}", hint) from None
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     if not lines:
-        raise Wrong(f"{path}: expected numbers, got an empty file", _EXAMPLE)
+        raise Wrong(f"{path.name}: expected numbers, got an empty file", _EXAMPLE)
     rows = [(i, _cells(line, _separator(lines[0][1]))) for i, line in lines]
     names = rows.pop(0)[1] if not all(map(_is_number, rows[0][1])) else []
     if not names and len(rows[0][1]) > 1:
         wanted = "expected a first line that names the columns"
-        raise Wrong(f"{path}, line {rows[0][0]}: {wanted}, got {len(rows[0][1])} columns of numbers")
+        raise Wrong(f"{path.name}, line {rows[0][0]}: {wanted}, got {len(rows[0][1])} columns of numbers")
     return _columns(path, names or [""], rows, above)
 
 
 def _columns(path: Path, names: list[str], rows: list[tuple[int, list[str]]], above: float) -> Columns:
     """Rows of cells as columns of numbers."""
     if not rows:
-        raise Wrong(f"{path}: expected numbers below the names of the columns, got none", _EXAMPLE)
+        raise Wrong(f"{path.name}: expected numbers below the names of the columns, got none", _EXAMPLE)
     if len(rows) > MAX_SAMPLES:
-        raise Wrong(f"{path}: expected at most {MAX_SAMPLES} lines, got {len(rows)}", _THIN)
+        raise Wrong(f"{path.name}: expected at most {MAX_SAMPLES} lines, got {len(rows)}", _THIN)
     for i, row in rows:
         if len(row) != len(names):
-            raise Wrong(f"{path}, line {i}: expected {len(names)} cell{'s' * (len(names) != 1)}, got {len(row)}")
+            raise Wrong(f"{path.name}, line {i}: expected {len(names)} cell{'s' * (len(names) != 1)}, got {len(row)}")
     return {name: tuple(_cell(path, i, row[c], above) for i, row in rows) for c, name in enumerate(names)}
 
 
@@ -123,7 +123,7 @@ def _cell(path: Path, line: int, cell: str, above: float) -> float:
     number = float(cell) if _is_number(cell) else math.nan
     if not above < number < math.inf:
         wanted = "a finite number" if above == -math.inf else f"a finite number above {above:g}"
-        raise Wrong(f"{path}, line {line}: expected {wanted}, got {show(cell)}")
+        raise Wrong(f"{path.name}, line {line}: expected {wanted}, got {show(cell)}")
     return number
 
 

@@ -203,7 +203,7 @@ def _content(name: str, tolerance: float | None, unknown: Unknown | None, info: 
     try:
         return read_map(path, tolerance, unknown)
     except TextError as error:
-        raise wrong(path, error) from None
+        raise wrong(name, error) from None
 
 
 def _chosen(file: str, content: MapContent, feature: str | None) -> list[Area]:
