@@ -99,6 +99,19 @@ def test_a_task_that_is_read_anew_is_proven_anew(monkeypatch: pytest.MonkeyPatch
     assert not loop.proven
 
 
+def test_without_a_measurement_for_a_whole_horizon_all_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    planned(monkeypatch, None)
+    problem = problem_of("G avoid(o)", duration=1.0, obstacles={"o": [[2.5, 3.0], [-0.2, 0.3]]})
+    run = options(horizon="receding", run_for=4.0, applied_steps=5, deadline=0.5, silence=9.0)
+    loop = Receding(problem, run, straight(1.0), process_time)
+    loop.step(START)
+    assert loop.step().any()
+    assert not loop.step().any()
+    assert loop.stopped == "nothing was measured for a whole horizon"
+    assert loop.history[-1].proof == "none"
+    assert not loop.step().any()  # nor is a way looked for that begins after the horizon
+
+
 # --- obstacles that come on the way
 
 

@@ -70,7 +70,15 @@ def test_strange_aggregates_are_left_out() -> None:
     assert loop.range == (0.85, 1.15)
 
 
-def test_a_fleet_of_two_factors_is_refused() -> None:
-    laws = {"linear_traction": Interval(0.9, 1.1), "angular_traction": Interval(0.9, 1.1)}
-    with pytest.raises(ProblemError, match="swarm: expected a fleet with one factor, got linear_traction, angular"):
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("linear_traction", "angular_traction"), "linear_traction, angular_traction"),
+        (("traction", "start_x"), "traction, start_x"),
+    ],
+)
+def test_a_fleet_of_more_than_one_factor_is_refused(names: tuple[str, ...], said: str) -> None:
+    """Nor may robots start in different places: nobody measures where each is."""
+    laws = {name: Interval(-0.1, 0.1) if name == "start_x" else Interval(0.9, 1.1) for name in names}
+    with pytest.raises(ProblemError, match=f"swarm: expected a fleet with one factor, got {said}"):
         Swarm(SHORT.with_(fleet=replace(SHORT.fleet, parameters=laws)), options(), plan())

@@ -477,7 +477,10 @@ class Receding:
             self._recover(work)
         else:
             self._rebase()
-            self._replan(work)
+            if self.sent - self.base < len(self.plan):
+                self._replan(work)
+            else:
+                self.stop("nothing was measured for a whole horizon")
 
     def _replan(self, work: _Work) -> None:
         """A new plan if something is proven of it, else the last one, else stand."""
@@ -516,10 +519,11 @@ class Receding:
         self._stand()
         begin = self.sent + math.ceil(self.options.recovery / self.problem.step)
         fresh = self.sent * self.problem.step - self.time <= self.options.silence + self.options.deadline
-        if self._attempts >= self.options.attempts or not fresh or begin >= self.steps:
+        self._rebase()
+        beyond = begin >= self.steps or begin - self.base >= len(self.plan)
+        if self._attempts >= self.options.attempts or not fresh or beyond:
             return
         self._attempts += 1
-        self._rebase()
         found = self._from_here(begin - self.base, work)
         for _ in range(3 if found is not None else 0):
             assert found is not None

@@ -87,7 +87,7 @@ class Swarm:
     Raises
     ------
     ProblemError
-        For a fleet with another number of such parameters.
+        For a fleet with another number of such parameters, or with parameters of the start.
     """
 
     def __init__(
@@ -98,8 +98,9 @@ class Swarm:
         timer: Timer = time.perf_counter,
     ) -> None:
         self.problem, self.options, self.timer = of_one_robot(problem), options or OnlineOptions(), timer
-        if len(self.problem.fleet.names) != 1:
-            raise ProblemError(f"swarm: expected a fleet with one factor, got {', '.join(self.problem.fleet.names)}")
+        names = problem.fleet.names
+        if len(names) != 1 or names != self.problem.fleet.names:  # where a robot starts is not measured
+            raise ProblemError(f"swarm: expected a fleet with one factor, got {', '.join(names)}")
         self.plan = solve(self.problem).controls if controls is None else np.array(controls, dtype=float)
         self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
         self.assumed = float(self.problem.fleet.lower[0]), float(self.problem.fleet.upper[0])
