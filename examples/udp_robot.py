@@ -6,6 +6,9 @@ The robot (``--robot PORT``, started by the loop) knows nothing of plans.  Ten t
 ``{"time": .., "x": .., "y": .., "heading": ..}``, and it takes ``{"begin": .., "controls": [[v, omega], ..]}``:
 commands of 0.1 s each from a time on, in place of what it was told before.  With none left it stands.
 ``{"hello": true}`` sets its clock to 0, ``{"stop": true}`` stops it, ``{"quit": true}`` ends it.
+
+A robot trusts nobody: it hears the loop that started it and no other sender, passes over what it does not understand,
+drives no faster than its own bounds, and follows a command for that command's time only.
 """
 
 from __future__ import annotations
@@ -46,6 +49,47 @@ objective: {terminal: {target: [2.4, 0.0]}}
 LOOPBACK = "127.0.0.1"
 LARGEST = 65_507
 """Bytes of a datagram."""
+MOST = 1000
+"""Commands in one message."""
+WORDS = ("hello", "stop", "quit")
+Commands = tuple[float, np.ndarray[Any, Any]]
+
+
+def understood(datagram: bytes) -> dict[str, Any] | None:
+    """The object in a datagram; None if there is none."""
+    try:
+        message = json.loads(datagram)
+    except (ValueError, RecursionError):
+        return None
+    return message if isinstance(message, dict) else None
+
+
+def pose_in(datagram: bytes) -> Measurement | None:
+    """The pose in a datagram; None if it is none, or not of finite numbers."""
+    message = understood(datagram)
+    if message is None or set(message) != {"time", "x", "y", "heading"} or not _numbers(list(message.values())):
+        return None
+    return Measurement(**message)
+
+
+def commands_in(message: dict[str, Any], lower: Any, upper: Any, now: float, horizon: float) -> Commands | None:
+    """When commands begin, and the commands within a robot's own bounds; None for what are none.
+
+    Those begin at most `horizon` seconds away from now, earlier or later.
+    """
+    begin, rows = message.get("begin"), message.get("controls")
+    if set(message) != {"begin", "controls"} or not isinstance(rows, list) or not 0 < len(rows) <= MOST:
+        return None
+    if not _numbers([begin]) or not all(isinstance(row, list) and len(row) == len(lower) for row in rows):
+        return None
+    if not all(_numbers(row) for row in rows) or abs(float(begin) - now) > horizon:
+        return None
+    return float(begin), np.clip(np.array(rows, dtype=float), lower, upper)
+
+
+def _numbers(values: list[Any]) -> bool:
+    """Whether all of some values are finite numbers."""
+    return all(type(value) in (int, float) and abs(value) < 1e300 for value in values)  # NaN is not below anything
 
 
 class UdpRobot:
@@ -57,7 +101,9 @@ class UdpRobot:
         own = str(self.socket.getsockname()[1])
         self.process = subprocess.Popen([sys.executable, __file__, "--robot", own, "--traction", str(traction)])
         self.socket.settimeout(60.0)
-        _, self.address = self.socket.recvfrom(LARGEST)
+        datagram, self.address = self.socket.recvfrom(LARGEST)
+        while pose_in(datagram) is None:
+            datagram, self.address = self.socket.recvfrom(LARGEST)
         self.socket.setblocking(False)
 
     def hello(self) -> WallClock:
@@ -70,7 +116,9 @@ class UdpRobot:
         newest = None
         with suppress(BlockingIOError):
             while True:
-                newest = Measurement(**json.loads(self.socket.recv(LARGEST)))
+                datagram, sender = self.socket.recvfrom(LARGEST)
+                if sender == self.address:
+                    newest = pose_in(datagram) or newest
         return newest
 
     def send(self, begin: float, controls: np.ndarray[Any, Any]) -> None:
@@ -93,7 +141,8 @@ class UdpRobot:
 
 
 def be_the_robot(port: int, traction: float) -> None:
-    """Drive in real time as told by datagrams, and send the pose ten times a second."""
+    """Drive in real time as told by datagrams of one peer, and send it the pose ten times a second."""
+    peer = (LOOPBACK, port)
     problem = ec.load_text(PROBLEM)
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     link.bind((LOOPBACK, 0))
@@ -104,23 +153,28 @@ def be_the_robot(port: int, traction: float) -> None:
         start = problem.fleet.start, problem.fleet.heading
         return SimulatedRobot(problem.fleet.system, *start, problem.step, Fixed(traction, traction), flaws, seed=1)
 
+    bounds = problem.fleet.input_lower, problem.fleet.input_upper
     robot, clock = fresh(), WallClock()
     while True:
         with suppress(BlockingIOError, ConnectionError):
             while True:
-                message = json.loads(link.recv(LARGEST))
-                if "quit" in message:
+                datagram, sender = link.recvfrom(LARGEST)
+                message = understood(datagram) if sender == peer else None
+                if message is None:
+                    continue
+                word = next((word for word in WORDS if message == {word: True}), "")
+                if word == "quit":
                     return
-                if "hello" in message:
+                if word == "hello":
                     robot, clock = fresh(), WallClock()
-                elif "stop" in message:
+                elif word == "stop":
                     robot.stop()
-                else:
-                    robot.send(message["begin"], np.array(message["controls"]))
+                elif commands := commands_in(message, *bounds, clock.now(), problem.duration):
+                    robot.send(*commands)
         robot.wait(clock.now())
         pose = robot.read()
         if pose is not None:
-            link.sendto(json.dumps(vars(pose)).encode(), (LOOPBACK, port))
+            link.sendto(json.dumps(vars(pose)).encode(), peer)
         clock.wait(robot.now() + 0.01)
 
 
