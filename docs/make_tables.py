@@ -245,6 +245,7 @@ def measured_lines(rows: Rows) -> Iterator[str]:
     low, high = row["widest"]
     bound = f"{printed.rounded_down(row['clearance']):.4f} m / {row['seen']:.4f} m"
     run, compared = f"ensemble-plan {five} --members 100000 --set verify.substeps=10", f"ensemble-plan compare {five}"
+    others = f"{100 * row['nodes']:.0f} %, {100 * row['hull']:.0f} %"
     fleets = "problems of `configs/` certified; of fleets that no proof covers, without a violation"
     yield "| what | result | command |"
     yield "|---|---|---|"
@@ -252,7 +253,7 @@ def measured_lines(rows: Rows) -> Iterator[str]:
         ("members of 100,000 that violate the task, 10 looks a step", f"{row['violating']}", run),
         ("proven clearance / smallest distance seen", bound, f"ensemble-plan verify plans/{FIVE}"),
         ("members that violate the task with constraints on moments", f"{100 * row['moment']:.0f} %", compared),
-        ("the same with constraints at nodes, with hulls", f"{row['nodes']:.0%}, {row['hull']:.0%}", compared),
+        ("the same with constraints at nodes, with hulls", others, compared),
         ("widest traction range with a certified plan", f"{low:.3f} to {high:.3f}", f"ensemble-plan widest {five}"),
         (fleets, f"{certified}; {replayed}", "python docs/make_gallery.py"),
     ):

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ensemble_ctrl.config import load, load_text
-from ensemble_ctrl.conflicts import conflicts
+from ensemble_ctrl.conflicts import conflicts, unit_of_parts
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.duties import other_parts
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.ode_fleet import OdeFleet
+from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.replay import replay
+from ensemble_ctrl.report.text import conflict_text, measured
+from ensemble_ctrl.systems import OdeSystem
 
 CONFIG = Path(__file__).parents[1] / "configs" / "five_obstacles.yaml"
 FORWARD = np.zeros((160, 2))
@@ -89,3 +97,52 @@ def test_a_window_that_starts_at_the_end_of_the_horizon() -> None:
     (found,) = conflicts(problem, np.zeros((20, 2)))
     assert found.time == 4.0
     assert found.amount == 1.0
+
+
+class Room(OdeSystem):
+    """A heater: its place is where it stands, and the temperature is what a task is about."""
+
+    name, states, positions = "room", ("x", "temp"), ("x",)
+    controls, control_units, input_bounds = ("speed", "heat"), ("m/s", "K/s"), ((-1.0, 1.0), (0.0, 1.0))
+    parameters: Mapping[str, float] = {"loss": 0.0}
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Any:
+        """Moved and heated."""
+        return [u[0], u[1] - psi["loss"]]
+
+
+class Kelvin(Room):
+    """The same with its units."""
+
+    state_units = ("m", "K")
+
+
+@pytest.mark.parametrize(
+    ("system", "task", "words"),
+    [
+        (Kelvin(), "F temp >= 9", "9 K"),
+        (Room(), "F temp >= 9", "9 in the unit of temp"),
+        (Room(), "F x >= 9", "9 m"),
+        (Room(), "F in(there)", "9 m"),
+        (Kelvin(), "F (in(there) and temp >= -1)", "9 in K or m"),
+        (Room(), "F (in(there) and temp >= -1)", "9 in m or the unit of temp"),
+        (Kelvin(), "F 3*x + 4*temp >= 45", "9 in K or m"),
+    ],
+)
+def test_what_falls_short_is_said_in_its_unit(system: OdeSystem, task: str, words: str) -> None:
+    regions = {"there": Polyhedron([[1.0]], [9.0], [12.0])}
+    fleet = OdeFleet(system, {}, {})
+    problem = OdeProblem("room", fleet, 2.0, 4, parse(task), regions)
+    (found,) = conflicts(problem, np.zeros((4, 2)))
+    assert conflict_text(found).startswith(f"{found.what} by {words} (")
+    run = replay(problem, np.zeros((4, 2)))
+    shown = dict(measured(run, unit_of_parts(problem, other_parts(problem))))
+    assert shown["robustness"].startswith(f"-9.0000{words.removeprefix('9')} ")
+
+
+def test_units_of_states_are_one_for_each_or_none() -> None:
+    class Odd(Room):
+        state_units = ("m",)
+
+    with pytest.raises(ProblemError, match=r"Odd.state_units: expected one entry for each of x, temp, or none, got"):
+        Odd().require_complete()

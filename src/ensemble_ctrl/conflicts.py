@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from ensemble_ctrl.constraints.stl import (
     ExactOps,
     Formula,
     Inside,
+    Predicate,
     StateSignals,
     leaves,
     member_robustness,
@@ -37,17 +39,37 @@ class Conflict:
     what : str
         The obstacle, the part of the task as text, or which state runs away, when and for whom.
     amount : float
-        Metres by which the worst member falls short, > 0; infinite where a state runs away.
+        By how much the worst member falls short, > 0, in `unit`; infinite where a state runs away.
     parameters : dict of str to float
         That member's parameters.
     time : float
         When, in seconds: the deepest moment in an obstacle, or the closest approach to what should be visited.
+    unit : str
+        What follows the amount: a unit, or words where the unit is not known or is one of several.
     """
 
     what: str
     amount: float
     parameters: Member
     time: float
+    unit: str = "m"
+
+
+def unit_of_parts(problem: Problem, parts: Iterable[Formula]) -> str:
+    """What follows a number that is the robustness of one of these parts of a task; of no parts, a distance.
+
+    A unit, or words like ``in the unit of temp`` and ``in m or the unit of temp``.
+    """
+    fleet = problem.fleet
+    names = {name for part in parts for leaf in leaves(part) for name in _states(problem, leaf)} or set(fleet.places)
+    known = sorted({fleet.state_units[name] for name in names if name in fleet.state_units})
+    others = [f"the unit of {name}" for name in sorted(names) if name not in fleet.state_units]
+    return known[0] if len(known) == 1 and not others else f"in {' or '.join([*known, *others])}"
+
+
+def _states(problem: Problem, leaf: Formula) -> tuple[str, ...]:
+    """The states that a leaf is about."""
+    return tuple(name for name, _ in leaf.coefficients) if isinstance(leaf, Predicate) else problem.fleet.places
 
 
 def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
@@ -63,8 +85,11 @@ def _conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
     parameters = problem.fleet.grid(MEMBERS)
     paths = states(problem, controls, parameters)
     run = replay(problem, controls, parameters=parameters, substeps=4)
+    places = unit_of_parts(problem, [])
     found = [
-        Conflict(f"avoid({c.obstacle})", -c.distance, c.parameters, c.time) for c in run.clearances if c.distance < 0
+        Conflict(f"avoid({c.obstacle})", -c.distance, c.parameters, c.time, places)
+        for c in run.clearances
+        if c.distance < 0
     ]
     for part in other_parts(problem):
         found += _failing(problem, part, paths, parameters)
@@ -79,7 +104,8 @@ def _failing(problem: Problem, part: Formula, paths: Floats, parameters: Floats)
     if values[worst] >= 0:
         return []
     at = _closest_time(problem, part, paths[worst])
-    return [Conflict(str(part), -float(values[worst]), problem.fleet.named(parameters[worst]), at)]
+    member, unit = problem.fleet.named(parameters[worst]), unit_of_parts(problem, [part])
+    return [Conflict(str(part), -float(values[worst]), member, at, unit)]
 
 
 def _closest_time(problem: Problem, part: Formula, path: Floats) -> float:

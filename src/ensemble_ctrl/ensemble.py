@@ -59,6 +59,11 @@ class Ensemble(ReadOnlyArrays, ABC):
     def places(self) -> tuple[str, ...]:
         """Which states are the position."""
 
+    @property
+    @abstractmethod
+    def state_units(self) -> dict[str, str]:
+        """Unit of each state, for those that have a known one."""
+
     @abstractmethod
     def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:
         """States of members at the ends of all steps.

@@ -142,6 +142,11 @@ class Fleet(Ensemble):
         """The position."""
         return ("x", "y")
 
+    @property
+    def state_units(self) -> dict[str, str]:
+        """Metres."""
+        return dict.fromkeys(self.states, "m")
+
     def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:
         """Positions by exact arcs, shape (members, steps + 1, 2), metres."""
         return self.system.positions(controls, self.drives(members), step)

@@ -164,6 +164,12 @@ class OdeFleet(Ensemble):
         """The system's position."""
         return self.system.positions
 
+    @property
+    def state_units(self) -> dict[str, str]:
+        """What the system says; metres for the position where it says nothing."""
+        known = dict(zip(self.states, self.system.state_units, strict=False))
+        return dict.fromkeys(self.places, "m") | known
+
     @cached_property
     def position(self) -> Floats:
         """Middle of the start positions, shape (d,), metres."""

@@ -17,6 +17,8 @@ from ensemble_ctrl.certificate import Certificate, as_data, differences
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import dump, load
+from ensemble_ctrl.conflicts import unit_of_parts
+from ensemble_ctrl.duties import other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.files import read_regular
 from ensemble_ctrl.moments import Interval
@@ -152,7 +154,7 @@ def _lines(found: Verified) -> list[str]:
     if found.beyond is not None and not found.ignore_bounds:
         head += f", but beyond the {found.beyond.bounds} bounds at t = {found.beyond.time:g} s"
     agree = "agree with each other" + ("" if found.certificate.proven == "not covered" else " and with the proof")
-    rows = [*proven(found.certificate), *measured(found.run)]
+    rows = [*proven(found.certificate), *measured(found.run, unit_of_parts(problem, other_parts(problem)))]
     if found.beyond is not None:
         rows.append(("bounds", f"{found.beyond}{' (ignored)' if found.ignore_bounds else ''}"))
     rows += [("files", "DISAGREE, see below" if found.tampered else agree)] if not found.asked else []

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.checks import coverage_text
-from ensemble_ctrl.duties import NOTHING_AVOIDED
+from ensemble_ctrl.conflicts import unit_of_parts
+from ensemble_ctrl.duties import NOTHING_AVOIDED, other_parts
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.fleet import START
 from ensemble_ctrl.problem import OdeProblem, Problem
@@ -109,7 +110,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         ("task", str(problem.task)),
         *([("obstacles", coverage_text(problem))] if problem.obstacles else []),
         *soonest(d.get("soonest")),
-        *measured(plan.replayed),
+        *measured(plan.replayed, unit_of_parts(problem, other_parts(problem))),
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
@@ -195,13 +196,13 @@ def parameter_label(problem: Problem, name: str) -> str:
     return f"{name} [{unit}]"
 
 
-def measured(run: Replay | None) -> list[tuple[str, str]]:
-    """What the replay found."""
+def measured(run: Replay | None, unit: str = "m") -> list[tuple[str, str]]:
+    """What the replay found; the task's robustness is in `unit`."""
     if run is None:
         return []
     value, worst = run.worst
     who = "of the task, shares as asked" if run.shares else f"for the worst member ({member_text(worst)})"
-    rows = [("robustness", f"{value:.4f} m {who}")]
+    rows = [("robustness", f"{value:.4f} {unit} {who}")]
     c = min(run.clearances, key=lambda c: c.distance, default=None)
     if c is None or not np.isfinite(c.distance):
         rows.append(("clearance", NOTHING_AVOIDED))
@@ -251,7 +252,7 @@ def conflict_text(c: Conflict) -> str:
     """One violated constraint, with amount, parameter and time; a state that runs away is said with all of that."""
     if not np.isfinite(c.amount):
         return c.what
-    return f"{c.what} by {c.amount:.3g} m ({member_text(c.parameters)}, t = {c.time:.2f} s)"
+    return f"{c.what} by {c.amount:.3g} {c.unit} ({member_text(c.parameters)}, t = {c.time:.2f} s)"
 
 
 def proven(certificate: Certificate | None) -> list[tuple[str, str]]:

@@ -22,6 +22,7 @@ class DoubleIntegrator(OdeSystem):
     summary: ClassVar[str] = "a point mass in the plane under a force"
     states: ClassVar[tuple[str, ...]] = ("x", "y", "vx", "vy")
     positions: ClassVar[tuple[str, ...]] = ("x", "y")
+    state_units: ClassVar[tuple[str, ...]] = ("m", "m", "m/s", "m/s")
     controls: ClassVar[tuple[str, ...]] = ("fx", "fy")
     control_units: ClassVar[tuple[str, ...]] = ("N", "N")
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((-2.0, 2.0), (-2.0, 2.0))

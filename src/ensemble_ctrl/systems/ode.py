@@ -31,6 +31,8 @@ class OdeSystem:
         Names of the states, in order; tasks speak of them.
     positions : tuple of str
         Which states are the position, one to three of them, metres: regions and obstacles are about these.
+    state_units : tuple of str, optional
+        Units of the states, for messages; without them the position is in metres and other units are not named.
     controls, control_units : tuple of str
         Names and units of the commands.
     input_bounds : tuple of (float, float)
@@ -61,6 +63,7 @@ class OdeSystem:
     summary: ClassVar[str] = ""
     states: ClassVar[tuple[str, ...]] = ()
     positions: ClassVar[tuple[str, ...]] = ()
+    state_units: ClassVar[tuple[str, ...]] = ()
     controls: ClassVar[tuple[str, ...]] = ()
     control_units: ClassVar[tuple[str, ...]] = ()
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ()
@@ -187,6 +190,9 @@ class OdeSystem:
         unknown = [name for name in self.positions if name not in self.states]
         if unknown or not 1 <= len(self.positions) <= 3:
             raise ProblemError(f"{kind}.positions: expected one to three of the states, got {self.positions}")
+        if self.state_units and len(self.state_units) != len(self.states):
+            wanted = f"one entry for each of {', '.join(self.states)}, or none"
+            raise ProblemError(f"{kind}.state_units: expected {wanted}, got {self.state_units}")
         for attribute in ("control_units", "input_bounds"):
             if len(getattr(self, attribute)) != len(self.controls):
                 wanted = f"one entry for each of {', '.join(self.controls)}"

@@ -49,6 +49,7 @@ class Quadrotor(OdeSystem):
     summary: ClassVar[str] = "a rigid body in space under thrust and body torques, with a payload"
     states: ClassVar[tuple[str, ...]] = ("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "wx", "wy", "wz")
     positions: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    state_units: ClassVar[tuple[str, ...]] = (*("m",) * 3, *("m/s",) * 3, *("1",) * 4, *("rad/s",) * 3)
     controls: ClassVar[tuple[str, ...]] = ("thrust", "tau_x", "tau_y", "tau_z")
     control_units: ClassVar[tuple[str, ...]] = ("N", "N m", "N m", "N m")
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 90.0), (-2.0, 2.0), (-2.0, 2.0), (-0.5, 0.5))
