@@ -107,6 +107,17 @@ def test_numbers_and_names(changes: dict[str, Any], path: str, message: str) -> 
     assert message in error.message
 
 
+def test_what_takes_very_long_is_said_before_it_begins() -> None:
+    large = problem(steps=100_000, verify=VerifyOptions(members=10_000_000, substeps=100))
+    assert [str(found).partition(";")[0] for found in findings(large) if found.path[0] != "obstacles"] == [
+        "horizon.steps: 100000 steps take about 50 min to build, more than the time limit of 600 s",
+        "verify.members: 10000000 members looked at 100 times in each of 100000 steps take about 1944 h",
+    ]
+    assert findings(problem(steps=5_000, verify=VerifyOptions(members=10_000_000))) != ()
+    assert findings(problem(steps=5_000)) == ()
+    assert findings(problem(steps=160, verify=VerifyOptions(members=10_000_000))) == ()
+
+
 def test_a_task_that_is_still_text() -> None:
     read = replace(problem(), task="F in(goal)")  # type: ignore[arg-type]
     assert read.task == parse("F in(goal)")

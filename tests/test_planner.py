@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -23,6 +24,7 @@ from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.rounds import improve
 from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import Iteration
+from ensemble_ctrl.ocp.truncation import coarse
 from ensemble_ctrl.planner import Solution, coarse_steps, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
@@ -366,3 +368,21 @@ def test_the_logs_of_all_candidates_are_in_one_file_in_order(monkeypatch: pytest
         logs.append([line for line in text.splitlines() if line.startswith("Number of Iterations")])
     assert logs[0] == logs[1]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0.log", "2.log"]
+
+
+def test_a_program_that_nothing_could_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a notebook, where other threads run: nothing interrupts CasADi while it builds a program."""
+    monkeypatch.setattr(parallel, "endable", lambda: False)
+    with pytest.raises(ProblemError, match=r"expected fewer beside other threads.* about 50 min to build"):
+        solve(small().with_(steps=100_000))
+
+
+def test_a_program_that_takes_too_long_to_build_is_left_at_the_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_workers(monkeypatch, 2)
+    monkeypatch.setattr(parallel, "GRACE", 0.2)
+    monkeypatch.setattr(module, "choose", lambda *_: time.sleep(600))
+    solution = solve(options(small(), time_limit=4.0))
+    assert solution.attempt.truncation.orders == coarse(small()).orders
+    assert sum(solution.seconds.values()) < 60
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)

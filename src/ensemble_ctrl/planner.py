@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate, certify
+from ensemble_ctrl.checks import building_seconds, spoken
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.errors import ProblemError
@@ -195,6 +196,7 @@ def solve(
     Solution
         Also when nothing feasible was found: `status` says so and `controls` are the best there are.
     """
+    _require_endable(problem)
     search = _Search(problem, progress, log)
     if isinstance(problem, OdeProblem):
         return _by_shooting(search, problem, guess)
@@ -241,6 +243,15 @@ def solve(
         nlp,
         tuple(turned),
     )
+
+
+def _require_endable(problem: Problem) -> None:
+    """Refuse a program that takes longer to build than there is time, where nothing could end that."""
+    seconds, limit = building_seconds(problem.steps), problem.solve.time_limit
+    if seconds > limit and not parallel.endable():
+        why = f"{spoken(seconds)} to build, more than solve.time_limit = {limit:g} s, and nothing could end that"
+        where = "beside other threads, and on systems other than Linux"
+        raise ProblemError(f"horizon.steps: expected fewer {where}, got {problem.steps}: {why}")
 
 
 def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> Solution:

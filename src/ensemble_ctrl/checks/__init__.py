@@ -24,6 +24,7 @@ from ensemble_ctrl.checks.soonest import soonest_findings
 from ensemble_ctrl.checks.systems import ode_findings
 from ensemble_ctrl.checks.target import place_findings, target_findings
 from ensemble_ctrl.checks.task import STATES, task_findings, unused_findings
+from ensemble_ctrl.checks.work import building_seconds, spoken, work_findings
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.errors import ProblemError, first_of
 from ensemble_ctrl.ode_fleet import OdeFleet
@@ -41,11 +42,13 @@ __all__ = [
     "Finding",
     "Path",
     "Severity",
+    "building_seconds",
     "coverage",
     "coverage_text",
     "findings",
     "path_text",
     "require_sound",
+    "spoken",
 ]
 
 
@@ -95,5 +98,6 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
         reach_findings,
         unused_findings,
         coverage_findings,
+        work_findings,
     )
     return tuple(finding for check in checks for finding in check(problem))

@@ -12,6 +12,7 @@ from ensemble_ctrl.checks.coverage import coverage_findings
 from ensemble_ctrl.checks.finding import Finding
 from ensemble_ctrl.checks.numbers import name_findings, number_findings
 from ensemble_ctrl.checks.task import task_findings, unused_findings
+from ensemble_ctrl.checks.work import work_findings
 from ensemble_ctrl.constraints.stl import Avoid, Inside, Not, Share, conjuncts
 from ensemble_ctrl.constraints.stl.formula import Formula
 
@@ -36,6 +37,7 @@ def ode_findings(problem: OdeProblem) -> Iterator[Finding]:
         yield from _start(problem)
     yield from unused_findings(problem)
     yield from coverage_findings(problem)
+    yield from work_findings(problem)
     if problem.verify.certificate:
         message = f"proofs do not cover the {problem.fleet.system.name}: a plan can be replayed only"
         yield Finding(("verify", "certificate"), message, "false accepts the replay", "warning")

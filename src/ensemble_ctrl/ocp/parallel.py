@@ -105,9 +105,14 @@ def workers(count: int) -> int:
     A fork copies only the thread that asks for it, so there must be no other one that could hold a lock. A process that
     was started here can be ended as it is.
     """
-    if sys.platform != "linux" or threading.active_count() > 1 or _State.forked:
+    if not endable() or _State.forked:
         return 0
     return max(1, min(count, len(os.sched_getaffinity(0))))
+
+
+def endable() -> bool:
+    """Whether work is, or would be, done in a process that can be ended."""
+    return _State.forked or (sys.platform == "linux" and threading.active_count() == 1)
 
 
 class _State:
@@ -303,4 +308,4 @@ def _send(into: int, kind: str, what: Any) -> None:
             os._exit(1)
 
 
-__all__ = ["GRACE", "Tell", "Work", "alone", "each", "workers"]
+__all__ = ["GRACE", "Tell", "Work", "alone", "each", "endable", "workers"]
