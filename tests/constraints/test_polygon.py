@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints import Obstacle, convex_pieces
-from ensemble_ctrl.constraints.polygon import is_convex
+from ensemble_ctrl.constraints.exact import corner_turns
+from ensemble_ctrl.constraints.polygon import is_convex, ring
 from ensemble_ctrl.errors import ProblemError
 
 
@@ -21,8 +22,17 @@ def test_pieces_cover_the_polygon_once(seed: int, corners: int) -> None:
     area = shapely.Polygon(star).area
     assert sum(shape.area for shape in shapes) == pytest.approx(area, abs=1e-9)
     assert shapely.unary_union(shapes).symmetric_difference(shapely.Polygon(star)).area < 1e-9
+    reflex = int((corner_turns(ring(star, "star")) < 0).sum())
+    assert reflex / 2 + 1 <= len(pieces) <= 2 * reflex + 1
     for piece in pieces:
         Obstacle.polygon(piece)
+
+
+def test_a_star_of_many_corners_is_cut_in_no_time() -> None:
+    """All pairs of its triangles round one corner would be millions of hulls."""
+    angle = np.arange(3000) * 2 * np.pi / 3000
+    star = (np.where(np.arange(3000) % 2, 1.0, 0.6) * np.array([np.cos(angle), np.sin(angle)])).T
+    assert len(convex_pieces(star)) == 1501
 
 
 def comb(teeth: int) -> list[list[float]]:

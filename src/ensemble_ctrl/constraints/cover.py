@@ -111,15 +111,6 @@ def within(area: Any) -> Allowed:
     return allowed
 
 
-def adding_at_most(area: float) -> Allowed:
-    """Allow the hulls that add no more than an area to their two polygons."""
-
-    def allowed(hulls: Shapes, added: Floats) -> NDArray[np.bool_]:
-        return np.asarray(added <= area)
-
-    return allowed
-
-
 def with_fewer_corners(corners: Floats, area: Any, most: int) -> Floats:
     """Grow a convex polygon until it has at most `most` corners, as far as it stays inside of an area.
 
@@ -141,10 +132,11 @@ def with_fewer_corners(corners: Floats, area: Any, most: int) -> Floats:
 
     while len(corners) > most:
         tips = _tips(corners)
-        sides = np.flatnonzero([_holds(corners, side, tip) for side, tip in enumerate(tips)])
+        sides = np.flatnonzero(np.isfinite(tips).all(axis=1))
         ears = shapely.polygons(np.stack([corners, tips, np.roll(corners, -1, axis=0)], axis=1)[sides])
         order = np.argsort(shapely.area(ears), kind="stable").tolist()
-        side = next((int(sides[k]) for k in order if shapely.covers(area, ears[k])), None)
+        kept = (k for k in order if _holds(corners, int(sides[k]), tips[sides[k]]) and shapely.covers(area, ears[k]))
+        side = next((int(sides[k]) for k in kept), None)
         if side is None:
             break
         corners = np.delete(np.roll(corners, -side, axis=0), 0, axis=0)
@@ -170,8 +162,6 @@ def _tips(corners: Floats) -> Floats:
 
 def _holds(corners: Floats, side: int, tip: Floats) -> bool:
     """Whether a polygon with a tip in place of a side still holds both ends of the side and is convex, exactly."""
-    if not np.isfinite(tip).all():
-        return False
     two_before, before, first, last, behind, two_behind = corners[(side + np.arange(-2, 4)) % len(corners)].tolist()
     outside = tip.tolist()
     kept = turn(before, first, outside) <= 0 and turn(outside, last, behind) <= 0

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints import exact
-from ensemble_ctrl.constraints.cover import CORNERS, Shapes, adding_at_most, joined, with_fewer_corners, within
+from ensemble_ctrl.constraints.cover import CORNERS, joined, with_fewer_corners, within
+from ensemble_ctrl.constraints.partition import STRAIGHT, convex_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.values import numbers
 
@@ -20,8 +21,6 @@ Array = NDArray[np.float64]
 
 LARGEST = 1e8
 """Metres: no map has larger coordinates."""
-STRAIGHT = 1e-10
-"""Sine of the largest turn to the right that a polygon counts as convex with: corners on one line, but for rounding."""
 
 
 def convex_pieces(vertices: ArrayLike, holes: Iterable[ArrayLike] = ()) -> list[Array]:
@@ -57,7 +56,7 @@ def convex_pieces(vertices: ArrayLike, holes: Iterable[ArrayLike] = ()) -> list[
     if not inner and is_convex(corners):
         return [corners]
     polygon = _valid(corners, inner, "convex_pieces")
-    return _rings(joined(_triangles(polygon), adding_at_most(1e-12 * polygon.area)))
+    return convex_parts(_triangles(polygon))
 
 
 def convex_cover(vertices: ArrayLike, holes: Iterable[ArrayLike], tolerance: float) -> list[Array]:
@@ -85,25 +84,22 @@ def convex_cover(vertices: ArrayLike, holes: Iterable[ArrayLike], tolerance: flo
     >>> len(convex_pieces(bent)), len(convex_cover(bent, [], 0.1))
     (2, 1)
     """
+    import shapely
+
     name = "convex_cover"
     polygon = _valid(ring(vertices, name), [ring(hole, name) for hole in holes], name)
     area = polygon.buffer(tolerance)
-    pieces = _rings(joined(_triangles(polygon), within(area)))
+    parts = np.array([shapely.Polygon(part) for part in convex_parts(_triangles(polygon))], dtype=object)
+    pieces = [ring(shapely.get_coordinates(piece), name) for piece in joined(parts, within(area))]
     return [with_fewer_corners(piece, area, CORNERS) for piece in pieces]
 
 
-def _triangles(polygon: Polygon) -> Shapes:
-    """A polygon cut along diagonals."""
+def _triangles(polygon: Polygon) -> Array:
+    """A polygon cut along diagonals, shape (triangles, 3, 2)."""
     import shapely
 
-    return np.array(shapely.constrained_delaunay_triangles(polygon).geoms, dtype=object)
-
-
-def _rings(pieces: Shapes) -> list[Array]:
-    """The corners of convex polygons."""
-    import shapely
-
-    return [ring(shapely.get_coordinates(piece), "convex_pieces") for piece in pieces]
+    cut = shapely.constrained_delaunay_triangles(polygon).geoms
+    return np.asarray(shapely.get_coordinates(list(cut)).reshape(-1, 4, 2)[:, :3])
 
 
 def _valid(corners: Array, inner: list[Array], name: str) -> Polygon:
