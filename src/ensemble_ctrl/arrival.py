@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.duties import clearances
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
-from ensemble_ctrl.risk import FAR, value_at_risk
+from ensemble_ctrl.risk import CLEARANCE_CAP, value_at_risk
 from ensemble_ctrl.target import MomentTarget, SpreadTarget, wasserstein
 
 Floats = NDArray[np.float64]
@@ -75,7 +75,7 @@ def risk(problem: Problem, controls: Floats) -> dict[str, Any]:
         losses = np.linalg.norm(_final(problem, controls, members) - places, axis=1)
     else:
         blocks = np.array_split(members, 10)
-        near = [clearances(problem, trajectories(problem, controls, block, LOOKS), FAR) for block in blocks]
+        near = [clearances(problem, trajectories(problem, controls, block, LOOKS), CLEARANCE_CAP) for block in blocks]
         losses = -np.concatenate(near)
     at_risk, mean = value_at_risk(losses, price.level)
     return {"of": price.of, "level": price.level, "value_at_risk": at_risk, "cvar": mean}

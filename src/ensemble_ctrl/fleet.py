@@ -19,7 +19,7 @@ from ensemble_ctrl.systems import ArcSystem
 from ensemble_ctrl.values import expect, numbers
 
 Floats = NDArray[np.float64]
-START = {"start_heading": 2, "start_x": 3, "start_y": 4}
+START_COLUMNS = {"start_heading": 2, "start_x": 3, "start_y": 4}
 """Parameters of the start, offsets from the fleet's own, and their places in a drive."""
 
 
@@ -116,7 +116,7 @@ class Fleet(Ensemble):
 
     def _check_names(self) -> None:
         """Known names, each factor told once."""
-        known = [*self.system.parameters, *START]
+        known = [*self.system.parameters, *START_COLUMNS]
         for name in self.parameters:
             if name not in known:
                 raise ProblemError(f"fleet.parameters: expected names among {', '.join(known)}, got {name!r}")
@@ -166,8 +166,8 @@ class Fleet(Ensemble):
         """How much each parameter adds to a drive, shape (parameters, 5)."""
         rows = np.zeros((len(self.parameters), 5))
         for row, name in zip(rows, self.names, strict=True):
-            if name in START:
-                row[START[name]] = -1.0 if name == "start_heading" and self.system.heading_from == "y" else 1.0
+            if name in START_COLUMNS:
+                row[START_COLUMNS[name]] = -1.0 if name == "start_heading" and self.system.heading_from == "y" else 1.0
             else:
                 row[:2] = self.system.parameters[name]
         return rows
@@ -286,4 +286,4 @@ class Fleet(Ensemble):
         return scaled.reshape(-1, len(own)), np.tile(weights / robots, robots)
 
 
-__all__ = ["START", "Fleet", "Member", "frozen"]
+__all__ = ["START_COLUMNS", "Fleet", "Member", "frozen"]

@@ -21,7 +21,7 @@ from ensemble_ctrl.values import expect, numbers
 
 Floats = NDArray[np.float64]
 
-START = "start_"
+START_PREFIX = "start_"
 """What the name of a parameter that shifts a state's start begins with."""
 ACCURACY = 1e-8
 """Largest estimated error of any state at any grid time in a replay, relative to its size where that is above 1."""
@@ -112,10 +112,10 @@ class OdeFleet(Ensemble):
 
     def _check_names(self) -> None:
         """Known parameters and states."""
-        known = [*self.system.parameters, *(START + name for name in self.system.states)]
+        known = [*self.system.parameters, *(START_PREFIX + name for name in self.system.states)]
         for name in self.parameters:
             if name not in known:
-                own = ", ".join([*self.system.parameters, f"{START}<state>"])
+                own = ", ".join([*self.system.parameters, f"{START_PREFIX}<state>"])
                 raise ProblemError(f"fleet.parameters: expected names among {own}, got {name!r}")
         for name, value in self.start.items():
             if name not in self.system.states:
@@ -198,8 +198,8 @@ class OdeFleet(Ensemble):
         told = {**self.system.start(), **self.start}
         states = np.tile(np.array([float(told.get(name, 0.0)) for name in self.states])[:, None], (1, len(members)))
         for name, column in zip(self.names, members.T, strict=True):
-            if name.startswith(START) and name not in self.system.parameters:
-                states[self.states.index(name.removeprefix(START))] += column
+            if name.startswith(START_PREFIX) and name not in self.system.parameters:
+                states[self.states.index(name.removeprefix(START_PREFIX))] += column
         return states
 
     def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:

@@ -25,7 +25,7 @@ Loss = Literal["terminal", "clearance"]
 
 LOSSES = ("terminal", "clearance")
 """What can be lost: distance from the target at the end, or clearance on the way."""
-FAR = 1.0
+CLEARANCE_CAP = 1.0
 """Metres; a member further from every obstacle than this throughout counts as this far."""
 
 

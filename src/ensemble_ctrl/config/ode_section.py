@@ -18,7 +18,7 @@ from ensemble_ctrl.config.own import system_class
 from ensemble_ctrl.config.schema import ProblemFile, Verify
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.ode_fleet import START, OdeFleet
+from ensemble_ctrl.ode_fleet import START_PREFIX, OdeFleet
 from ensemble_ctrl.systems import ODE_SYSTEMS, OdeSystem
 
 Data = dict[str, Any]
@@ -76,7 +76,7 @@ class OdeFleetSection(f.Model):
         """The system, and only what it has."""
         self._system = _system(self.model, self.settings)
         system = self._system
-        _known("parameters", self.parameters, [*system.parameters, *(START + name for name in system.states)])
+        _known("parameters", self.parameters, [*system.parameters, *(START_PREFIX + name for name in system.states)])
         _known("start", self.start, [*system.states, POSITION])
         _known("input_bounds", self.input_bounds, system.controls)
         _known("rate_bounds", self.rate_bounds, system.controls)
@@ -162,8 +162,8 @@ def _known(section: str, given: Iterable[str], names: Iterable[str]) -> None:
     known = list(names)
     for name in given:
         if name not in known:
-            shown = [n for n in known if not n.startswith(START)]
-            shown += [f"{START}<state>"] * (len(shown) < len(known))
+            shown = [n for n in known if not n.startswith(START_PREFIX)]
+            shown += [f"{START_PREFIX}<state>"] * (len(shown) < len(known))
             hint = suggestion(name, known) or f"known here: {', '.join(shown) or 'none'}"
             raise Wrong("unknown name", hint, (section, name))
 

@@ -17,7 +17,7 @@ from ensemble_ctrl.moments.recurrence import Recurrence, values
 
 FloatArray = NDArray[np.float64]
 
-FAR = 1000.0
+MOST_DEVIATIONS = 1000.0
 """Deviations that the mean may be outside of the range."""
 NARROW = 1e-6
 """Least deviation, in half-widths of the range."""
@@ -72,9 +72,9 @@ class TruncatedNormal(WeightedLaw):
                 f"deviation: expected at least a millionth of the range's half-width, got {deviation:g} for "
                 f"[{low:g}, {high:g}]"
             )
-        if not low - FAR * deviation <= mean <= high + FAR * deviation:
+        if not low - MOST_DEVIATIONS * deviation <= mean <= high + MOST_DEVIATIONS * deviation:
             raise ProblemError(
-                f"mean: expected at most {FAR:g} deviations outside of [{low:g}, {high:g}], got {mean:g}"
+                f"mean: expected at most {MOST_DEVIATIONS:g} deviations outside of [{low:g}, {high:g}], got {mean:g}"
             )
         for name, value in zip(("lower", "upper", "mean", "deviation"), (low, high, mean, deviation), strict=True):
             object.__setattr__(self, name, value)

@@ -36,7 +36,7 @@ Options = Callable[[], IpoptOptions]
 
 HOLDS = 1e-6
 """Metres by which a facet may be missed and still counts as held."""
-SLACK = 1e-4
+FACET_SLACK = 1e-4
 """Metres of slack beyond which a solution does not keep its facets."""
 BETTER = 1e-3
 """By how much less a solution of Bonmin's has to cost."""
@@ -271,7 +271,7 @@ def _fixed(search: _Search, name: str, transcription: Transcription) -> MixedOut
     )
     seconds = time.perf_counter() - began
     short = float(outcome.x[transcription.layout.slacks].max(initial=0.0))
-    if outcome.status == "solved" and short <= SLACK:
+    if outcome.status == "solved" and short <= FACET_SLACK:
         return MixedOutcome("solved", outcome.x, Branching(cost=outcome.cost), outcome.message, seconds)
     status: Status = "infeasible" if outcome.status == "solved" else outcome.status
     return MixedOutcome(status, None, Branching(), f"these facets fall short by {short:.2g} m", seconds)

@@ -46,8 +46,8 @@ from ensemble_ctrl.ocp.lines import Lines, separate
 from ensemble_ctrl.ocp.margins import curvature
 from ensemble_ctrl.ocp.quadratic import Quadratic, solve_quadratic
 from ensemble_ctrl.ocp.terminal import terminal_blocks
-from ensemble_ctrl.ocp.transcription import PRICE, SPARE
 from ensemble_ctrl.ocp.truncation import Truncation, plain, points
+from ensemble_ctrl.ocp.weights import RATE_SPARE, SLACK_WEIGHT
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -68,7 +68,7 @@ SMALL = 1e-3
 """Weight that keeps commands where they are."""
 ENOUGH = 1e-3
 """A solve ends when the cost falls by less."""
-FAR = 10.0
+LEVEL_TRUST = 10.0
 """Metres by which one quadratic program may change a level."""
 EDGE = 1e-6
 """Room between bounds that meet; commands are clipped afterwards."""
@@ -248,7 +248,7 @@ class _Point:
             total -= aim.robustness * level
             shorts.append(np.maximum(np.array([problem.solve.margin - level]), 0.0))
         short = np.concatenate(shorts)
-        return total + PRICE * float(short.sum()), float(short.max(initial=0.0))
+        return total + SLACK_WEIGHT * float(short.sum()), float(short.max(initial=0.0))
 
     def level_values(self) -> Floats:
         """What the task's levels are worth."""
@@ -271,13 +271,13 @@ class _Point:
         most = TRUST * (fleet.input_upper - fleet.input_lower)
         low = np.maximum.reduceat(np.maximum(fleet.input_lower - u, -most), starts)
         high = np.minimum.reduceat(np.minimum(fleet.input_upper - u, most), starts)
-        levels = np.full(len(g) - n, FAR)
+        levels = np.full(len(g) - n, LEVEL_TRUST)
         program = Quadratic(
             _summed(_summed(H, starts, n).T, starts, n),
             _summed(g[None], starts, n)[0],
             _summed(A, starts, n),
             np.concatenate([line_b, task_b, rate_b]),
-            PRICE,
+            SLACK_WEIGHT,
             np.concatenate([low.ravel(), -levels]) - EDGE,
             np.concatenate([high.ravel(), levels]) + EDGE,
         )
@@ -400,7 +400,7 @@ class _Point:
         """Largest change of each command over a step."""
         bounds = self.program.problem.fleet.rate_bounds
         assert bounds is not None
-        return (1 - SPARE) * bounds * self.program.problem.step
+        return (1 - RATE_SPARE) * bounds * self.program.problem.step
 
     def _with_last(self) -> Floats:
         """The free commands, after the last that was sent."""

@@ -5,7 +5,7 @@ Members of equal weight stand for the laws. With their losses :math:`L_i`, new v
 .. math:: w \Bigl(t + \frac{1}{n (1 - \alpha)} \sum_i e_i\Bigr), \qquad e_i + t \ge L_i
 
 The loss of a member is its distance from its place at the end; or minus a clearance :math:`c_i`, a variable below what
-each separating line leaves it, and below `ensemble_ctrl.risk.FAR`.
+each separating line leaves it, and below `ensemble_ctrl.risk.CLEARANCE_CAP`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ensemble_ctrl.ocp.lines import Lines
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation, positions
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.risk import FAR, Risk, value_at_risk
+from ensemble_ctrl.risk import CLEARANCE_CAP, Risk, value_at_risk
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -81,7 +81,9 @@ def risk_rows(
     else:
         clear = layout.more(len(members))
         path = np.einsum("ij,tjd->tid", seen, curve) + offset
-        value = np.clip(_left(path, lines, pairs).min(axis=(1, 2), initial=FAR), -FAR, FAR)
+        value = np.clip(
+            _left(path, lines, pairs).min(axis=(1, 2), initial=CLEARANCE_CAP), -CLEARANCE_CAP, CLEARANCE_CAP
+        )
         loss = -value
         blocks = [_losses(int(level[0]), excess, clear), *_clearances(layout, seen, offset, lines, pairs, clear)]
     threshold, _ = value_at_risk(loss, risk.level)
@@ -90,7 +92,7 @@ def risk_rows(
         [_price(risk, int(level[0]), excess)],
         np.concatenate([level, excess, clear]),
         np.concatenate([[-np.inf], np.zeros(len(excess)), np.full(len(clear), -np.inf)]),
-        np.concatenate([[np.inf], np.full(len(excess), np.inf), np.full(len(clear), FAR)]),
+        np.concatenate([[np.inf], np.full(len(excess), np.inf), np.full(len(clear), CLEARANCE_CAP)]),
         np.concatenate([[threshold], np.maximum(loss - threshold, 0.0) + ROUND, value - ROUND]),
     )
 
@@ -105,7 +107,7 @@ def risk_cost(problem: Problem, controls: Floats) -> float:
     if risk.of == "terminal":
         losses = np.linalg.norm(paths[:, -1] - problem.objective.places(problem.fleet, members), axis=1)
     else:
-        losses = -clearances(problem, paths, FAR)
+        losses = -clearances(problem, paths, CLEARANCE_CAP)
     return risk.weight * value_at_risk(losses, risk.level)[1]
 
 

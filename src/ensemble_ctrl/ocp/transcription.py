@@ -41,18 +41,12 @@ from ensemble_ctrl.ocp.switches import Choice, switch_blocks
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.terminal import terminal_blocks
 from ensemble_ctrl.ocp.truncation import Truncation, node_drives, points
+from ensemble_ctrl.ocp.weights import LEVEL_WEIGHT, RATE_SPARE, SLACK_WEIGHT
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Pairs = NDArray[np.bool_]
-
-PULL = 1e-3
-"""Weight that pulls idle levels up to their bounds, so that none drifts away unbounded."""
-SPARE = 1e-2
-"""Share of the rate bounds that the program leaves to spare."""
-PRICE = 10.0
-"""Price of a metre of slack: above the multipliers seen, so that slack is used only where it must be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +216,7 @@ def _rates(problem: Problem, layout: Layout, step: float) -> list[Block]:
     bounds = problem.fleet.rate_bounds
     if bounds is None or layout.steps < 2:
         return []
-    most = np.tile((1 - SPARE) * bounds * step, (layout.steps - 1, 1))
+    most = np.tile((1 - RATE_SPARE) * bounds * step, (layout.steps - 1, 1))
     columns = np.column_stack([layout.controls[:-1], layout.controls[1:]])
     return [Block("rates", lambda z, d: z[2:] - z[:2], columns, np.zeros((layout.steps - 1, 0)), -most, most)]
 
@@ -254,7 +248,7 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, rated: bool
     terms.append(
         Block(
             "slack",
-            lambda z, d: PRICE * z,
+            lambda z, d: SLACK_WEIGHT * z,
             layout.slacks[:, None],
             np.zeros((len(layout.slacks), 0)),
             none,
@@ -264,7 +258,7 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, rated: bool
     levels = layout.levels
 
     def reward(z: ca.SX, d: ca.SX) -> ca.SX:
-        return -aim.robustness * z[0] - PULL * ca.sum1(z[1:, :]) / max(len(levels) - 1, 1)
+        return -aim.robustness * z[0] - LEVEL_WEIGHT * ca.sum1(z[1:, :]) / max(len(levels) - 1, 1)
 
     if rated:
         terms.append(Block("robustness", reward, levels[None, :], none, none, none))

@@ -21,7 +21,7 @@ VALUES = 121
 """About as many members are looked at over one parameter, at even distances."""
 GRID = 600
 """The same for fleets with several parameters."""
-FAR = 5.0
+DRAWN_CLEARANCE = 5.0
 """Obstacles are left out of the chart over the parameter that are this much farther away than the closest, and more
 than `NEAR` metres."""
 NEAR = 0.5
@@ -132,7 +132,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
         str(part): least(np.asarray(member_robustness(grounded(problem, part), signals, ExactOps()))[:, 0])
         for part in other_parts(problem)
     }
-    near = _closest(clearances, FAR)
+    near = _closest(clearances, DRAWN_CLEARANCE)
     far = tuple(name for name in clearances if name not in near)
     return Profile(fleet.names[0] if fleet.names else "", values, near, _closest(parts), far)
 

@@ -15,7 +15,7 @@ from ensemble_ctrl.checks import coverage_text
 from ensemble_ctrl.conflicts import unit_of_parts
 from ensemble_ctrl.duties import NOTHING_AVOIDED, other_parts
 from ensemble_ctrl.ensemble import Ensemble
-from ensemble_ctrl.fleet import START
+from ensemble_ctrl.fleet import START_COLUMNS
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import Replay, ShareSeen
 
@@ -171,7 +171,7 @@ def member_text(parameters: Mapping[str, float]) -> str:
 
 def unit_of(name: str) -> str:
     """A parameter's unit, with a space before it."""
-    return " rad" if name == "start_heading" else " m" if name in START else ""
+    return " rad" if name == "start_heading" else " m" if name in START_COLUMNS else ""
 
 
 def short(text: str, most: int = 34) -> str:

@@ -32,7 +32,7 @@ ORDERS = {0: 0, 1: 3, 2: 2}
 """Truncation order for so many parameters unless the problem says another, else 1."""
 SMALL = 1e-4
 """Metres kept to spare beyond what was missing."""
-FAR = 50.0
+RUNAWAY_FACTOR = 50.0
 """Times the size of the guess beyond which a simulated state is no use as a start."""
 
 
@@ -85,7 +85,7 @@ def second(problem: OdeProblem, controls: Floats, states: Floats, clock: Clock, 
     """Controls for the whole fleet from those of the middle member and its states."""
     stage = Stage(problem, whole(problem), _substeps(problem, controls))
     iterate = stage.simulated(controls)
-    size = FAR * max(1.0, float(np.abs(states).max()))
+    size = RUNAWAY_FACTOR * max(1.0, float(np.abs(states).max()))
     if not (np.abs(iterate.states) <= size).all():
         iterate = Iterate(controls, np.repeat(states, stage.truncation.collocation.count, axis=2))
     return _rounds(stage, iterate, FLEET_ROUNDS, clock, watch, 1e-2)[0]

@@ -32,17 +32,11 @@ from ensemble_ctrl.ocp.shooting.planes import Planes
 from ensemble_ctrl.ocp.shooting.traced import moved
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation
+from ensemble_ctrl.ocp.weights import LEVEL_WEIGHT, RATE_SPARE, SHOOTING_SLACK_WEIGHT
 from ensemble_ctrl.problem import OdeProblem
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-PULL = 1e-3
-"""Weight that pulls idle levels up to their bounds, so that none drifts away unbounded."""
-PRICE = 30.0
-"""Price of a metre of slack."""
-SPARE_RATE = 1e-2
-"""Share of the rate bounds that the program leaves to spare."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +193,7 @@ def _rates(problem: OdeProblem, layout: ShootingLayout, half: Floats, step: floa
     bounds = problem.fleet.rate_bounds
     if bounds is None or layout.steps < 2:
         return []
-    most = np.tile((1 - SPARE_RATE) * bounds * step / half, (layout.steps - 1, 1))
+    most = np.tile((1 - RATE_SPARE) * bounds * step / half, (layout.steps - 1, 1))
     columns = np.column_stack([layout.controls[:-1], layout.controls[1:]])
     none = np.zeros((layout.steps - 1, 0))
     return [Block("rates", lambda z, d: z[layout.n_u :] - z[: layout.n_u], columns, none, -most, most)]
@@ -233,11 +227,11 @@ def _terms(
             )
         )
     slacks = layout.slacks[:, None]
-    terms.append(Block("slack", lambda z, d: PRICE * z, slacks, np.zeros((len(slacks), 0)), none, none))
+    terms.append(Block("slack", lambda z, d: SHOOTING_SLACK_WEIGHT * z, slacks, np.zeros((len(slacks), 0)), none, none))
     levels = layout.levels
 
     def reward(z: ca.SX, d: ca.SX) -> ca.SX:
-        return -aim.robustness * z[0] - PULL * ca.sum1(z[1:, :]) / max(len(levels) - 1, 1)
+        return -aim.robustness * z[0] - LEVEL_WEIGHT * ca.sum1(z[1:, :]) / max(len(levels) - 1, 1)
 
     if tasked:
         terms.append(Block("robustness", reward, levels[None, :], none, none, none))
