@@ -4,13 +4,19 @@ VENV ?= .venv
 OLDEST ?= .oldest-venv
 BIN := $(VENV)/bin
 
-.PHONY: plan test lint docs docs-check minimum clean
+.PHONY: plan test campaign mutants lint docs docs-check minimum clean
 
 plan: $(VENV)/.installed
 	$(BIN)/ensemble-plan configs/five_obstacles.yaml
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+campaign: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.campaign.run --out tests/campaign/result.json --page docs/proof_campaign.md
+
+mutants: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.campaign.mutate --out tests/campaign/mutants.json
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

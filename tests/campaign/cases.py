@@ -31,6 +31,16 @@ NAMES: tuple[dict[str, float], ...] = (
 )
 """Parameters of a fleet with their half ranges."""
 
+TIGHT: tuple[dict[str, float], ...] = (
+    {"start_heading": 0.1},
+    {"angular_traction": 0.1},
+    {"linear_traction": 0.1, "start_heading": 0.02},
+    {"angular_traction": 0.05, "start_heading": 0.05},
+    {"linear_traction": 0.1, "angular_traction": 0.02},
+    {"traction": 0.1},
+)
+"""Parameters under which remainders are as large as they say."""
+
 
 def make(seed: int, index: int) -> Case:
     """The case with this index."""
@@ -346,12 +356,82 @@ def _long(rng: Random) -> Case:
 
 def _touching(rng: Random) -> Case:
     """Straight ways of equal robots to a line that is touched but for roundings."""
-    case = _fleet(rng, turn=0.0, equal=1.0, kinds=NAMES[:2], origin=_pick(rng, (0.0, 0.0, 1e3, 1e6)))
-    end = Motion(case).paths(np.ones((1, 1)), np.array([case.duration], dtype=Long))[0, 0]
+    kinds: tuple[dict[str, float], ...] = ({}, {}, NAMES[0])
+    case = _fleet(rng, turn=0.0, equal=1.0, kinds=kinds, origin=_pick(rng, (0.0, 0.0, 1e3, 1e6)))
+    end = Motion(case).paths(np.ones((1, len(case.parameters))), np.array([case.duration], dtype=Long))[0, 0]
     row = (-float(np.cos(case.heading)), -float(np.sin(case.heading)))
     offset = -(Long(row[0]) * end[0] + Long(row[1]) * end[1])
     nudge = float(rng.choice([-1, 0, 1])) * float(np.spacing(float(abs(offset))))
     return replace(case, task=("G", None, None, ("pred", *row, float(offset) + nudge)))
+
+
+def _tight(rng: Random) -> Case:
+    """Ways on which the remainders of the proof are as large as they say: turns on the spot, then straight ahead."""
+    turn, angle = float(rng.uniform(-2, 2)), float(rng.uniform(-np.pi, np.pi))
+    ahead = int(rng.integers(1, 4))
+    speed = float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.5, 2.0))
+    kind = TIGHT[int(rng.integers(len(TIGHT)))]
+    width = _pick(rng, (0.2, 0.5, 1.0, 2.0))
+    laws: dict[str, Law] = {}
+    for name, half in kind.items():
+        middle = 0.0 if name == "start_heading" else 1.0
+        laws[name] = ("uniform", middle - half * width, middle + half * width)
+    controls = ((0.0, turn), *((speed, 0.0),) * ahead)
+    case = Case("", "unicycle", "x", 0.3, laws, (0.0, 0.0), angle, 0.0, 1.0 + ahead, controls, ("pred", 1.0, 0.0, 0.0))
+    # the worst corner's second derivatives are along the way and across it
+    corner = np.array([[end[int(rng.integers(2))] for end in map(ends_of, laws.values())]])
+    place = Motion(case).paths(corner, np.array([case.duration], dtype=Long))[0, 0].astype(float)
+    row = place / np.hypot(*place)
+    quarter = int(rng.integers(4))
+    for _ in range(quarter):
+        row = np.array([-row[1], row[0]])
+    task = _tight_task(rng, row, float(row @ place))
+    return (
+        _blocked(replace(case, task=task), row, float(row @ place)) if rng.random() < 0.4 else replace(case, task=task)
+    )
+
+
+def _tight_task(rng: Random, row: Floats, level: float) -> Node:
+    """A line across `row`; for all, or for the mean of the fleet."""
+    leaf = ("pred", float(row[0]), float(row[1]), -level + float(rng.uniform(-1e-3, 1e-3)))
+    task: Node = ("G", None, None, leaf)
+    return ("mean", task) if rng.random() < 0.25 else task
+
+
+def _blocked(case: Case, row: Floats, level: float) -> Case:
+    """The same with the wide side of an obstacle in place of the line."""
+    along, middle = np.array([-row[1], row[0]]), row * (level - 1e-2)
+    corners = [middle + 50 * along, middle - 50 * along, middle - 50 * along - 9 * row, middle + 50 * along - 9 * row]
+    polygon = tuple((float(x), float(y)) for x, y in corners)
+    if min(row @ np.array(case.position) - (level - 1e-2), 1.0) <= 0:
+        return case
+    return replace(case, obstacles={"o": (polygon,)}, task=("G", None, None, ("avoid", "o")))
+
+
+def _bulging(rng: Random) -> Case:
+    """Arcs whose chords are parallel to a line or an obstacle's side that only their bulges come close to."""
+    bulge = _pick(rng, (1e-5, 1e-4, 4e-4, 4.9e-4, 2e-3, 2e-2))
+    dt, speed = _pick(rng, (0.1, 0.5, 1.0)), float(rng.uniform(0.5, 2.0))
+    turn = 8 * bulge / (dt**2 * speed)
+    steps, n = int(rng.integers(1, 4)), 0
+    n = int(rng.integers(steps))
+    kind = ({"linear_traction": 0.1}, {"angular_traction": 0.1}, {"start_heading": 0.02}, {"traction": 0.05})
+    name, half = next(iter(kind[int(rng.integers(4))].items()))
+    half *= _pick(rng, (0.0, 0.1, 1.0))
+    middle = 0.0 if name == "start_heading" else 1.0
+    law: Law = ("uniform", middle - half, middle + half)
+    controls = tuple((speed, turn if k == n or rng.random() < 0.5 else 0.0) for k in range(steps))
+    case = Case(
+        "", "unicycle", "x", 0.3, {name: law}, (0.0, 0.0), float(rng.uniform(-3, 3)), 0.0, dt * steps, controls, ()
+    )
+    ends = Motion(case).paths(np.array([[middle + half]]), dt * np.array([n, n + 1], dtype=Long))[0].astype(float)
+    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    row = np.array([-along[1], along[0]]) * (1.0 if rng.random() < 0.85 else -1.0)
+    level = float(row @ ends[0]) - bulge
+    leaf = ("pred", float(row[0]), float(row[1]), -level + float(rng.uniform(-1e-3, 1e-3)))
+    window = (n * dt, (n + 1) * dt) if rng.random() < 0.7 else (None, None)
+    case = replace(case, task=("G", *window, leaf))
+    return _blocked(case, row, level) if rng.random() < 0.5 else case
 
 
 FAMILIES: dict[str, tuple[float, Callable[[Random], Case]]] = {
@@ -368,6 +448,8 @@ FAMILIES: dict[str, tuple[float, Callable[[Random], Case]]] = {
     "shares": (5, _shares),
     "means": (4, _means),
     "touching": (5, _touching),
+    "tight": (5, _tight),
+    "bulging": (5, _bulging),
     "long": (0.2, _long),
 }
 """Families of cases with how many of each there are, in parts."""

@@ -13,7 +13,7 @@ from ensemble_ctrl.errors import ProblemError
 
 from . import laws, subject
 from .model import Case, Floats, Long, Node, conjuncts
-from .oracle import Duty, Oracle, duties_of, reads_fleet
+from .oracle import Duty, Oracle, duties_of, needed, needed_parts, reads_fleet
 
 SPARE = 1e-3
 """Metres with which brute force decides a case that a certificate should decide too."""
@@ -96,11 +96,16 @@ def _share_value(oracle: Oracle, part: Node) -> float:
 
 def _judged(case: Case, oracle: Oracle, certificate: Certificate) -> Judgement:
     """Each bound against what was found."""
-    duties = [duty for part in case.conjuncts for duty in duties_of(case, part)]
-    others = [part for part in case.conjuncts if not duties_of(case, part)]
+    parts = needed_parts(case.conjuncts)
+    duties = needed([duty for part in parts for duty in duties_of(case, part)])
+    others = [part for part in parts if not duties_of(case, part)]
     faults: list[Fault] = []
     truths: list[float] = []
     missed = 0.0
+    if len(duties) != len(certificate.clearances) or len(others) != len(certificate.parts):
+        what = f"{len(certificate.clearances)} clearances and {len(certificate.parts)} parts"
+        faults.append(Fault("crash", f"{what} for {len(duties)} and {len(others)}", math.inf))
+        return Judgement("crash", math.nan, 0.0, tuple(faults))
     for duty, bound in zip(duties, certificate.clearances, strict=True):
         near = _member(case, bound.parameters)
         truth = oracle.clearance(duty, near)

@@ -6,7 +6,7 @@ is between the sampled times is told with them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -56,6 +56,33 @@ def duties_of(case: Case, part: Node) -> list[Duty]:
     return found
 
 
+def needed(duties: list[Duty]) -> list[Duty]:
+    """Those whose windows no other one of the same holds; of equal ones the first."""
+    claims = [((duty.name, duty.radius), duty.begin, duty.end) for duty in duties]
+    return [duty for k, duty in enumerate(duties) if not _is_implied(k, claims)]
+
+
+def needed_parts(parts: Sequence[Node]) -> list[Node]:
+    """Those that say something which no other says: of ``G f`` the widest windows, of ``F f`` the narrowest."""
+    claims: list[tuple[object, float, float]] = []
+    for part in parts:
+        windowed = part[0] in ("F", "G")
+        begin, end = (part[1], part[2]) if windowed and part[1] is not None else (0.0, np.inf)
+        sign = -1.0 if part[0] == "F" else 1.0
+        claims.append(((part[0], part[3]) if windowed else part, sign * begin, sign * end))
+    return [part for k, part in enumerate(parts) if not _is_implied(k, claims)]
+
+
+def _is_implied(k: int, claims: Sequence[tuple[object, float, float]]) -> bool:
+    """Whether another claim of the same has a window around this one's; of equal ones the first counts."""
+    what, begin, end = claims[k]
+    for other, (same, early, late) in enumerate(claims):
+        around = early <= begin and end <= late
+        if other != k and same == what and around and (other < k or (early, late) != (begin, end)):
+            return True
+    return False
+
+
 class Oracle:
     """What is true of one case."""
 
@@ -75,6 +102,8 @@ class Oracle:
                 rows.append(low + share * (high - low))
         elif len(wide):
             rows += list(low + self.rng.random((GRID, len(low))) * (high - low))
+        if not len(low):
+            return np.zeros((1, 0))
         return np.unique(np.clip(np.array(rows).reshape(len(rows), len(low)), low, high), axis=0)
 
     def around(self, best: Floats, width: float, count: int) -> Floats:

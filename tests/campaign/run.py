@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import json
+import sys
 import time
-from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from .cases import make
 from .judge import judge
+from .table import Line, Table, printed
 
 CHUNK = 100
-
-
-@dataclass(frozen=True)
-class Line:
-    """One case in short."""
-
-    index: int
-    family: str
-    verdict: str
-    decided: str
-    seconds: float
-    faults: tuple[dict[str, Any], ...]
+"""Cases that a process is handed at a time."""
+SAVED = 1000
+"""Cases after which the table is written."""
 
 
 def lines(seed: int, indices: Iterable[int]) -> list[Line]:
@@ -65,52 +55,35 @@ def all_lines(seed: int, cases: int, jobs: int) -> Iterator[Line]:
             yield from done
 
 
-def table(found: Iterable[Line]) -> dict[str, dict[str, Any]]:
-    """Counts for each family, and for all."""
-    counts: dict[str, Counter[str]] = defaultdict(Counter)
-    worst: dict[str, float] = defaultdict(float)
-    for line in found:
-        for name in (line.family, "all"):
-            count = counts[name]
-            count["cases"] += 1
-            count[line.verdict] += 1
-            count["decidable"] += bool(line.decided) and line.verdict in ("yes", "no", "undecided")
-            count["left open"] += bool(line.decided) and line.verdict == "undecided"
-            for kind in {fault["kind"] for fault in line.faults}:
-                count[kind] += 1
-            worst[name] = max([worst[name], *(fault["excess"] for fault in line.faults)])
-    return {name: {**count, "worst": worst[name]} for name, count in counts.items()}
-
-
-def main() -> None:
-    """The command."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def main() -> int:
+    """The command; its exit code is 1 if a claim is false or too much is left open."""
+    parser = argparse.ArgumentParser(description="Judge certificates of random and hostile cases by an oracle.")
     parser.add_argument("--cases", type=int, default=50_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--case", help="one case as SEED:INDEX: print it and what was found")
     parser.add_argument("--show", type=int, default=20, help="how many false claims are printed")
     parser.add_argument("--out", type=Path, help="a JSON file for the table")
+    parser.add_argument("--page", type=Path, help="a page of the documentation whose table is written anew")
     args = parser.parse_args()
     if args.case:
         seed, index = map(int, args.case.split(":"))
         case = make(seed, index)
-        print(case)
-        print(judge(case))
-        return
-    began = time.perf_counter()
-    found = list(all_lines(args.seed, args.cases, args.jobs))
-    faulty = [line for line in found if line.faults]
-    for line in faulty[: args.show]:
-        for fault in line.faults:
+        print(case, judge(case), sep="\n")
+        return 0
+    found, shown = Table(args.seed), 0
+    for line in all_lines(args.seed, args.cases, args.jobs):
+        found.add(line)
+        for fault in line.faults if shown < args.show else ():
+            shown += 1
             print(f"{args.seed}:{line.index} {line.family} {line.verdict}: {fault['kind']}: {fault['what'][:300]}")
-    rows = table(found)
-    for name, row in rows.items():
-        print(name, row)
-    print(f"{time.perf_counter() - began:.0f} s, slowest", max(found, key=lambda line: line.seconds))
-    if args.out:
-        args.out.write_text(json.dumps({"seed": args.seed, "cases": args.cases, "table": rows}, indent=1) + "\n")
+        if args.out and (found.cases % SAVED == 0 or found.cases == args.cases):
+            args.out.write_text(found.as_json())
+    print(found.as_markdown())
+    if args.page:
+        args.page.write_text(printed(args.page.read_text(), found.as_markdown()))
+    return int(found.is_bad)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,0 +1,303 @@
+"""Mutation of the proof: faults put into the trusted base one at a time, each of which the campaign has to find.
+
+``python -m tests.campaign.mutate`` turns round every inequality, swaps every minimum and maximum, drops every term,
+every sign and every factor that rounds up, and swaps beginnings with ends; each in a copy of the sources. A mutant is
+*killed* if a claim about a case is false, if it crashes or hangs, or if too much is left open that brute force decides.
+Mutants are found in the syntax tree, so that they follow the code. Those that survive are listed with a reason, and a
+reason for a mutant that isn't there any more is an error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import copy
+import importlib.util
+import json
+import multiprocessing
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+
+def _sources() -> Path:
+    """The package's folder, without an import of it."""
+    found = importlib.util.find_spec("ensemble_ctrl")
+    if found is None or found.origin is None:
+        raise ImportError("ensemble_ctrl")
+    return Path(found.origin).parent
+
+
+SOURCES = _sources()
+SWAPPED = {
+    "min": "max",
+    "minimum": "maximum",
+    "argmin": "argmax",
+    "floor": "ceil",
+    "any": "all",
+    "begin": "end",
+    "lower": "upper",
+    "low": "high",
+    "left": "right",
+    "here": "there",
+    "first": "last",
+    "early": "late",
+    "earliest": "latest",
+    "upwards": "downwards",
+}
+"""Names of functions, attributes and variables that are exchanged, either way."""
+SWAPPED |= {there: here for here, there in SWAPPED.items()}
+FLIPPED: dict[type[ast.cmpop], type[ast.cmpop]] = {ast.Lt: ast.Gt, ast.LtE: ast.GtE, ast.Gt: ast.Lt, ast.GtE: ast.LtE}
+FACTORS = ("UP", "UNIT", "1 + ")
+"""What a factor that rounds up looks like."""
+
+
+WARM = ("numpy", "scipy.stats", "scipy.special", "scipy.optimize", "shapely", "casadi", "yaml", "jsonschema")
+"""What a process is started with; nothing of the package."""
+SHARP = ("tight", "bulging", "touching")
+"""Families in which bounds meet the truth but for roundings."""
+FAMILIES_FOR: dict[str, tuple[str, ...]] = {
+    "certificate/clearance.py": (*SHARP, "windows", "plain", "starts", "moving", "turning", "far", *SHARP),
+    "certificate/enclosure.py": (*SHARP, "windows", "cars", "turning", "starts", *SHARP, "far", "ranged", "scaled"),
+    "certificate/task.py": (*SHARP, "nested", "windows", "means", "shares", "turning", "plain", "starts"),
+    "certificate/share.py": ("shares",),
+}
+"""The trusted base, with the families of cases that its parts are tried with."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One fault.
+
+    Attributes
+    ----------
+    module : str
+        The file, from the package's folder.
+    function : str
+        The function with its class.
+    what : str
+        The expression before and after; with a number where it stands in the function more than once.
+    source : str
+        The whole module with the fault.
+    """
+
+    module: str
+    function: str
+    what: str
+    source: str
+
+    @property
+    def name(self) -> str:
+        """What tells it from all others."""
+        return f"{self.module}:{self.function}: {self.what}"
+
+
+def mutants(module: str) -> Iterator[Mutant]:
+    """Every mutant of a module."""
+    tree = ast.parse((SOURCES / module).read_text())
+    seen: dict[tuple[str, str], int] = {}
+    for function, node in _functions(tree):
+        names = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
+        names |= {part.arg for part in ast.walk(node) if isinstance(part, ast.arg)}
+        for place in _expressions(node):
+            for changed in _changed(place, names):
+                what = f"{ast.unparse(place)} -> {ast.unparse(changed)}"
+                count = seen[function, what] = seen.get((function, what), 0) + 1
+                label = what if count == 1 else f"{what} #{count}"
+                yield Mutant(module, function, label, _replaced(tree, place, changed))
+
+
+def _functions(tree: ast.Module) -> Iterator[tuple[str, ast.AST]]:
+    """Functions and methods with their names."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef):
+            yield node.name, node
+        elif isinstance(node, ast.ClassDef):
+            yield from ((f"{node.name}.{part.name}", part) for part in node.body if isinstance(part, ast.FunctionDef))
+
+
+def _expressions(function: ast.AST) -> Iterator[ast.expr]:
+    """The expressions that a function evaluates; no annotations, decorators or default values."""
+    assert isinstance(function, ast.FunctionDef)
+    todo: list[ast.AST] = list(reversed(function.body))
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.Raise):
+            continue
+        if isinstance(node, ast.expr):
+            yield node
+        parts = [node.value] if isinstance(node, ast.AnnAssign) else list(ast.iter_child_nodes(node))
+        todo.extend(part for part in reversed(parts) if part is not None)
+
+
+def _changed(node: ast.expr, names: set[str]) -> Iterator[ast.expr]:
+    """The faults of one expression in a function with these names."""
+    match node:
+        case ast.Compare(ops=[op]) if type(op) in FLIPPED:
+            yield _with(node, ops=[FLIPPED[type(op)]()])
+        case ast.Call(func=ast.Name(id=name)) if name in SWAPPED:
+            yield _with(node, func=ast.Name(SWAPPED[name]))
+        case ast.Call(func=ast.Attribute(value=value, attr=name)) if name in SWAPPED:
+            yield _with(node, func=ast.Attribute(value, SWAPPED[name]))
+        case ast.Attribute(value=value, attr=name, ctx=ast.Load()) if name in SWAPPED and name not in _METHODS:
+            yield ast.Attribute(value, SWAPPED[name])
+        case ast.Name(id=name, ctx=ast.Load()) if name in SWAPPED and name not in _METHODS and SWAPPED[name] in names:
+            yield ast.Name(SWAPPED[name], ast.Load())
+        case ast.Slice(lower=None, upper=ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=1)), step=None):
+            yield ast.Slice(ast.Constant(1), None, None)
+        case ast.Slice(lower=ast.Constant(value=1), upper=None, step=None):
+            yield ast.Slice(None, ast.UnaryOp(ast.USub(), ast.Constant(1)), None)
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right) if not isinstance(left, ast.List):
+            yield left
+            if isinstance(node.op, ast.Add) and not isinstance(left, ast.Constant):
+                yield right
+        case ast.BinOp(left=left, op=ast.Mult(), right=right) if ast.unparse(right).startswith(FACTORS):
+            yield left
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            yield operand
+        case ast.Constant(value="left" | "right" as side):
+            yield ast.Constant(SWAPPED[side])
+
+
+_METHODS = ("min", "max", "minimum", "maximum", "argmin", "argmax", "floor", "ceil", "any", "all")
+
+
+def _with(node: ast.expr, **changes: object) -> ast.expr:
+    """A copy with other fields."""
+    twin = copy.copy(node)
+    for name, value in changes.items():
+        setattr(twin, name, value)
+    return twin
+
+
+def _replaced(tree: ast.Module, place: ast.expr, changed: ast.expr) -> str:
+    """The module's text with one expression exchanged."""
+
+    class Exchange(ast.NodeTransformer):
+        def visit(self, node: ast.AST) -> ast.AST:
+            return changed if node is place else self.generic_visit(_copied(node))
+
+    return ast.unparse(ast.fix_missing_locations(Exchange().visit(tree)))
+
+
+def _copied(node: ast.AST) -> ast.AST:
+    """A copy whose lists are copies too, so that the tree itself stays as it is."""
+    twin = copy.copy(node)
+    for name, value in ast.iter_fields(node):
+        if isinstance(value, list):
+            setattr(twin, name, list(value))
+    return twin
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a mutant."""
+
+    name: str
+    killed: str
+    cases: int
+    seconds: float
+
+
+def tried(mutant: Mutant, seed: int, families: tuple[str, ...], count: int, timeout: float) -> Outcome:
+    """A mutant before the campaign's small set, in a process of its own."""
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        copied = Path(folder) / "ensemble_ctrl"
+        shutil.copytree(SOURCES, copied, ignore=shutil.ignore_patterns("__pycache__"))
+        (copied / mutant.module).write_text(mutant.source)
+        ours, theirs = multiprocessing.get_context("fork").Pipe()
+        process = multiprocessing.get_context("fork").Process(
+            target=_judge_all, args=(folder, seed, families, count, theirs)
+        )
+        process.start()
+        theirs.close()
+        killed, cases = "hangs", 0
+        try:
+            if ours.poll(timeout):
+                killed, cases = ours.recv()
+        except EOFError:
+            killed = "dies"
+        process.kill()
+        process.join()
+    return Outcome(mutant.name, killed, cases, time.perf_counter() - began)
+
+
+def _judge_all(folder: str, seed: int, families: tuple[str, ...], count: int, pipe: object) -> None:
+    """Judge cases until a claim is false; tell which, or nothing."""
+    sys.path.insert(0, folder)
+    try:
+        pipe.send(_verdict(seed, families, count))  # type: ignore[attr-defined]
+    except Exception as error:
+        pipe.send((f"crash: {error!r}", 0))  # type: ignore[attr-defined]
+
+
+def _verdict(seed: int, families: tuple[str, ...], count: int) -> tuple[str, int]:
+    """The first false claim, and the number of cases looked at."""
+    import numpy as np
+
+    from .cases import of_family
+
+    try:
+        from .judge import judge
+    except Exception as error:
+        return f"import: {error!r}", 0
+    decidable = left = 0
+    for index in range(count):
+        family = families[index % len(families)]
+        judged = judge(of_family(family, np.random.default_rng([seed, index])))
+        if judged.faults:
+            return f"{judged.faults[0].kind}: {family} {seed}:{index}", index + 1
+        decidable += bool(judged.decided)
+        left += bool(judged.decided) and judged.verdict == "undecided"
+        if decidable >= 60 and left > 0.25 * decidable:
+            return f"left open: {left} of {decidable}", index + 1
+    return "", count
+
+
+def families_for(mutant: Mutant) -> tuple[str, ...]:
+    """The cases that a mutant is tried with."""
+    return FAMILIES_FOR[mutant.module]
+
+
+def every_mutant() -> list[Mutant]:
+    """All mutants of the trusted base."""
+    return [mutant for module in FAMILIES_FOR for mutant in mutants(module)]
+
+
+def main() -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(description="Put faults into the proof, and see the campaign find them.")
+    parser.add_argument("--only", default="", help="mutants with this in their names")
+    parser.add_argument("--list", action="store_true", help="print the mutants and end")
+    parser.add_argument("--seed", type=int, default=5)
+    parser.add_argument("--cases", type=int, default=480, help="cases for each mutant at most")
+    parser.add_argument("--timeout", type=float, default=240.0, help="seconds for each mutant")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out", type=Path, help="a JSON file of outcomes; those that are in it are not tried again")
+    args = parser.parse_args()
+    chosen = [mutant for mutant in every_mutant() if args.only in mutant.name]
+    if args.list:
+        print(*(mutant.name for mutant in chosen), sep="\n")
+        return
+    done = json.loads(args.out.read_text()) if args.out and args.out.exists() else {}
+    todo = [mutant for mutant in chosen if mutant.name not in done]
+    for name in WARM:
+        importlib.import_module(name)
+    with ThreadPoolExecutor(args.jobs) as pool:
+        waiting = [pool.submit(tried, m, args.seed, families_for(m), args.cases, args.timeout) for m in todo]
+        for future in as_completed(waiting):
+            outcome = future.result()
+            done[outcome.name] = outcome.killed
+            print(f"{outcome.killed or 'SURVIVES'} ({outcome.cases}, {outcome.seconds:.0f} s): {outcome.name}")
+            if args.out:
+                args.out.write_text(json.dumps(done, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

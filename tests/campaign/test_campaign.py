@@ -1,0 +1,61 @@
+"""A part of the campaign against the proof; ``make campaign`` runs all of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ensemble_ctrl.certificate.enclosure import Flow
+
+from .cases import of_family
+from .judge import judge
+from .membership import excluded
+from .model import Floats
+from .run import lines
+from .table import BEGIN, END, MOST_OPEN, Table
+
+HERE = Path(__file__).parent
+PAGE = HERE.parents[1] / "docs" / "proof_campaign.md"
+SEED = 1000
+CHUNKS, SIZE = 6, 100
+
+
+@pytest.mark.parametrize("chunk", range(CHUNKS))
+def test_no_claim_is_false(chunk: int) -> None:
+    table = Table(SEED)
+    found = lines(SEED, range(chunk * SIZE, (chunk + 1) * SIZE))
+    for line in found:
+        table.add(line)
+    assert [(line.index, line.faults) for line in found if line.faults] == []
+    assert table.total["left open"] <= 2 * MOST_OPEN * table.total["decidable"]
+
+
+@pytest.mark.parametrize(
+    ("broken", "family"), [("growth", "bulging"), ("remainder", "tight"), ("rounding", "touching")]
+)
+def test_a_broken_proof_is_found_out(broken: str, family: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = getattr(Flow, broken)
+    monkeypatch.setattr(Flow, broken, lambda *args: 0 * whole(*args))
+    cases = (of_family(family, np.random.default_rng([SEED, index])) for index in range(100))
+    assert any(judge(case).faults for case in cases)
+
+
+def test_the_page_prints_the_result() -> None:
+    table = Table.of_json((HERE / "result.json").read_text())
+    assert not table.is_bad
+    told = PAGE.read_text().partition(BEGIN)[2].partition(END)[0].strip()
+    assert told == table.as_markdown()
+
+
+def test_membership_never_excludes_the_truth() -> None:
+    assert [what for index in range(100) for what in excluded(SEED, index)] == []
+
+
+def test_membership_without_drift_and_slips_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(commands: object, errors: object, factors: object, since: Floats, until: Floats) -> tuple[Floats, Floats]:
+        return np.zeros(np.shape(since)), np.zeros(np.shape(since))
+
+    monkeypatch.setattr("ensemble_ctrl.receding.membership.departure", none)
+    assert any(list(excluded(SEED, index)) for index in range(100))
