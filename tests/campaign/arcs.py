@@ -82,12 +82,14 @@ class Motion:
         return np.stack([length * np.cos(angle), length * np.sin(angle)], axis=-1)
 
     def slack(self, members: Floats) -> np.longdouble:
-        """Rounding of the places, metres: generous, and far below that of double precision."""
+        """Rounding of the places, metres: of each move a few and its angle's, and one of every sum."""
         a, b, heading, place = self.drives(members)
         way = np.abs(self.rates[0]).sum() * self.step * np.abs(a).max()
-        angle = np.abs(heading).max() + np.abs(b).max() * np.abs(self.turned).max(initial=0) + 10
-        steps = len(self.case.controls) + 32
-        return Long(4 * EPS * steps * (way * (1 + angle) + np.abs(place).max()))
+        angle = (
+            np.abs(heading).max() + np.abs(b).max() * np.abs(self.turned).max(initial=0) + np.abs(self.rates[1]).max()
+        )
+        steps = len(self.case.controls) + 8
+        return Long(2 * EPS * steps * (way * (1 + angle) + np.abs(place).max()))
 
     def knots(self, extra: list[np.longdouble], fine: float, most: int) -> tuple[Longs, Longs]:
         """Times between which chords are close to the arcs of members, and how long the pieces of each step are.

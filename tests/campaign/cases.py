@@ -355,14 +355,20 @@ def _long(rng: Random) -> Case:
 
 
 def _touching(rng: Random) -> Case:
-    """Straight ways of equal robots to a line that is touched but for roundings."""
+    """Straight ways of equal robots to a line that is touched but for roundings; some of them long and back."""
     kinds: tuple[dict[str, float], ...] = ({}, {}, NAMES[0])
     case = _fleet(rng, turn=0.0, equal=1.0, kinds=kinds, origin=_pick(rng, (0.0, 0.0, 1e3, 1e6)))
+    window: tuple[float | None, float | None] = (None, None)
+    if rng.random() < 0.5:
+        speeds = rng.uniform(-1, 1, int(rng.integers(2, 12))) * _pick(rng, (10.0, 1000.0))
+        controls = tuple((float(v), 0.0) for v in (*speeds, -speeds.sum()))
+        case = replace(case, position=(0.0, 0.0), controls=controls, duration=float(len(controls)))
+        window = case.duration, case.duration
     end = Motion(case).paths(np.ones((1, len(case.parameters))), np.array([case.duration], dtype=Long))[0, 0]
     row = (-float(np.cos(case.heading)), -float(np.sin(case.heading)))
     offset = -(Long(row[0]) * end[0] + Long(row[1]) * end[1])
     nudge = float(rng.choice([-1, 0, 1])) * float(np.spacing(float(abs(offset))))
-    return replace(case, task=("G", None, None, ("pred", *row, float(offset) + nudge)))
+    return replace(case, task=("G", *window, ("pred", *row, float(offset) + nudge)))
 
 
 def _tight(rng: Random) -> Case:

@@ -173,7 +173,7 @@ def _witness(oracle: Oracle, duty: Duty, said: float, near: Floats, time: float)
 
 def _rounding(oracle: Oracle) -> float:
     """What double precision may leave a distance by that is only seen, not proven."""
-    return 1e4 * float(oracle.slack) / 2 + 64 * DOUBLE * oracle.extent
+    return 1e5 * float(oracle.slack) + 64 * DOUBLE * oracle.extent
 
 
 def _share_faults(oracle: Oracle, part: Node, proven: float, share: float | None) -> Iterator[Fault]:
