@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ensemble_ctrl.constraints.stl._text import BeforeEnd, backwards
 from ensemble_ctrl.constraints.stl._tokens import TIME_UNITS, FormulaError, Token, Tokens
+from ensemble_ctrl.errors import shortened
 
 Window = tuple[float, float]
 
@@ -80,7 +81,7 @@ def _seconds(tokens: Tokens, number: Token) -> tuple[float, str]:
     """A number with the unit that follows it, if one does, in seconds; and that unit."""
     value, unit = float(number.text), tokens.skip("name")
     if math.isinf(value):
-        raise FormulaError(number.column, "a finite number", number.text)
+        raise FormulaError(number.column, "a finite number", shortened(number.text))
     if unit is None:
         return value, ""
     if unit.text not in TIME_UNITS:

@@ -32,6 +32,7 @@ from ensemble_ctrl.constraints.stl._tokens import FormulaError, Token, Tokens
 from ensemble_ctrl.constraints.stl._window import read_window
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known
+from ensemble_ctrl.errors import shortened
 from ensemble_ctrl.values import expect
 
 __all__ = ["FormulaError", "parse"]
@@ -233,7 +234,7 @@ def _factor(token: Token) -> Sum:
         return Sum({token.text: 1.0}, 0.0, token.column)
     value = float(token.text)
     if math.isinf(value):
-        raise FormulaError(token.column, "a finite number", token.text)
+        raise FormulaError(token.column, "a finite number", shortened(token.text))
     return Sum({}, value, token.column)
 
 
