@@ -14,6 +14,7 @@ import typer
 
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.cli import codes, completion
+from ensemble_ctrl.cli.memory import MemoryLimitError, require_memory
 from ensemble_ctrl.cli.streams import OutputError, complain, fail, fail_with, keep_standard_streams, say, silence
 from ensemble_ctrl.errors import EnsembleError
 
@@ -167,6 +168,7 @@ def run(
     """Plan for CONFIG, replay the plan, and write the results folder."""
     if quiet and verbose:
         raise UsageError("expected one of -q and -v, got both")
+    require_memory()
     from ensemble_ctrl.cli.run import RunOptions
     from ensemble_ctrl.cli.run import run as run_plan
 
@@ -359,6 +361,7 @@ def compare(
     trust: Trust = False,
 ) -> None:
     """Plan with each guarantee and compare the plans."""
+    require_memory()
     from ensemble_ctrl.cli.compare import compare_guarantees
 
     raise typer.Exit(compare_guarantees(config, output, overrides or [], json, quiet, not no_plots, overwrite))
@@ -382,6 +385,7 @@ def widest(
     trust: Trust = False,
 ) -> None:
     """Find the widest parameter range with a certified plan."""
+    require_memory()
     from ensemble_ctrl.cli.widest import find_widest
 
     raise typer.Exit(find_widest(config, overrides or [], tolerance, parameter, json, quiet))
@@ -482,6 +486,7 @@ def online(
     trust: Trust = False,
 ) -> None:
     """Measure, learn, plan again, apply, on a simulated robot."""
+    require_memory()
     from ensemble_ctrl.cli.online import OnlineRun, run_online
 
     given = OnlineRun(config, output, tuple(overrides or ()), traction, seed, json, quiet, not no_plots, overwrite)
@@ -600,8 +605,12 @@ def _invoked(arguments: list[str], as_json: bool) -> int:
     except OutputError as error:
         complain(f"error: {error}")
         return codes.INTERNAL
+    except MemoryLimitError as error:
+        return fail_with(codes.INTERNAL, error, as_json)
     except EnsembleError as error:
         return fail_with(codes.USAGE, error, as_json)
+    except MemoryError:
+        return fail(codes.INTERNAL, "out of memory; fewer members, steps or obstacles need less", as_json)
     except OSError as error:
         silence()
         return fail(codes.INTERNAL, f"{error.filename or 'output'}: {error.strerror or error}", as_json)
