@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ensemble_ctrl.checks.finding import Finding
+from ensemble_ctrl.checks.finding import SLACK, Finding
 from ensemble_ctrl.checks.task import mentioned
 from ensemble_ctrl.constraints.stl import (
     Always,
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
 
 Window = tuple[float, float]
-SLACK = 1e-9
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,10 @@ Severity = Literal["error", "warning"]
 Path = tuple[str | int, ...]
 
 
+SLACK = 1e-9
+"""Seconds, metres and shares by which a problem may be off before that is a finding: rounding of what people write."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """Something wrong, or odd, in a problem.

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ensemble_ctrl.checks.finding import Finding
+from ensemble_ctrl.checks.finding import SLACK, Finding
 from ensemble_ctrl.constraints.stl import Avoid, Formula, conjuncts, kept_out, leaves
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
-
-SLACK = 1e-9
 
 
 def motion_findings(problem: Problem) -> Iterator[Finding]:

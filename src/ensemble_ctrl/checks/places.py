@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.checks.finding import Finding, Severity
+from ensemble_ctrl.checks.finding import SLACK, Finding, Severity
 from ensemble_ctrl.checks.reach import required
 from ensemble_ctrl.checks.task import mentioned
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
-SLACK = 1e-9
 
 
 def area_findings(problem: Problem) -> Iterator[Finding]:

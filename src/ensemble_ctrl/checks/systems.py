@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.checks.coverage import coverage_findings
-from ensemble_ctrl.checks.finding import Finding
+from ensemble_ctrl.checks.finding import SLACK, Finding
 from ensemble_ctrl.checks.numbers import name_findings, number_findings
 from ensemble_ctrl.checks.task import task_findings, unused_findings
 from ensemble_ctrl.checks.work import work_findings
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem import OdeProblem, Problem
 
 Floats = NDArray[np.float64]
-
-SLACK = 1e-9
 
 
 def ode_findings(problem: OdeProblem) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.checks.finding import Finding
+from ensemble_ctrl.checks.finding import SLACK, Finding
 from ensemble_ctrl.checks.spread import apart, furthest, widest
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 PATH = ("objective", "terminal", "target")
 Floats = NDArray[np.float64]
-SLACK = 1e-9
 
 
 def target_findings(problem: Problem) -> Iterator[Finding]:
