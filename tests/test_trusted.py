@@ -13,7 +13,7 @@ from ensemble_ctrl.certificate import HANDED, TRUSTED
 from test_architecture import imports
 
 ROOT = Path(ensemble_ctrl.__file__).parents[1]
-LINES = 2_800
+LINES = 2_900
 """Lines of code that have to be right: neither blank, nor comments, nor docstrings."""
 OF_PROOF = 1_250
 """Those of them in `ensemble_ctrl.certificate`."""

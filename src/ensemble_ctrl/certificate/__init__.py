@@ -15,9 +15,19 @@ TRUSTED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "certificate.": ("certify", "clearance", "enclosure", "fingerprint", "instants", "schedule", "share", "task"),
-        "constraints.": ("_rows", "_sides", "cover", "exact", "obstacle", "polygon", "polyhedron", "solid"),
+        "constraints.": (
+            "_rows",
+            "_sides",
+            "cover",
+            "exact",
+            "obstacle",
+            "partition",
+            "polygon",
+            "polyhedron",
+            "solid",
+        ),
         "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
-        "": ("duties", "errors", "readonly"),
+        "": ("duties", "errors", "readonly", "values"),
     }.items()
     for module in modules
 )
