@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.config import load_text
 from ensemble_ctrl.constraints.stl import Always, Inside
 from ensemble_ctrl.errors import ConfigError
+from ensemble_ctrl.report.figures import draw_map
 from ensemble_ctrl.soonest import bound, goal_of
 from ensemble_ctrl.twin import unconstrained
 
@@ -56,6 +58,12 @@ def test_a_baseline_without_bounds_holds_every_start() -> None:
     bare = unconstrained(far)
     assert bare.task == Always(Inside("anywhere"))
     assert bare.regions["anywhere"].margin([[500.9, 0.0], [501.1, 0.0]]).min() >= 20.0
+
+
+def test_the_map_shows_where_members_start() -> None:
+    axes = draw_map(load_text(TEXT), Figure().subplots())
+    (marker,) = [line for line in axes.lines if line.get_marker() not in ("None", "", None)]
+    assert marker.get_xydata().tolist() == [[1.0, 0.0]]  # type: ignore[union-attr]
 
 
 def test_a_start_of_a_corner_of_the_ranges_is_not_in_an_obstacle() -> None:

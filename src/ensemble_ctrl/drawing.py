@@ -54,7 +54,7 @@ def map_svg(
     targets = target_lines(problem)
     shapes = [shadow(piece.vertices) for _, piece in problem.pieces] + _ends(problem)
     shapes += [*regions.values(), *paths, *targets, *(mark[None] for mark in marks)]
-    sheet = _Sheet(*frame([_flat(problem.fleet.position[None, :]), *shapes]))
+    sheet = _Sheet(*frame([_flat(problem.fleet.start_place[None, :]), *shapes]))
     strokes = [*colours, *["black"] * len(paths)]
     parts = [
         *_regions(sheet, regions),
@@ -128,7 +128,7 @@ def _obstacles(sheet: _Sheet, problem: Problem) -> Iterator[str]:
 
 def _start(sheet: _Sheet, problem: Problem) -> str:
     """An arrow head in the direction of the heading; a disk where a robot has none."""
-    x, y = sheet.at(_flat(problem.fleet.position[None, :])[0])
+    x, y = sheet.at(_flat(problem.fleet.start_place[None, :])[0])
     if not isinstance(problem.fleet, Fleet):
         return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4"/>'
     turn = f"translate({x:.1f} {y:.1f}) rotate({-np.degrees(problem.fleet.heading):.1f})"
@@ -175,7 +175,7 @@ def outlines(problem: Problem, paths: Sequence[Floats] = ()) -> dict[str, Floats
     if len(problem.fleet.places) != 2:
         return bounded
     drawn = [piece.vertices for _, piece in problem.pieces] + [*bounded.values(), *paths]
-    low, size = frame([problem.fleet.position[None, :], *drawn])
+    low, size = frame([problem.fleet.start_place[None, :], *drawn])
     window = (low - 0.1 * size - 0.5, low + 1.1 * size + 0.5)
     parts = {name: region if name in bounded else _within(region, *window) for name, region in problem.regions.items()}
     return {name: part.vertices for name, part in parts.items() if not part.is_empty}

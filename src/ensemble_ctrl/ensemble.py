@@ -61,6 +61,11 @@ class Ensemble(ReadOnlyArrays, ABC):
 
     @property
     @abstractmethod
+    def start_place(self) -> Floats:
+        """Middle of the start positions, shape (d,), metres."""
+
+    @property
+    @abstractmethod
     def state_units(self) -> dict[str, str]:
         """Unit of each state, for those that have a known one."""
 

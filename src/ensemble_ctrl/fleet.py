@@ -161,6 +161,11 @@ class Fleet(Ensemble):
         """Middle of the start positions, shape (2,), metres."""
         return np.asarray(self.drives(self.center[None])[0, 3:])
 
+    @property
+    def start_place(self) -> Floats:
+        """Middle of the start positions."""
+        return self.start
+
     @cached_property
     def directions(self) -> Floats:
         """How much each parameter adds to a drive, shape (parameters, 5)."""

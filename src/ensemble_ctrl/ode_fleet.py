@@ -176,6 +176,11 @@ class OdeFleet(Ensemble):
         return np.asarray(self.start_states(self.center[None])[self.place_columns, 0])
 
     @property
+    def start_place(self) -> Floats:
+        """Middle of the start positions."""
+        return self.position
+
+    @property
     def shift_covariance(self) -> Floats:
         """Zero, shape (d, d): every parameter bends trajectories here."""
         return np.zeros((len(self.places), len(self.places)))

@@ -97,10 +97,10 @@ def _draw_motions(problem: Problem, ax: Axes) -> None:
 def _draw_start(problem: Problem, ax: Axes) -> None:
     """The start as an arrow head in the direction of the heading."""
     fleet = problem.fleet
-    x, y = fleet.position.tolist()
+    x, y = fleet.start_place.tolist()
     marker = (3, 0, np.degrees(fleet.heading) - 90)
     ax.plot(x, y, marker=marker, color="black", markersize=9, zorder=5, linestyle="none")
-    inwards = ax.dataLim.get_points().mean(axis=0) - fleet.position
+    inwards = ax.dataLim.get_points().mean(axis=0) - fleet.start_place
     side = float(np.sign(np.dot((-np.sin(fleet.heading), np.cos(fleet.heading)), inwards))) or 1.0
     away = (-17 * side * np.sin(fleet.heading), 11 * side * np.cos(fleet.heading))
     ax.annotate("start", (x, y), away, textcoords="offset points", fontsize="small", ha="center", va="center")

@@ -105,7 +105,7 @@ class Scene:
     @property
     def start(self) -> Floats:
         """Where the fleet starts, shape (2,)."""
-        return self.at(self.problem.fleet.position, 0.0)
+        return self.at(self.problem.fleet.start_place, 0.0)
 
     @property
     def target(self) -> Floats | None:
