@@ -186,6 +186,11 @@ BAD_TABLES = {
     ),
     "empty": ("\n", "measured.csv: expected numbers, got an empty file", EXAMPLE),
     "names only": ("traction\n", "measured.csv: expected numbers below the names of the columns, got none", EXAMPLE),
+    "an endless cell": (
+        "1\n" + "1" * 200_000 + "\n",
+        "measured.csv, line 2: expected cells, got what can't be read (field larger than field limit (131072))",
+        "",
+    ),
     "binary": ("\0\1", "measured.csv: expected a text file, got a binary one", ""),
     "too many": (
         "1\n" * (MAX_SAMPLES + 1),

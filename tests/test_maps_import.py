@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ensemble_ctrl.config import import_map, load, load_text, read
+from ensemble_ctrl.config.wkt import shapes_of_wkt
 from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.constraints.polygon import is_convex
@@ -383,6 +384,14 @@ def test_names_of_features(tmp_path: Path, key: str) -> None:
     named = feature("x", square(0, 0))
     named["properties"] = {key: "shed", "area": 1}
     assert set(load_text(import_map(geojson(tmp_path, named)).problem).obstacles) == {"shed"}
+
+
+def test_a_polygon_of_many_corners_in_one_cell() -> None:
+    corners = ", ".join(f"{x}.123456789 {x % 2}.123456789" for x in range(8_000))
+    text = f'WKT,name\n"POLYGON (({corners}, 0.123456789 0.123456789))",fence\n'
+    assert len(text) > 200_000
+    (fence,), left_out = shapes_of_wkt(text)
+    assert (fence.name, len(fence.rings[0]), left_out) == ("fence", 8_000, [])
 
 
 SQUARES = ["POLYGON ((0 0, 1 0, 1 1, 0 1, 0 0))", "POLYGON ((5 0, 6 0, 6 1, 5 1, 5 0))"]

@@ -139,6 +139,8 @@ class ResultsFolder:
         OSError
             If that is not possible; what was there before is there still.
         """
+        if self._committed:
+            return self.target
         if self._replaces and self._still_replaceable():
             _replace(self._place, self.working, self._old)
         elif self.working.parent == self._place and self._fits_inside():

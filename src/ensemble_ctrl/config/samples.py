@@ -79,7 +79,7 @@ def columns_from_file(path: Path, above: float = -math.inf) -> Columns:
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     if not lines:
         raise Wrong(f"{path.name}: expected numbers, got an empty file", _EXAMPLE)
-    rows = [(i, _cells(line, _separator(lines[0][1]))) for i, line in lines]
+    rows = [(i, _cells(path, i, line, _separator(lines[0][1]))) for i, line in lines]
     names = rows.pop(0)[1] if not all(map(_is_number, rows[0][1])) else []
     if not names and len(rows[0][1]) > 1:
         wanted = "expected a first line that names the columns"
@@ -104,9 +104,12 @@ def _separator(line: str) -> str:
     return next((mark for mark in ("\t", ";", ",") if mark in line), ",")
 
 
-def _cells(line: str, separator: str) -> list[str]:
+def _cells(path: Path, i: int, line: str, separator: str) -> list[str]:
     """The cells of a line."""
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    except csv.Error as error:
+        raise Wrong(f"{path.name}, line {i}: expected cells, got what can't be read ({error})") from None
 
 
 def _is_number(cell: str) -> bool:

@@ -17,6 +17,7 @@ from ensemble_ctrl.config.wrong import show
 MAX_NESTING = 20
 COLUMNS = ("wkt", "wkt_geom", "geom", "geometry", "the_geom")
 """What a column of geometries is called in tables, in small letters."""
+LONGEST_HEADER = 10_000
 _EXAMPLE = "for example 'POLYGON ((0 0, 2 0, 1 1, 0 0))'"
 _SRID = re.compile(r"\s*SRID\s*=\s*(\d+)\s*;", re.IGNORECASE)
 _START = re.compile(r"\s*(SRID|POINT|LINE|POLYGON|MULTI|GEOMETRY|TRIANGLE|TIN|CIRCULAR|COMPOUND|CURVE|SURFACE)", re.I)
@@ -47,7 +48,8 @@ def _parts(text: str) -> Iterator[tuple[int | None, str, str]]:
     """Each geometry's text with its line, where there are several, and its name."""
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
     if lines and not _START.match(lines[0][1]):
-        header = [cell.strip().lower() for cell in next(csv.reader([lines[0][1]], delimiter=_separator(lines[0][1])))]
+        first = lines[0][1][:LONGEST_HEADER]
+        header = [cell.strip().lower() for cell in next(csv.reader([first], delimiter=_separator(first)))]
         if any(cell in COLUMNS for cell in header):
             yield from _rows(text)
             return
@@ -78,9 +80,16 @@ def _separator(header: str) -> str:
 def _rows(text: str) -> Iterator[tuple[int | None, str, str]]:
     """The geometries of a table, as QGIS writes them."""
     reader = csv.DictReader(text.splitlines(), delimiter=_separator(text.lstrip().splitlines()[0]))
-    for row in reader:
+    before = csv.field_size_limit(len(text) + 1)  # a polygon of many corners is one cell
+    try:
+        rows = [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise TextError(f"expected a table, got one that can't be read ({error})", Place(reader.line_num, 1)) from None
+    finally:
+        csv.field_size_limit(before)
+    for line, row in rows:
         column = next(key for key in row if key and key.strip().lower() in COLUMNS)
-        yield reader.line_num, name_among([*(row.get(key) for key in NAMES), row.get("id")]), row[column] or ""
+        yield line, name_among([*(row.get(key) for key in NAMES), row.get("id")]), row[column] or ""
 
 
 def _geometry(text: str, line: int | None) -> Any:
