@@ -113,6 +113,7 @@ class ResultsFolder:
     def _take(self, overwrite: bool) -> None:
         """Make sure that the results can be put in their place, and that nobody else will do so."""
         self._made: list[Path] = []
+        self._committed = False
         self._place = self.target.resolve()
         replaces = _checked(self.target, overwrite)
         self._made = [parent for parent in self._place.parents if not parent.exists()]

@@ -37,6 +37,10 @@ def test_two_runs_at_once_each_have_a_folder(place: Path) -> None:
         (folder.working / "plan.npz").write_text("x")
     assert [first.commit(), second.commit()] == [Path("plans/twin"), Path("plans/twin-2")]
     assert left(place / "plans") == ["twin", "twin-2", "twin-2/plan.npz", "twin/plan.npz"]
+    third, fourth = ResultsFolder(None, "other"), ResultsFolder(None, "other")
+    third.discard()
+    fourth.discard()
+    assert sorted(os.listdir(place / "plans")) == ["twin", "twin-2"]
 
 
 def test_a_new_or_an_empty_folder_is_used(command: Command, place: Path) -> None:
