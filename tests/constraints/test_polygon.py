@@ -71,3 +71,11 @@ def test_pieces_of_known_shapes(corners: list[list[float]], count: int | None) -
 def test_degenerate_polygons_are_refused(corners: list[list[float]], message: str) -> None:
     with pytest.raises(ProblemError, match=message):
         convex_pieces(corners)
+
+
+def test_a_pentagram_turns_one_way_and_still_crosses_itself() -> None:
+    angles = 2 * np.pi * np.arange(5) / 5
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    assert Obstacle.polygon(ring).distance([0.0, 0.0]) < 0
+    with pytest.raises(ProblemError, match="does not cross itself"):
+        Obstacle.polygon(ring[[0, 2, 4, 1, 3]])

@@ -195,12 +195,24 @@ def _without_straight_corners(corners: Array) -> Array:
 
 def _check_simple(corners: Array, name: str) -> None:
     """Refuse a polygon that crosses or touches itself."""
-    from shapely import Polygon
-
     area, scale = abs(signed_area(corners)), float(np.ptp(corners, axis=0).max())
     if area <= 1e-12 * scale**2:
         raise ProblemError(f"{name}: expected a polygon with an area, got area {area:g}")
+    if _clearly_convex(corners):
+        return
+    from shapely import Polygon
+
     _check_valid(Polygon(corners), name, "a polygon that does not cross itself")
+
+
+def _clearly_convex(corners: Array) -> bool:
+    """Whether a ring turns one way at every corner, by more than a nanoradian, and once around altogether."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(edges, -1, axis=0)
+    cross = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    turns = np.arctan2(cross, (edges * following).sum(axis=1))
+    one_way = bool((turns > 1e-9).all() or (turns < -1e-9).all())
+    return one_way and abs(float(turns.sum())) < 3 * np.pi
 
 
 def _check_valid(polygon: Polygon, name: str, wanted: str) -> None:
