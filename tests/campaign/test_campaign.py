@@ -13,7 +13,9 @@ from .cases import of_family
 from .judge import judge
 from .membership import excluded
 from .model import Floats
+from .mutate import every_mutant, mutants
 from .run import lines
+from .survivors import stale
 from .table import BEGIN, END, MOST_OPEN, Table
 
 HERE = Path(__file__).parent
@@ -40,6 +42,14 @@ def test_a_broken_proof_is_found_out(broken: str, family: str, monkeypatch: pyte
     monkeypatch.setattr(Flow, broken, lambda *args: 0 * whole(*args))
     cases = (of_family(family, np.random.default_rng([SEED, index])) for index in range(100))
     assert any(judge(case).faults for case in cases)
+
+
+def test_mutants_are_of_the_code_as_it_is() -> None:
+    names = [mutant.name for mutant in every_mutant()]
+    assert len(names) == len(set(names)) >= 60
+    assert stale(names) == []
+    source = next(mutant.source for mutant in mutants("certificate/enclosure.py"))
+    compile(source, "mutant", "exec")
 
 
 def test_the_page_prints_the_result() -> None:
