@@ -222,6 +222,8 @@ def departure(
     where the prime adds half a control step: factors may also change in jumps, one a step.
     """
     since, until = np.asarray(since, dtype=float), np.asarray(until, dtype=float)
+    if not (errors.drift or errors.speed or errors.turn_rate):
+        return np.zeros(len(until)), np.zeros(len(until))
     jump = commands.step / 2
     a, b = factors.at_most(errors.drift, since, until, jump)
     span = np.abs(until - since)
