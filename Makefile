@@ -14,6 +14,7 @@ test: $(VENV)/.installed-dev
 
 campaign: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.campaign.run --out tests/campaign/result.json --page docs/proof_campaign.md
+	$(BIN)/python -m tests.campaign.loops.run
 
 mutants: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.campaign.mutate --out tests/campaign/mutants.json

@@ -14,7 +14,7 @@ from .robot import Adversary, Body, bounced, moved
 from .scene import make
 from .tables import page
 
-LOOPS = 24
+LOOPS = 16
 QUICK = ("drift and actuators left out", "half the noise", "the past where the robot is now")
 """Margins whose lack shows in a few loops."""
 
