@@ -86,8 +86,10 @@ def _fleet(
     width = 0.0 if rng.random() < equal else _pick(rng, (1e-6, 0.01, 0.3, 1.0, 2.0))
     parameters: dict[str, Law] = {}
     for name, half in kind.items():
-        middle, size = (0.0, half) if name.startswith("start") else (1.0, half)
-        size *= width * (scale if name in ("start_x", "start_y") else 1.0)
+        unit = scale if name in ("start_x", "start_y") else 1.0
+        middle, size = (0.0 if name.startswith("start") else 1.0), half * width * unit
+        if rng.random() < 0.4:
+            middle += float(rng.uniform(-0.3, 0.3)) * unit
         parameters[name] = ("uniform", middle - size, middle + size)
     place = rng.uniform(-1, 1, 2) * scale + origin * rng.choice([-1.0, 1.0], 2)
     if rng.random() < 0.3:
