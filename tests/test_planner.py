@@ -21,10 +21,10 @@ from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
-from ensemble_ctrl.ocp.rounds import improve
+from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import Iteration
-from ensemble_ctrl.ocp.truncation import coarse
+from ensemble_ctrl.ocp.truncation import Truncation, coarse
 from ensemble_ctrl.planner import Solution, coarse_steps, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
@@ -252,6 +252,23 @@ def test_a_guess_is_checked_clipped_and_refined() -> None:
     for guess in (np.zeros(40), np.zeros((0, 2)), np.zeros((40, 3)), np.full((40, 2), np.nan)):
         with pytest.raises(ProblemError, match=r"^guess: expected finite controls of shape \(steps, 2\)"):
             solve(small(), guess=guess)
+
+
+@pytest.mark.parametrize(("rates", "status"), [(None, "planned"), ([0.01, 0.01], "infeasible")])
+def test_a_proven_guess_is_the_plan_where_nothing_better_is_found(
+    monkeypatch: pytest.MonkeyPatch, rates: list[float] | None, status: str
+) -> None:
+    proven = solve(small()).controls
+
+    def astray(problem: Problem, controls: Floats, truncation: Truncation, *_: object) -> Attempt:
+        return start(problem, 0 * controls, truncation)
+
+    monkeypatch.setattr(module, "improve", astray)
+    fleet = replace(small().fleet, rate_bounds=None if rates is None else np.array(rates))
+    kept = solve(small().with_(fleet=fleet), guess=proven)
+    assert kept.certificate is not None
+    assert (kept.status, kept.certificate.proven == "yes") == (status, status == "planned")
+    np.testing.assert_array_equal(kept.controls, proven if status == "planned" else 0 * proven)
 
 
 @pytest.mark.parametrize(

@@ -215,6 +215,8 @@ def solve(
     finished = _finish_all(search, [solved[i] for i in chosen])
     which = min(range(len(finished)), key=lambda k: _final_rank(finished[k]))
     final, certificate = finished[which].attempt, finished[which].certificate
+    if guess is not None and (proven := _as_given(problem, guess, finished[which])):
+        final, certificate = proven.attempt, proven.certificate
     seconds["solve"] = time.perf_counter() - search.began - seconds["guess"] - finished[which].certify_seconds
     if problem.verify.certificate:
         seconds["certify"] = finished[which].certify_seconds
@@ -232,7 +234,7 @@ def solve(
     return Solution(
         problem,
         _refined(final.controls, problem.steps),
-        _status(search, final),
+        _status(search, final, certificate),
         final,
         tuple(routes),
         seconds,
@@ -295,7 +297,7 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
     return Solution(
         problem,
         attempt.controls,
-        _status(search, attempt),
+        _status(search, attempt, certificate),
         attempt,
         tuple(
             tried(start, one, None, k == which) for k, (start, one) in enumerate(zip(starts, work_done, strict=False))
@@ -424,9 +426,25 @@ def _finish(search: _Search, found: Attempt) -> _Finished:
     return _Finished(final, certificate, (*work, *more), time.perf_counter() - began)
 
 
+def _as_given(problem: Problem, guess: Floats, found: _Finished) -> _Finished | None:
+    """The guess as it is, if it is proven and what was found from it is not, or costs more."""
+    controls = _refined(given(problem, guess, problem.steps), problem.steps)
+    attempt = replace(start(problem, controls, choose(problem, controls)), status="solved", message="as given")
+    better = not _is_proven(found.certificate) or attempt.value.cost < found.attempt.value.cost
+    if not problem.verify.certificate or not better or attempt.value.excess > 0:
+        return None
+    certificate = certify(problem, controls)
+    return _Finished(attempt, certificate, (), 0.0) if _is_proven(certificate) else None
+
+
+def _is_proven(certificate: Certificate | None) -> bool:
+    """Whether there is a certificate that says yes."""
+    return certificate is not None and certificate.proven == "yes"
+
+
 def _final_rank(end: _Finished) -> tuple[bool, bool, float, float]:
     """Sorting key: proven first, then as `_rank`."""
-    return (end.certificate is None or end.certificate.proven != "yes", *_rank(end.attempt))
+    return (not _is_proven(end.certificate), *_rank(end.attempt))
 
 
 def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate, list[Attempt]]:
@@ -519,11 +537,11 @@ def _rank(attempt: Attempt) -> tuple[bool, float, float]:
     return (not value.keeps(0.0), 0.0 if value.keeps(0.0) else short, value.cost)
 
 
-def _status(search: _Search, attempt: Attempt) -> Status:
-    """What became of the search."""
+def _status(search: _Search, attempt: Attempt, certificate: Certificate | None) -> Status:
+    """What became of the search: rates of the commands are kept by the program, all else by it or by proof."""
     if search.stopped:
         return "interrupted"
-    keeps = attempt.value.keeps(0.0)
+    keeps = attempt.value.keeps(0.0) or (_is_proven(certificate) and attempt.value.excess <= 0)
     if keeps and attempt.status == "solved":
         return "planned"
     if search.left() <= 0 or (attempt.status == "limit" and not keeps):
