@@ -14,9 +14,10 @@ import ensemble_ctrl as ec
 from ensemble_ctrl.checks import coverage_text, findings
 from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, conjuncts, robustness, without_implied
-from ensemble_ctrl.duties import clearances, duties, other_parts
+from ensemble_ctrl.duties import NOTHING_ASKED, clearances, duties, other_parts
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.report import summary_lines
+from ensemble_ctrl.report.words import certificate_words
 
 NAMES = ("o1", "o2", "o3", "post")
 
@@ -159,3 +160,26 @@ def test_a_thousand_windows_that_contain_each_other_are_one() -> None:
         assert np.array_equal(left, right)
     paths = np.zeros((1, 101, 2))
     assert np.array_equal(clearances(many, paths, 9.0), clearances(one, paths, 9.0))
+
+
+@pytest.mark.parametrize("task", ["G avoid(obstacles)", "share(0.5, G avoid(obstacles))"])
+def test_of_a_task_that_asks_nothing_nothing_is_claimed(task: str) -> None:
+    free = problem(task, obstacles={})
+    made = ec.Plan(free, np.tile([0.08, 0.0], (100, 1)), "planned")
+    seen = replace(made, replayed=made.replay(members=5), certificate=made.certify())
+    assert seen.certificate is not None
+    assert (seen.certificate.proven, seen.certificate.empty) == ("yes", True)
+    lines = summary_lines(seen)
+    assert lines[0].startswith("covered: plan found, nothing is asked, ")
+    assert f"  proven     {NOTHING_ASKED}" in lines
+    lead = certificate_words(free, seen.certificate).lead
+    assert lead.startswith("Nothing is asked: ")
+    for text in (repr(seen.replayed), repr(seen.certificate), lead, *lines):
+        assert "inf" not in text
+        assert "proven for every" not in text
+
+
+def test_what_is_asked_in_part_is_claimed() -> None:
+    made = ec.Plan(problem("F in(goal)"), np.tile([0.08, 0.0], (100, 1)), "planned")
+    assert not made.certify().empty
+    assert not ec.Plan(problem("G avoid(obstacles)"), made.controls, "planned").certify().empty

@@ -15,7 +15,8 @@ from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.task import TaskBound
 from ensemble_ctrl.config import load, load_text
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
-from ensemble_ctrl.constraints.stl import Share, parse
+from ensemble_ctrl.constraints.stl import Not, Share, parse
+from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form
 from ensemble_ctrl.duties import chances
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
@@ -254,3 +255,19 @@ def test_boxes_have_the_mass_and_none_is_larger_than_it_must_be() -> None:
     assert chance.part == problem.task
     assert [d.name for d in chance.duties] == list(problem.obstacles)
     assert chances(problem.with_(task=Share(1.0, parse("F in(goal)")))) == ()
+
+
+@pytest.mark.parametrize(
+    ("share", "members", "wanted"),
+    [(0.07, 100, 7), (0.29, 100, 29), (0.5 + 1e-11, 10, 6), (0.95, 1000, 950), (1e-12, 5, 1), (1.0, 7, 7)],
+)
+def test_a_share_is_of_the_decimal_number_that_was_written(share: float, members: int, wanted: int) -> None:
+    """2.9 is below 0.29 * 10 in floats and 7 above 0.07 * 100; none of it is rounded in favour of the share."""
+    part = Share(share, parse("x >= 0"))
+    assert part.rank(members) == wanted
+    denied = negation_normal_form(Not(part))
+    assert isinstance(denied, Share)
+    assert denied.rank(members) == min(members - wanted + 1, members)
+    again = negation_normal_form(Not(denied))
+    assert isinstance(again, Share)
+    assert again.rank(members) == wanted

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.ode_fleet import OdeFleet
     from ensemble_ctrl.problem import Objective, OdeProblem, Problem, ReportOptions, SolveOptions, VerifyOptions
     from ensemble_ctrl.receding.loop import Receding
-    from ensemble_ctrl.replay import Replay
+    from ensemble_ctrl.replay import Replay, replay
     from ensemble_ctrl.risk import Risk
     from ensemble_ctrl.systems import Bicycle, DoubleIntegrator, OdeSystem, Quadrotor, Unicycle
     from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget
@@ -130,16 +130,19 @@ __all__ = [
     "load_text",
     "parse",
     "plan",
+    "replay",
     "unconstrained",
     "widest",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
+    if name == "replay":  # a module that can be called: once it is loaded, it bears its name here
+        return import_module(f"{__name__}.{name}")
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     globals()[name] = value
     return value

@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 
 NOTHING_AVOIDED = "no obstacle is to be avoided"
 """What an infinite clearance means."""
+NOTHING_ASKED = "nothing is asked: the task avoids no obstacle that is there, and has no other part"
+"""What an infinite robustness means."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,10 @@ class Duty:
         return np.zeros(len(times) - 1) if self.motion is None else self.motion.bend(times[:-1], times[1:])
 
     def during(self, times: Floats) -> NDArray[np.bool_]:
-        """Which times are in its window."""
+        """Which times are in its window, or miss it by rounding.
+
+        Those of 1e-9 s outside count: looking at more can only take from a clearance.
+        """
         return np.asarray((times >= self.begin - 1e-9) & (times <= self.end + 1e-9))
 
     def distances(self, paths: Floats, times: Floats) -> Floats:

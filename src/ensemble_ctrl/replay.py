@@ -8,17 +8,20 @@ Nothing here knows how the controls were found.
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import ExactOps, Formula, Share, StateSignals, member_robustness, reads_fleet
-from ensemble_ctrl.duties import NOTHING_AVOIDED, Duty, chances, duties, grounded, other_parts
+from ensemble_ctrl.duties import NOTHING_ASKED, NOTHING_AVOIDED, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.fleet import Member
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.values import expect, whole
@@ -153,10 +156,9 @@ class Replay:
     def __repr__(self) -> str:
         closest = min((c.distance for c in self.clearances), default=float("inf"))
         clearance = f"clearance >= {closest:.4f} m" if np.isfinite(closest) else NOTHING_AVOIDED
-        return (
-            f"Replay({self.members} members: {100 * self.satisfied:.4g} % satisfy, robustness >= "
-            f"{self.worst[0]:.4f} m, {clearance}, {self.seconds:.2f} s)"
-        )
+        worst = self.worst[0]
+        found = NOTHING_ASKED if worst == np.inf else f"robustness >= {worst:.4f} m, {clearance}"
+        return f"Replay({self.members} members: {100 * self.satisfied:.4g} % satisfy, {found}, {self.seconds:.2f} s)"
 
 
 def wilson(kept: NDArray[np.bool_], z: float = 1.96) -> tuple[float, float]:
@@ -350,3 +352,14 @@ def _closest(name: str, found: Sequence[_Closest], inside: int) -> Clearance:
     """The closest of all blocks."""
     distance, at, parameters = min(found, key=lambda one: one[:2])
     return Clearance(name, distance, at, parameters, inside)
+
+
+class _Called(ModuleType):
+    """The type of this module: called as ``ensemble_ctrl.replay(problem, controls)``, it is its function."""
+
+    def __call__(self, problem: Problem, controls: Floats, **how: Any) -> Replay:
+        """See the function `replay`."""
+        return replay(problem, controls, **how)
+
+
+sys.modules[__name__].__class__ = _Called

@@ -12,13 +12,14 @@ the loss that a share :math:`\alpha` does not exceed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.values import number
+from ensemble_ctrl.values import exact, number
 
 Floats = NDArray[np.float64]
 Loss = Literal["terminal", "clearance"]
@@ -80,5 +81,5 @@ def value_at_risk(losses: ArrayLike, level: float) -> tuple[float, float]:
     """
     ordered = np.sort(np.asarray(losses, dtype=float))
     n = len(ordered)
-    threshold = float(ordered[max(int(np.ceil(level * n - 1e-9)) - 1, 0)])
+    threshold = float(ordered[max(ceil(exact(level) * n) - 1, 0)])
     return threshold, threshold + float(np.maximum(ordered - threshold, 0.0).mean()) / (1 - level)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 import os
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,6 +32,22 @@ def expect(name: str, value: object, kind: type[T], wanted: str = "") -> T:
         article = "an" if what[0] in "AEIOU" else "a"
         raise ProblemError(f"{name}: expected {wanted or f'{article} {what}'}, got {shown(value)}")
     return value
+
+
+def exact(value: float) -> Fraction:
+    """The decimal number that was written.
+
+    Examples
+    --------
+    >>> exact(0.07) * 100, 0.07 * 100
+    (Fraction(7, 1), 7.000000000000001)
+    """
+    return Fraction(repr(float(value)))
+
+
+def rest_of(share: float) -> float:
+    """One less a share, as it would be written: 0.07 of 0.93."""
+    return float(1 - exact(share))
 
 
 def flag(name: str, value: object) -> bool:

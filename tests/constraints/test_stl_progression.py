@@ -141,3 +141,15 @@ def test_a_known_number_in_every_walk() -> None:
     assert str(Known(0.25)) == "known(0.25)"
     with pytest.raises(ProblemError, match="expected a number, got nan"):
         Known(float("nan"))
+
+
+@pytest.mark.parametrize("step", [1 / 6, 1 / 7, 3e-5])
+@pytest.mark.parametrize("steps", [1, 4000])
+def test_a_window_loses_no_grid_time_however_long_the_past_is(step: float, steps: int) -> None:
+    task = Always(Eventually(parse("x >= 0"), 0.0, 2 * step), 0.0, steps * step)
+    horizon = steps + 2
+    left = progressed(task, lambda leaf, k: 1.0, steps, horizon, step)
+    signals = StateSignals(np.array([[[-1.0], [-1.0], [-1.0]]]), ("x",), step)
+    assert robustness(left, signals, EXACT) == -1.0  # the last grid time of the window counts
+    left = progressed(task, lambda leaf, k: 1.0, steps + 1, horizon, step)
+    assert robustness(left, StateSignals(signals.states[:, 1:], ("x",), step), EXACT) == 1.0

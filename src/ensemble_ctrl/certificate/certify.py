@@ -16,7 +16,7 @@ from ensemble_ctrl.certificate.fingerprint import fingerprint
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.share import boxes, weighed
 from ensemble_ctrl.certificate.task import TaskBound, bound_task
-from ensemble_ctrl.duties import NOTHING_AVOIDED, Chance, Duty, chances, duties, grounded, other_parts
+from ensemble_ctrl.duties import NOTHING_ASKED, NOTHING_AVOIDED, Chance, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.values import shown
 
@@ -104,7 +104,15 @@ class Certificate:
         """Smallest proven robustness in metres of the parts that are not duties; infinite without such parts."""
         return min((b.proven for b in self.parts), default=np.inf)
 
+    @property
+    def empty(self) -> bool:
+        """Whether it holds only because the task asks nothing, as one that avoids the obstacles of an empty map."""
+        claims = [*self.clearances, *(part for part in self.parts if np.isfinite(part.proven))]
+        return self.proven == "yes" and not claims
+
     def __repr__(self) -> str:
+        if self.empty:
+            return f"Certificate({NOTHING_ASKED})"
         scope = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in self.ranges.items())
         clearance = f"clearance >= {self.clearance:.4f} m" if np.isfinite(self.clearance) else NOTHING_AVOIDED
         rest = f"robustness >= {self.robustness:.4f} m, {self.seconds:.2f} s"
@@ -222,7 +230,7 @@ def _share(problem: Problem, controls: Floats, laws: Mapping[str, Law], fleet: F
         prover = Prover(Flow.of(problem, controls, box), problem.fleet.names)
         bounds = [_clearance(prover, problem, duty).proven for duty in chance.duties]
         bounds += [part_bound(problem, controls, box, part, fleet).proven for part in chance.others]
-        found = TaskBound(str(chance.part), min(bounds), np.inf, {}, share=mass)
+        found = TaskBound(str(chance.part), min(bounds, default=np.inf), np.inf, {}, share=mass)
         if best is None or found.proven > best.proven:
             best = found
         if found.proven >= 0:

@@ -16,13 +16,10 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.values import exact
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-def exact(seconds: float) -> Fraction:
-    """The decimal number that was written."""
-    return Fraction(repr(float(seconds)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.instants import Mesh, exact
+from ensemble_ctrl.certificate.instants import Mesh
 from ensemble_ctrl.constraints.stl.formula import (
     Always,
     And,
@@ -42,6 +42,7 @@ from ensemble_ctrl.constraints.stl.formula import (
 )
 from ensemble_ctrl.constraints.stl.leaves import Known, Predicate
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.values import exact
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

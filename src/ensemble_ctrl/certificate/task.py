@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import UNIT, Flow, Ranged, Track, first_cells, lowered
-from ensemble_ctrl.certificate.instants import exact
 from ensemble_ctrl.certificate.schedule import MOST, Schedule
 from ensemble_ctrl.constraints.stl.formula import Formula, Share
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet, resolve
+from ensemble_ctrl.values import exact
 
 if TYPE_CHECKING:
     from ensemble_ctrl.ensemble import Member

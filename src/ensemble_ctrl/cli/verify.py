@@ -150,7 +150,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def _lines(found: Verified) -> list[str]:
     """The result as text."""
     problem = found.plan.problem
-    head = HEADS[found.certificate.proven]
+    head = "nothing is asked" if found.certificate.empty else HEADS[found.certificate.proven]
     if found.beyond is not None and not found.ignore_bounds:
         head += f", but beyond the {found.beyond.bounds} bounds at t = {found.beyond.time:g} s"
     agree = "agree with each other" + ("" if found.certificate.proven == "not covered" else " and with the proof")

@@ -14,7 +14,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.instants import exact
 from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import (
@@ -46,6 +45,7 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.receding.propagation import PoseSet
+from ensemble_ctrl.values import exact
 
 Floats = NDArray[np.float64]
 

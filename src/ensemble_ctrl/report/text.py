@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.checks import coverage_text
 from ensemble_ctrl.conflicts import unit_of_parts
-from ensemble_ctrl.duties import NOTHING_AVOIDED, other_parts
+from ensemble_ctrl.duties import NOTHING_ASKED, NOTHING_AVOIDED, other_parts
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.fleet import START_COLUMNS
 from ensemble_ctrl.problem import OdeProblem, Problem
@@ -77,6 +77,8 @@ def verdict(plan: PlanLike) -> str:
     proof = ""
     if isinstance(plan.problem, OdeProblem):
         proof = "replayed only (no proof covers this model), "
+    elif plan.certificate is not None and plan.certificate.empty:
+        proof = "nothing is asked, "
     elif plan.certificate is not None:
         proof = "proven for every member, " if plan.certificate.proven == "yes" else "NOT proven for every member, "
     if run.shares:
@@ -202,7 +204,7 @@ def measured(run: Replay | None, unit: str = "m") -> list[tuple[str, str]]:
         return []
     value, worst = run.worst
     who = "of the task, shares as asked" if run.shares else f"for the worst member ({member_text(worst)})"
-    rows = [("robustness", f"{value:.4f} {unit} {who}")]
+    rows = [("robustness", NOTHING_ASKED if value == np.inf else f"{value:.4f} {unit} {who}")]
     c = min(run.clearances, key=lambda c: c.distance, default=None)
     if c is None or not np.isfinite(c.distance):
         rows.append(("clearance", NOTHING_AVOIDED))
@@ -262,6 +264,8 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     c = certificate
     if c.proven == "not covered":
         return [("proven", NOT_COVERED)]
+    if c.empty:
+        return [("proven", NOTHING_ASKED)]
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
     scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
     claims = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import floor, isfinite, log10
 
 from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.duties import NOTHING_ASKED
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.report.text import member_text, percent, unit_of
 
@@ -39,6 +40,8 @@ def certificate_words(problem: Problem, certificate: Certificate | None) -> Word
         lead = "No certificate was asked for: nothing is claimed beyond the robots that were replayed."
         hint = "Set verify.certificate: true in the problem file, or run ensemble-plan verify on the results."
         return Words(lead, (), hint)
+    if certificate.empty:
+        return Words(f"{NOTHING_ASKED[0].upper()}{NOTHING_ASKED[1:]}.", (), LIMITS)
     bounds = tuple(_bounds(certificate))
     ranges, when = _ranges(certificate), f"at every instant of the {problem.duration:g} s"
     who = f"every robot{ranges}, {when}"

@@ -23,6 +23,7 @@ from typing import ClassVar
 
 from ensemble_ctrl.constraints.stl._text import backwards, number, window_text
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.values import exact, rest_of
 
 MAX_DEPTH = 200
 
@@ -253,13 +254,13 @@ class Share(Formula):
 
     def rank(self, members: int) -> int:
         """How many members have to satisfy the child."""
-        exact = self.p * members
-        count = math.floor(exact + 1e-9) + 1 if self.strict else math.ceil(exact - 1e-9)
+        asked = exact(self.p) * members
+        count = math.floor(asked) + 1 if self.strict else math.ceil(asked)
         return min(max(count, 1), members)
 
     def __str__(self) -> str:
         if self.strict:
-            return f"not {Share(1 - self.p, Not(self.child))}"
+            return f"not {Share(rest_of(self.p), Not(self.child))}"
         return f"share({number(self.p)}, {self.child})"
 
 

@@ -28,7 +28,11 @@ from ensemble_ctrl.errors import UnsupportedError
 Reading = Callable[[Formula, int], float]
 """Robustness of a leaf (a predicate, or a named place or its negation) at a grid time of the past."""
 NEAR = 1e-9
-"""Share of a step by which a window's end may miss a grid time."""
+"""Share of a step by which a window's end may miss a grid time: both are rounded, of a time of thousands of steps too.
+
+That is a reading of what was meant, in no direction.  A claim rests on windows that were moved to the grid exactly and
+so that nothing rises (`ensemble_ctrl.receding.remaining.gridded`): of these, this only undoes the rounding.
+"""
 
 
 def progressed(formula: Formula, reading: Reading, past: int, horizon: int, step: float) -> Formula:
@@ -144,10 +148,16 @@ class _Step:
             return formula if self.now < self.horizon - below else None
         if formula.b < self.step * (1 - NEAR):
             return None
-        a, b = (max(round(end - self.step, 12), 0.0) for end in (formula.a, formula.b))
+        a, b = self._earlier(formula.a), self._earlier(formula.b)
         if math.ceil(a / self.step - NEAR) > math.floor(b / self.step + NEAR):
             return None
         return replace(formula, a=a, b=b)
+
+    def _earlier(self, end: float) -> float:
+        """A window's end seen from the next grid time; one that is on the grid stays there, however often it moves."""
+        near = round(end / self.step)
+        on_grid = abs(end / self.step - near) <= NEAR
+        return max((near - 1) * self.step if on_grid else end - self.step, 0.0)
 
 
 def _joined(kind: type[And | Or], parts: Iterable[Formula]) -> Formula:

@@ -23,6 +23,7 @@ from ensemble_ctrl.constraints.stl.formula import (
 )
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Predicate
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.values import rest_of
 
 ALL_OBSTACLES = "obstacles"
 """The name by which a task speaks of every obstacle."""
@@ -125,7 +126,7 @@ def _dual(formula: Formula, parts: tuple[Formula, ...]) -> Formula:
         case Release():
             return Until(parts[0], parts[1], formula.a, formula.b, formula.column)
         case Share():
-            return Share(1 - formula.p, parts[0], strict=not formula.strict)
+            return Share(rest_of(formula.p), parts[0], strict=not formula.strict)
     return rebuilt(formula, parts)
 
 
