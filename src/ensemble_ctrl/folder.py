@@ -300,6 +300,18 @@ def whole_folder(path: Path) -> Iterator[Path]:
         release(held)
 
 
+def require_free(path: Path, overwrite: bool) -> None:
+    """Refuse the name of a file that is there, unless it may be replaced, or is one of a results folder's own.
+
+    Raises
+    ------
+    FolderError
+    """
+    own = path.name in RESULT_FILES and (path.parent / "plan.npz").is_file()
+    if os.path.lexists(path) and not (overwrite or own):
+        raise _taken(path)
+
+
 def write_text(path: Path, text: str, overwrite: bool = False) -> None:
     """Write a file as a whole or not at all.
 
@@ -311,7 +323,12 @@ def write_text(path: Path, text: str, overwrite: bool = False) -> None:
     try:
         put_file(path, text, new=not (overwrite and path.is_file()))
     except FileExistsError:
-        hint = "add --overwrite to replace it" if path.is_file() else "choose another name"
-        raise FolderError(f"{path}: this exists already; {hint}") from None
+        raise _taken(path) from None
     except OSError as error:
         raise FolderError(f"{path}: can't be written ({error.strerror or error})") from None
+
+
+def _taken(path: Path) -> FolderError:
+    """What is said of a name that is taken."""
+    hint = "add --overwrite to replace it" if path.is_file() else "choose another name"
+    return FolderError(f"{path}: this exists already; {hint}")

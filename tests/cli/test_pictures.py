@@ -68,7 +68,8 @@ SVG = ("--format", "svg")
     [
         (
             ("moment",),
-            "moment: expected kinds among trajectories, controls, moments, robustness, clearance, certificate",
+            "moment: expected kinds among trajectories, controls, moments, robustness, clearance, certificate; "
+            "did you mean 'moments'?",
         ),
         (("moments", "-o", "a.gif"), "a.gif: expected a name that ends in .png, .pdf or .svg"),
         (
@@ -101,3 +102,39 @@ def test_run_animates_and_overwrites_pictures(command: Command, results: Path) -
     assert not (results / "figure-controls.png").exists()
     done = command(*run, "--animate", "avi")
     assert (done.code, done.err) == (2, "error: --animate avi: expected an animation as .gif or .mp4\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        (("report", "results", "-o", "mine.txt"), "mine.txt"),
+        (("report", "mine.npz"), "mine.html"),
+        (("animate", "mine.npz", "--seconds", "0.2"), "mine.gif"),
+        (("plot", "results", "controls", "-o", "mine"), "mine.png"),
+        (("plot", "mine.npz", "moments", "controls"), "figure-controls.png"),
+        (("plot", "results", "moments", "controls", "-o", "pictures"), "pictures/figure-controls.png"),
+        (("report", "results", "-o", "results/notes.html"), "results/notes.html"),
+    ],
+)
+def test_a_file_that_no_run_wrote_is_not_replaced_unasked(
+    command: Command, results: Path, place: Path, arguments: tuple[str, ...], name: str
+) -> None:
+    shutil.copy(results / "plan.npz", place / "mine.npz")
+    file = place / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("mine", encoding="utf-8")
+    done = command(*arguments)
+    assert (done.code, done.err) == (2, f"error: {name}: this exists already; add --overwrite to replace it\n")
+    assert file.read_text(encoding="utf-8") == "mine"
+    assert command(*arguments, "--overwrite").code == 0
+    assert file.read_bytes() != b"mine"
+
+
+def test_pictures_of_a_results_folder_are_drawn_again(command: Command, results: Path) -> None:
+    for arguments in (
+        ("report", "results"),
+        ("plot", "results", "controls"),
+        ("animate", "results", "--seconds", "0.2"),
+    ):
+        assert (command(*arguments).code, command(*arguments).code) == (0, 0)
+    assert command("report", "results", "-o", "results/report.html").code == 0

@@ -7,11 +7,12 @@ from pathlib import Path
 from ensemble_ctrl import planfile
 from ensemble_ctrl.api import Plan
 from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.folder import require_free
 
 
-def animate_plan(path: Path, output: Path | None, seconds: float) -> None:
+def animate_plan(path: Path, output: Path | None, seconds: float, overwrite: bool = False) -> None:
     """Write the animation and say where it is."""
-    plan = Plan.load(path)
     file = planfile.path_of(path)
-    beside = file.with_name("animation.gif") if file.name == "plan.npz" else file.with_suffix(".gif")
-    say(str(plan.animate(output or beside, seconds)))
+    film = output or (file.with_name("animation.gif") if file.name == "plan.npz" else file.with_suffix(".gif"))
+    require_free(film, overwrite)
+    say(str(Plan.load(path).animate(film, seconds)))

@@ -249,12 +249,13 @@ def report(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="The file [default: report.html beside it].", metavar="FILE")
     ] = None,
+    overwrite: Replace = False,
     trust: Trust = False,
 ) -> None:
     """Write a saved plan's report.html again."""
     from ensemble_ctrl.cli.report import report_plan
 
-    report_plan(plan, output)
+    report_plan(plan, output, overwrite)
 
 
 @app.command(
@@ -291,12 +292,13 @@ def plot(
             autocompletion=completion.picture_formats,
         ),
     ] = None,
+    overwrite: Replace = False,
     trust: Trust = False,
 ) -> None:
     """Draw a saved plan for a paper, a column wide."""
     from ensemble_ctrl.cli.plot import plot_plan
 
-    plot_plan(plan, kinds or [], output, format)
+    plot_plan(plan, kinds or [], output, format, overwrite)
 
 
 @app.command(
@@ -312,12 +314,13 @@ def animate(
         typer.Option("-o", "--output", help="A .gif or .mp4 [default: animation.gif beside it].", metavar="FILE"),
     ] = None,
     seconds: Annotated[float, typer.Option(help="How long it runs.", metavar="N")] = 6.0,
+    overwrite: Replace = False,
     trust: Trust = False,
 ) -> None:
     """Show a saved plan's fleet on its way."""
     from ensemble_ctrl.cli.animate import animate_plan
 
-    animate_plan(plan, output, seconds)
+    animate_plan(plan, output, seconds, overwrite)
 
 
 @app.command(

@@ -11,6 +11,7 @@ from ensemble_ctrl.api import Plan, with_twin
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.config.wrong import suggestion
 from ensemble_ctrl.errors import EnsembleError
+from ensemble_ctrl.folder import require_free
 from ensemble_ctrl.report.canvas import FORMATS
 from ensemble_ctrl.report.plot import KINDS, kinds_of, write_plot
 
@@ -22,7 +23,9 @@ class PlotError(EnsembleError):
     """The pictures that were asked for can't be drawn or written."""
 
 
-def plot_plan(path: Path, kinds: Sequence[str], output: Path | None, format: str | None) -> None:
+def plot_plan(
+    path: Path, kinds: Sequence[str], output: Path | None, format: str | None, overwrite: bool = False
+) -> None:
     """Write a file for each kind, all kinds without any, and say where they are."""
     for kind in kinds:
         if kind not in KINDS:
@@ -31,6 +34,8 @@ def plot_plan(path: Path, kinds: Sequence[str], output: Path | None, format: str
     plan = Plan.load(path)
     wanted = list(dict.fromkeys(kinds)) or list(kinds_of(plan.problem))
     files = _files(path, wanted, output, format)
+    for file in files.values():
+        require_free(file, overwrite)
     if any(kind in PROOF for kind in wanted):
         plan = replace(plan, certificate=plan.certify())
     if "trajectories" in wanted and plan.problem.report.twin:

@@ -8,12 +8,13 @@ from ensemble_ctrl import planfile
 from ensemble_ctrl.cli.run import REPORT
 from ensemble_ctrl.cli.show import judged
 from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.folder import require_free
 from ensemble_ctrl.results import write_report
 
 
-def report_plan(path: Path, output: Path | None) -> None:
+def report_plan(path: Path, output: Path | None, overwrite: bool = False) -> None:
     """Write the page and say where it is: in the results folder, or beside a plan that is a file of its own."""
-    found = judged(path)
     file = planfile.path_of(path)
-    beside = file.with_name(REPORT) if file.name == "plan.npz" else file.with_suffix(".html")
-    say(str(write_report(found, output or beside, file.parent)))
+    page = output or (file.with_name(REPORT) if file.name == "plan.npz" else file.with_suffix(".html"))
+    require_free(page, overwrite)
+    say(str(write_report(judged(path), page, file.parent)))
