@@ -195,6 +195,22 @@ def test_every_public_name_is_in_the_table() -> None:
     assert set(ec.__all__) - {*MADE, *CALLED} - inside - plain - results == set()
 
 
+@pytest.mark.parametrize(
+    "controls",
+    [
+        np.zeros((19, 2)),
+        np.zeros((21, 2)),
+        np.zeros((20, 2)) + 0.5j,
+        np.ma.masked_less(np.full((20, 2), 0.1), 0.2),
+        np.full((20, 2), np.nan),
+    ],
+    ids=["a row less", "a row more", "complex", "masked", "nan"],
+)
+def test_nothing_is_proven_of_commands_that_are_not_those_of_the_plan(controls: Any) -> None:
+    with pytest.raises(ec.ProblemError, match=r"controls: expected .*got "):
+        ec.certify(problem(), controls)
+
+
 def test_what_is_plain_is_taken(tmp_path: Path) -> None:
     box = [[0.6, 0.9], [0.3, 0.6]]
     one, other = ec.Obstacle.box(box), ec.Polyhedron.polygon([[1.6, 0.3], [1.9, 0.3], [1.7, 0.6]])

@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 import ensemble_ctrl as ec
 from ensemble_ctrl.checks import coverage_text, findings
 from ensemble_ctrl.config import dump, load_text
-from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, conjuncts, robustness, without_implied
+from ensemble_ctrl.constraints.stl import (
+    Always,
+    ExactOps,
+    StateSignals,
+    conjuncts,
+    resolve,
+    robustness,
+    without_implied,
+)
 from ensemble_ctrl.duties import NOTHING_ASKED, clearances, duties, other_parts
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.report import summary_lines
@@ -129,14 +137,21 @@ def test_the_summary_says_it_and_no_clearance_is_infinite() -> None:
         assert "inf" not in text.replace("infeasible", "")
 
 
-WINDOW = st.none() | st.tuples(st.integers(0, 8), st.integers(0, 8)).map(sorted)
+END = st.tuples(st.integers(0, 8), st.booleans())
+WINDOW = st.none() | st.tuples(END, END).map(sorted)
 PART = st.tuples(st.sampled_from("GF"), WINDOW, st.sampled_from(["x >= 0", "y >= 0.2"]))
+
+
+def window_text(ends: list[tuple[int, bool]]) -> str:
+    """A window of a plan of 8 s, each end counted from the beginning or from the end."""
+    low, high = (f"T-{8 - time}" if late else str(time) for time, late in ends)
+    return f"[{low},{high}]"
 
 
 @given(st.lists(PART, min_size=2, max_size=8), st.integers(0, 1000))
 @settings(max_examples=60)
 def test_conjuncts_that_are_left_out_say_nothing_more(parts: list[Any], seed: int) -> None:
-    texts = [f"{op}{'' if window is None else window} {leaf}" for op, window, leaf in parts]
+    texts = [f"{op}{'' if window is None else window_text(window)} {leaf}" for op, window, leaf in parts]
     task = ec.parse(" and ".join(texts))
     kept = without_implied(conjuncts(task), 8.0)
     signals = StateSignals(np.random.default_rng(seed).normal(size=(3, 9, 2)), ("x", "y"), 1.0)
@@ -145,6 +160,22 @@ def test_conjuncts_that_are_left_out_say_nothing_more(parts: list[Any], seed: in
         least = min(least, float(robustness(part, signals, ExactOps())))
     assert least == whole
     assert without_implied(kept, 8.0) == kept
+
+
+@pytest.mark.parametrize("part", ["x <= 6", "avoid(wall)", "share(0.5, x <= 6)", "mean(x <= 6)"])
+def test_windows_that_are_counted_from_the_end_are_where_they_are(part: str) -> None:
+    """Robots at 1 m a second are past 6 m from 6 s on: it is not enough to look until T - 5."""
+    fleet = ec.Fleet(ec.Unicycle(), {}, np.zeros(2), 0.0, np.full(2, -2.0), np.full(2, 2.0))
+    wall = {"wall": (ec.Obstacle.box(np.array([[6.0, 9.0], [-1.0, 1.0]])),)}
+    controls = np.tile([1.0, 0.0], (10, 1))
+    for task in (f"G[0,T-5] {part} and G[0,8] {part}", f"G[T-9,T-8] {part} and G[T-3,T] {part}"):
+        assert ec.certify(ec.Problem("late", fleet, 10.0, 10, ec.parse(task), {}, wall), controls).proven == "no"
+
+
+def test_a_window_counted_from_the_end_ends_where_its_decimals_say() -> None:
+    resolved = resolve(ec.parse("G[0,T-0.1] x <= 0.2"), 0.3)
+    assert isinstance(resolved, Always)
+    assert resolved.b == 0.2
 
 
 def test_a_thousand_windows_that_contain_each_other_are_one() -> None:

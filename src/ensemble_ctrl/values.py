@@ -62,6 +62,8 @@ def numbers(name: str, value: Any, wanted: str = "numbers") -> Floats:
     try:
         if value is None or isinstance(value, str | bytes | Mapping):
             raise TypeError(value)
+        if np.iscomplexobj(value) or np.ma.is_masked(value):  # a part of it would be lost
+            raise TypeError(value)
         return np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise ProblemError(f"{name}: expected {wanted}, got {shown(value)}") from None

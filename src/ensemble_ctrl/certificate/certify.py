@@ -135,7 +135,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     Raises
     ------
     ProblemError
-        For names that are not the fleet's, and for controls that are empty, of another shape or not finite.
+        For names that are not the fleet's, and for controls of another shape than (steps, n_u) or not finite.
 
     Returns
     -------
@@ -145,6 +145,8 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     if not hasattr(problem, "fleet"):
         raise ProblemError(f"problem: expected a Problem, got {shown(problem)}")
     laws, controls = _laws(problem, ranges), problem.fleet.checked_controls(controls)
+    if len(controls) != problem.steps:
+        raise ProblemError(f"controls: expected a row for each of {problem.steps} steps, got {len(controls)}")
     if not problem.fleet.provable:
         return _not_covered(problem, controls, laws)
     flow = Flow.of(problem, controls, laws)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from ensemble_ctrl.values import exact
+
 
 class BeforeEnd(float):
     """A time that is counted back from the end of the plan, ``T - before``: infinite until `at` puts the end in.
@@ -27,8 +29,8 @@ class BeforeEnd(float):
         return time
 
     def at(self, duration: float) -> float:
-        """The time in a plan of this duration, in seconds."""
-        return duration - self.before
+        """The time in a plan of this duration, in seconds: the difference of the decimals, rounded once."""
+        return float(exact(duration) - exact(self.before))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, BeforeEnd) and other.before == self.before

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from ensemble_ctrl.constraints.stl._text import resolved_time
 from ensemble_ctrl.constraints.stl.formula import Always, Eventually, Formula
 
 Window = tuple[float, float]
@@ -47,10 +48,10 @@ def without_implied(parts: Iterable[Formula], duration: float) -> tuple[Formula,
 
 def _window(part: Formula, duration: float) -> Window:
     """The window of an operator; of another formula one for all."""
-    begin, end = getattr(part, "a", None), getattr(part, "b", None)
-    if not isinstance(part, Always | Eventually) or begin is None or end is None:
+    if not isinstance(part, Always | Eventually):
         return 0.0, math.inf
-    return min(begin, duration), min(end, duration)
+    begin, end = (resolved_time(time, duration) for time in (part.a, part.b))
+    return (0.0, math.inf) if begin is None or end is None else (begin, end)
 
 
 def outermost(windows: list[Window]) -> list[int]:
