@@ -465,6 +465,12 @@ CASES = {
         "expected the name of a region (did you mean 'goal'?), got 'gaol'",
         "",
     ),
+    "an obstacle to be in": (
+        ("in(goal)", "in(o1)"),
+        (12, 21, "task"),
+        "expected the name of a region (goal), got 'o1'",
+        "o1 is an obstacle: to be outside of it is  avoid(o1)",
+    ),
     "not a formula": (
         ("and G", "und G"),
         (12, 27, "task"),
@@ -474,7 +480,13 @@ CASES = {
     "self-crossing polygon": (
         (O1, "{polygon: [[2, 2], [3, 3], [3, 2], [2, 4]]}"),
         (11, 17, "obstacles.o1.polygon"),
-        "expected a polygon that does not cross itself, got Self-intersection[2.66666666666667 2.66666666666667]",
+        "expected a polygon that does not cross itself, got self-intersection at (2.66667, 2.66667)",
+        "repair the polygon first, as with shapely.make_valid, or in QGIS by Fix geometries",
+    ),
+    "polygon whose halves cancel": (
+        (O1, "{polygon: [[2, 2], [6, 4], [6, 2], [2, 4]]}"),
+        (11, 17, "obstacles.o1.polygon"),
+        "expected a polygon that does not cross itself, got self-intersection at (4, 3)",
         "repair the polygon first, as with shapely.make_valid, or in QGIS by Fix geometries",
     ),
     "flat polygon": (
@@ -522,7 +534,7 @@ CASES = {
     "WKT with a hole outside": (
         (O1, "{wkt: 'POLYGON ((5 0, 9 0, 9 9, 5 0), (15 1, 16 1, 16 2, 15 1))'}"),
         (11, 13, "obstacles.o1.wkt"),
-        "expected holes that are inside of the polygon and apart, got Hole lies outside shell[15 1]",
+        "expected holes that are inside of the polygon and apart, got hole lies outside shell at (15, 1)",
         "repair the polygon first, as with shapely.make_valid, or in QGIS by Fix geometries",
     ),
     "map in another folder": (

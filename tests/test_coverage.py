@@ -125,6 +125,7 @@ def test_what_is_meant_is_listed() -> None:
     assert coverage_text(meant) == "avoided throughout: o2; only 0..16 s: o1; never: o3, post"
     assert load_text(dump(meant)).ignore == ("o1", "o3", "post")
     assert warnings(task, ignore=["o1", "o3", "post", "p0st"]) == ["there is no obstacle 'p0st'"]
+    assert "did you mean 'post'?" in [found.hint for found in findings(problem(task, ignore=["o3", "p0st"]))]
 
 
 def test_the_summary_says_it_and_no_clearance_is_infinite() -> None:

@@ -368,6 +368,19 @@ def test_no_free_cell_is_said_with_its_reason(tmp_path: Path) -> None:
             import_map(grid(tmp_path, pixels, **fields))
 
 
+def test_a_wall_is_a_wall_whatever_is_called_free(tmp_path: Path) -> None:
+    path = grid(tmp_path, GREY, free_thresh=1.0, occupied_thresh=0.5)
+    assert taken(import_map(path, 0.0).problem, MIDDLES) == taken(
+        import_map(grid(tmp_path, GREY, free_thresh=0.5, occupied_thresh=0.5), 0.0).problem, MIDDLES
+    )
+
+
+@pytest.mark.parametrize(("key", "value", "hint"), [("free_thresh", 25, "write 0.25"), ("occupied_thresh", -1, "")])
+def test_thresholds_are_shares(tmp_path: Path, key: str, value: float, hint: str) -> None:
+    with pytest.raises(ConfigError, match=rf"{key}: expected 0 to 1, got {value}[\s\S]*{hint}"):
+        import_map(grid(tmp_path, GREY, **{key: value}))
+
+
 def test_points_and_lines_beside_polygons_are_counted(tmp_path: Path) -> None:
     features = [feature("block", square(0, 0))]
     for kind, places in (("Point", [5, 1]), ("Point", [6, 1]), ("LineString", [[6, 0], [6, 3]])):

@@ -346,7 +346,7 @@ def plan(
     from ensemble_ctrl.soonest import solve
 
     if not isinstance(problem, Problem):
-        problem = load(path_of("problem", problem))
+        problem = load(path_of("problem", problem, "a Problem, or the path of a file with one"))
     controls = guess.controls if isinstance(guess, Plan) else None if guess is None else numbers("guess", guess)
     file = None if log is None else path_of("log", log)
     if progress is not None:

@@ -307,10 +307,11 @@ class Problem:
 
     def __repr__(self) -> str:
         order = "auto" if self.order is None else self.order
+        count = len(self.obstacles)
         laws = ", ".join(f"{name} {law.lower:g}..{law.upper:g}" for name, law in self.fleet.parameters.items())
         return (
             f"Problem({self.name!r}: {self.fleet.system.name}, {laws}, "
-            f"{self.duration:g} s in {self.steps} steps, order {order}, {len(self.obstacles)} obstacles, "
+            f"{self.duration:g} s in {self.steps} steps, order {order}, {count} obstacle{'s' * (count != 1)}, "
             f"task {self.task})"
         )
 

@@ -88,10 +88,10 @@ def whole(name: str, value: Any, least: int) -> int:
     return found
 
 
-def path_of(name: str, value: Any) -> Path:
-    """A path."""
+def path_of(name: str, value: Any, wanted: str = "a path") -> Path:
+    """A path; `wanted` says what else would do."""
     if not isinstance(value, str | os.PathLike) or isinstance(os.fspath(value), bytes):
-        raise ProblemError(f"{name}: expected a path, got {shown(value)}")
+        raise ProblemError(f"{name}: expected {wanted}, got {shown(value)}")
     return Path(value)
 
 

@@ -63,6 +63,7 @@ def ordered(formula: Formula) -> object:
         ("in(a) /\\ in(b) \\/ in(c)", "in(a) and in(b) or in(c)"),
         ("G[0, inf) in(a)", "G in(a)"),
         ("G[2, inf) in(a)", "G[2,T] in(a)"),
+        ("G[2, ∞) in(a)", "G[2,T] in(a)"),
         ("G[0, inf) F[0,2] in(a)", "G F[0,2] in(a)"),
         ("NOT in(a) AND Eventually in(b)", "not in(a) and F in(b)"),
         ("1 <= x <= 3", "1 <= x and x <= 3"),
@@ -128,6 +129,9 @@ def test_what_is_clear_is_read(text: str, plain: str) -> None:
         ("F[500 ms, 2] in(a)", "a unit of time at both ends"),
         ("F[0, 5 m] in(a)", "a unit of time (s, ms, min, h)"),
         ("F goal", "in(goal)"),
+        ("F in goal", "write  in(goal)"),
+        ("G avoid obstacles", "write  avoid(obstacles)"),
+        ("share(95 %, in(a))", "write 0.95"),
         ("reach(goal)", "in(place)"),
         ("outside(o1)", "avoid(place)"),
         ("speed(x) >= 1", "speed is no function"),
@@ -145,6 +149,13 @@ def test_what_is_not_says_what_to_write(text: str, words: str) -> None:
         parse(text)
     assert words in str(caught.value)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["in(goal", "in(goal and x >= 1", "share(0.95 in(a))", "share(250, in(a))"])
+def test_no_hint_is_better_than_one_that_misleads(text: str) -> None:
+    with pytest.raises(FormulaError) as caught:
+        parse(text)
+    assert not caught.value.hint
 
 
 def test_a_chain_of_equivalences_does_not_grow_without_end() -> None:

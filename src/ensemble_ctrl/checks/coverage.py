@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from ensemble_ctrl.checks.finding import SLACK, Finding
@@ -129,17 +130,23 @@ def coverage_findings(problem: Problem) -> Iterator[Finding]:
             same.setdefault(_when_not(found), []).append(name)
     for name in problem.ignore:
         if name not in problem.obstacles:
-            yield Finding(("ignore",), f"there is no obstacle {name!r}", severity="warning")
+            yield Finding(("ignore",), f"there is no obstacle {name!r}", _similar(name, problem), "warning")
     for when, names in same.items():
         path = ("obstacles", names[0]) if len(names) == 1 else ("obstacles",)
         verb = "is" if len(names) == 1 else "are"
-        hint = "add `G avoid(..)` without a window, or list it under `ignore`"
+        hint = f"add `G avoid(..)` without a window, or list {'it' if len(names) == 1 else 'them'} under `ignore`"
         yield Finding(path, f"{listed(names)} {verb} {when}", hint, "warning", on_key=True)
     for leaf in _at_start(problem.task):
         text = str(leaf) if len(str(leaf)) <= 40 else f"{str(leaf)[:39]}…"
         message = f"{text} holds at t = 0 only, as it is outside of every temporal operator"
         column = getattr(leaf, "column", 0)
         yield Finding(("task",), message, f"`G {text}` or `F {text}`?", "warning", column - 1 if column else None)
+
+
+def _similar(name: str, problem: Problem) -> str:
+    """The obstacle that may be meant."""
+    close = get_close_matches(name, list(problem.obstacles), n=1)
+    return f"did you mean {close[0]!r}?" if close else ""
 
 
 def _when_not(found: Coverage) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import import_map
+from ensemble_ctrl.config.imported import counted_pieces
 from ensemble_ctrl.config.occupancy import Unknown
 from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.errors import EnsembleError
@@ -32,7 +33,7 @@ def import_file(
     for note in found.notes:
         complain(f"{source}: warning: {note}")
     text = found.section if section else found.problem
-    kept = f"{found.obstacles} obstacle{'s' * (found.obstacles != 1)} in {found.pieces} convex pieces"
+    kept = counted_pieces(found.obstacles, found.pieces)
     if output is None:
         say(text.rstrip("\n"))
         complain(f"{source}: {kept}")

@@ -29,7 +29,7 @@ LITTLE = 1e-3
 PLACES = 60
 """Places along each side of the map that are tried as a start."""
 HEAD = """\
-# {title}, imported from {source}: {told}{grown}.
+# {title}, imported from {source}: {content}{grown}.
 # Change start, horizon and task to yours, and add regions to go to; `ensemble-plan check` says what does not fit.
 version: 1
 name: {name}
@@ -117,7 +117,7 @@ def _written(path: Path, content: MapContent, tolerance: float | None) -> Import
     head = HEAD.format(
         title=title,
         source=_printable(path.name),
-        told=f"{len(obstacles)} obstacle{'s' * (len(obstacles) != 1)} in {pieces} convex pieces",
+        content=counted_pieces(len(obstacles), pieces),
         grown="" if not tolerance else f", grown by at most {tolerance:g} m",
         name=json.dumps(title, ensure_ascii=False),
         x=place[0],
@@ -157,6 +157,11 @@ def _region(name: str, area: Area) -> str:
     if len(area.corners) > 1:
         raise TextError(f"expected a convex region, got {name!r} in {len(area.corners)} convex pieces")
     return _shapes(area.corners)
+
+
+def counted_pieces(obstacles: int, pieces: int) -> str:
+    """How many obstacles in how many pieces."""
+    return f"{obstacles} obstacle{'s' * (obstacles != 1)} in {pieces} convex piece{'s' * (pieces != 1)}"
 
 
 def _roomiest(content: MapContent) -> tuple[tuple[float, float], float]:

@@ -135,7 +135,7 @@ def read_map(path: Path, tolerance: float | None = None, unknown: Unknown | None
     """
     if path.suffix.lower() in (".pgm", ".png"):
         raise TextError(
-            "expected a map, got an image alone", hint="name the .yaml that tells its resolution and origin"
+            "expected a map, got an image alone", hint="give the .yaml beside it, with its resolution and origin"
         )
     text = text_of(read_bytes(path, MAX_MAP_BYTES), MAX_MAP_BYTES)
     if path.suffix.lower() in (".yaml", ".yml"):

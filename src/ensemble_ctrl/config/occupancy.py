@@ -54,7 +54,7 @@ def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tup
 
     Notes
     -----
-    A cell is free if its occupancy is below ``free_thresh``, occupied if it is above ``occupied_thresh``, and else
+    A cell is occupied if its occupancy is above ``occupied_thresh``, free if not and below ``free_thresh``, and else
     unknown, as are cells with any transparency and those of exactly the grey 205 by which ``map_saver`` writes
     unknown ones, whatever the thresholds make of it. Of a coloured cell the channel that says most counts.
     """
@@ -62,8 +62,7 @@ def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tup
     fields = _Fields(tree, tree.data if isinstance(tree.data, dict) else {})
     size = fields.number("resolution", above=0.0)
     x, y, yaw = fields.numbers("origin", 3)
-    free = fields.number("free_thresh", default=FREE)
-    occupied = max(free, fields.number("occupied_thresh", default=OCCUPIED))
+    free, occupied = fields.threshold("free_thresh", FREE), fields.threshold("occupied_thresh", OCCUPIED)
     negate = bool(fields.choice("negate", (0, 1, False, True), 0))
     raw = fields.choice("mode", ("trinary", "scale", "raw"), "trinary") == "raw"
     for key, values in (("resolution", [size]), ("origin", [x, y, yaw])):
@@ -75,7 +74,7 @@ def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tup
     except Wrong as error:
         raise fields.wrong("image", error.message, error.hint) from None
     occupancy = _raw(pixels) if raw else _occupancy(pixels, negate)
-    below = opaque & (occupancy < free)
+    below = opaque & (occupancy < free) & (occupancy <= occupied)
     grey = opaque & (np.abs(pixels - GREY).max(axis=2) < EXACT) if not (negate or raw) else np.zeros_like(opaque)
     unseen = ~opaque | grey | (~below & (occupancy <= occupied)) | (occupancy > 1)
     taken = ~below & ~unseen if unknown == "free" else ~below | unseen
@@ -128,6 +127,14 @@ class _Fields:
             wanted = "a finite number" if above == -math.inf else f"a finite number above {above:g}"
             raise self.wrong(key, f"expected {wanted}, got {show(value)}", "" if key in self._data else EXAMPLE)
         return float(value)
+
+    def threshold(self, key: str, default: float) -> float:
+        """A share of a cell, 0 to 1."""
+        value = self.number(key, default=default)
+        if not 0 <= value <= 1:
+            hint = f"write {value / 100:g}, if percent is meant" if 1 < value <= 100 else ""
+            raise self.wrong(key, f"expected 0 to 1, got {value:g}", hint)
+        return value
 
     def numbers(self, key: str, count: int) -> list[float]:
         """A list of finite numbers."""

@@ -50,7 +50,7 @@ def read_source(source: Source) -> Text:
         If it can't be read, is too large, or is not text.
     """
     if not isinstance(source, str | os.PathLike) and not hasattr(source, "read"):
-        raise ProblemError(f"problem: expected a path, or an open file, got {shown(source)}")
+        raise ProblemError(f"problem: expected the path of a file, or an open file, got {shown(source)}")
     name = name_of(source)
     if isinstance(source, str | os.PathLike) and source != "-":
         path = Path(source)

@@ -195,14 +195,13 @@ def _without_straight_corners(corners: Array) -> Array:
 
 def _check_simple(corners: Array, name: str) -> None:
     """Refuse a polygon that crosses or touches itself."""
+    if not _clearly_convex(corners):
+        from shapely import Polygon
+
+        _check_valid(Polygon(corners), name, "a polygon that does not cross itself")
     area, scale = abs(signed_area(corners)), float(np.ptp(corners, axis=0).max())
     if area <= 1e-12 * scale**2:
         raise ProblemError(f"{name}: expected a polygon with an area, got area {area:g}")
-    if _clearly_convex(corners):
-        return
-    from shapely import Polygon
-
-    _check_valid(Polygon(corners), name, "a polygon that does not cross itself")
 
 
 def _clearly_convex(corners: Array) -> bool:
@@ -220,4 +219,15 @@ def _check_valid(polygon: Polygon, name: str, wanted: str) -> None:
     from shapely.validation import explain_validity
 
     if not polygon.is_valid:
-        raise ProblemError(f"{name}: expected {wanted}, got {explain_validity(polygon)}")
+        raise ProblemError(f"{name}: expected {wanted}, got {_fault(explain_validity(polygon))}")
+
+
+def _fault(reason: str) -> str:
+    """What GEOS finds wrong, with the place as a person writes it.
+
+    >>> _fault("Self-intersection[2.66666666666667 -1]"), _fault("Too few points in geometry component")
+    ('self-intersection at (2.66667, -1)', 'too few points in geometry component')
+    """
+    kind, _, place = reason.rstrip("]").partition("[")
+    words = kind.lower()
+    return f"{words} at ({', '.join(f'{float(value):.6g}' for value in place.split())})" if place else words

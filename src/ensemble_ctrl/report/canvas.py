@@ -60,6 +60,7 @@ def draw_scale(problem: Problem, ax: Axes) -> None:
     """Which colour is which value of the first parameter, beside the map; nothing where all are equal."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
+    from matplotlib.ticker import MaxNLocator
 
     fleet = problem.fleet
     if not fleet.names or fleet.upper[0] <= fleet.lower[0]:
@@ -70,6 +71,7 @@ def draw_scale(problem: Problem, ax: Axes) -> None:
     place = ax.inset_axes((1.03, 0.0, 0.035, 1.0))
     place.set_title("", y=1.0)
     bar = figure.colorbar(colours, cax=place)
+    bar.locator = MaxNLocator(nbins=5)  # few and round: labels so short that the name beside them stays on the page
     bar.set_label(literal(parameter_label(problem, fleet.names[0])))
 
 

@@ -29,7 +29,7 @@ POINTS = 320
 """About as many points of a way are drawn, unless it has more steps."""
 GHOSTS = 6
 """Times at which a moving obstacle is outlined."""
-MARGINS = (0.62, 0.95, 0.5, 0.45)
+MARGINS = (0.72, 1.26, 0.5, 0.45)
 """Inches at the left, right, below and above a map."""
 VIEW_MARGINS = (0.78, 1.15, 0.5, 0.45)
 """The same for views of fleets that follow a differential equation."""

@@ -27,7 +27,7 @@ HEIGHT = 2.4
 COMMAND = 1.2
 """Inches for each command of ``controls``."""
 MARGINS = {
-    "trajectories": (0.5, 0.8, 0.42, 0.12),
+    "trajectories": (0.5, 0.9, 0.42, 0.16),
     "views": (0.62, 0.9, 0.42, 0.2),
     "moments": (0.66, 0.12, 0.42, 0.12),
     "certificate": (1.35, 0.12, 0.42, 0.12),

@@ -38,6 +38,8 @@ HINTS = {
 """By the word or symbol that is refused, or that stands right before what is."""
 
 
+_CALLED = frozenset(["in", "avoid", "mean", "share", "abs"])
+"""Words that stand before a bracket."""
 _UNITS = frozenset(["cm", "mm", "km", "m", "s", "ms", "min", "h", "deg", "rad"])
 
 
@@ -53,6 +55,8 @@ def hint_for(before: str, text: str, after_name: bool) -> str:
     """
     if before[:1].isdigit() or before[:1] == ".":
         return _after_number(before, text)
+    if before in _CALLED and text.isidentifier():
+        return f"write  {before}({text})"
     if text in HINTS:
         return HINTS[text]
     if before in HINTS:
@@ -74,4 +78,4 @@ def _after_number(before: str, text: str) -> str:
         return _UNIT
     if text == ",":
         return _WINDOW
-    return HINTS.get(text) or (f"a product is  {before}*{text}" if text.isidentifier() else "")
+    return HINTS.get(text) or (f"a product is  {before}*{text}" if text.isidentifier() and text not in _CALLED else "")

@@ -12,7 +12,7 @@ _TOKEN = re.compile(
     r"""\s* (?: ( (?:\d+\.?\d*|\.\d+) (?:[eE][+-]?\d+)? )
               | ( [^\W\d]\w*?(?=_\s*\{?\s*\[) | [^\W\d]\w*
                 | <-> | <=> | => | -> | >= | <= | == | != | <> | \[\] | /\\ | \\/ | \|\|? | &&? | \*\*
-                | [-+*/^()\[\]{},:!~<>=] | [¬∧∨→⇒↔⇔□◇◊≤≥≠−·×] )
+                | [-+*/^()\[\]{},:!~<>=] | [¬∧∨→⇒↔⇔□◇◊≤≥≠−·×∞] )
               | ( \S ) | )""",
     re.VERBOSE,
 )
@@ -34,7 +34,7 @@ SPELLINGS = {
     "times": "* / · ×",
     "true": "true",
     "false": "false",
-    "T": "T inf",
+    "T": "T inf ∞",
 }
 """Every spelling of a token, the one that is printed first."""
 
@@ -52,7 +52,7 @@ _STRANGE = frozenset(["==", "!=", "=", "≠", "^", "**"])
 TIME_UNITS = {"s": (1, 1), "ms": (1, 1000), "min": (60, 1), "h": (3600, 1)}
 """Units of time by name, with the factor to seconds as numerator and denominator (500 ms are 500 / 1000)."""
 
-_SYMBOLS = {"−": "-", "·": "*", "×": "*", "≥": ">=", "≤": "<="}
+_SYMBOLS = {"−": "-", "·": "*", "×": "*", "≥": ">=", "≤": "<=", "∞": "inf"}
 """Symbols by the text that they stand for."""
 
 RESERVED = frozenset(text for text in _KINDS if text.isidentifier())
@@ -156,7 +156,7 @@ class Tokens:
         match = _PLACE.match(self._text, self._at)
         if match is None:
             raise self.next().refused("a name")
-        self._at, self._last = match.end(), match[1]
+        self._at, self._last = match.end(), ""
         return Token("place", match[1], match.start(1) + 1)
 
 

@@ -31,7 +31,8 @@ def name_errors(
 ) -> list[FormulaError]:
     """One error for each unknown name, in the order of the text; the first of them with what was meant, perhaps."""
     unknown = list(_unknown_names(formula, list(regions), list(obstacles), list(states)))
-    return [_unknown(*found, guess=place < MOST_LISTED) for place, found in enumerate(unknown)]
+    shapes = set(obstacles)
+    return [_unknown(*found, shapes, guess=place < MOST_LISTED) for place, found in enumerate(unknown)]
 
 
 def _unknown_names(
@@ -52,12 +53,13 @@ def _unknown_names(
                         yield leaf.column, "a state", name, states
 
 
-def _unknown(column: int, kind: str, name: str, known: list[str], guess: bool) -> FormulaError:
+def _unknown(column: int, kind: str, name: str, known: list[str], obstacles: set[str], guess: bool) -> FormulaError:
     """An error that suggests the most similar name, or lists what there is."""
     close = get_close_matches(name[:MOST_LETTERS], known, n=1) if guess else []
     listed = ", ".join(map(shortened, known[:12])) or "there is none"
     meant = f"did you mean {close[0]!r}?" if close else listed
-    return FormulaError(column, f"the name of {kind} ({meant})", shortened(repr(name)))
+    hint = f"{name} is an obstacle: to be outside of it is  avoid({name})" if name in obstacles else ""
+    return FormulaError(column, f"the name of {kind} ({meant})", shortened(repr(name)), hint)
 
 
 def check_windows(formula: Formula, duration: float) -> float:

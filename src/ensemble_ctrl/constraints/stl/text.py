@@ -166,7 +166,8 @@ class _Parser:
             p = self._tokens.take("number", "a number")
             operator.share = float(p.text)
             if not 0 < operator.share <= 1:
-                raise FormulaError(p.column, "a share above 0 and up to 1", p.text)
+                hint = f"write {operator.share / 100:g}, if percent is meant" if 1 < operator.share <= 100 else ""
+                raise FormulaError(p.column, "a share above 0 and up to 1", p.text, hint)
             self._tokens.take(",", "','")
         return operator
 
