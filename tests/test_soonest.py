@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,9 +14,10 @@ from ensemble_ctrl.config import dump, load, load_text, read
 from ensemble_ctrl.constraints.stl import parse, resolve
 from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.errors import ConfigError, ProblemError
+from ensemble_ctrl.ocp.seeds import Seed, seeds
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay, trajectories
-from ensemble_ctrl.soonest import TOLERANCE, Duration, Passage, bound, goal_of, solve
+from ensemble_ctrl.soonest import TOLERANCE, Duration, Passage, _Search, bound, goal_of, solve
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "time"
 STRAIGHT = """
@@ -87,10 +89,37 @@ def test_at_least_is_kept() -> None:
 
 
 def test_nothing_within_the_longest_is_no_plan() -> None:
-    wall = BLOCK.replace("[-0.6, 1.0]", "[-50, 50]").replace("steps: 20", "steps: 8")
+    wall = BLOCK.replace("[-0.6, 1.0]", "[-50, 50]").replace("steps: 20", "steps: 8").replace("8 s", "3 s")
     found, soonest = solve(load_text(wall))
     assert (found.status, soonest) == ("infeasible", None)
-    assert found.problem.duration == 8.0
+    assert found.problem.duration == 3.0
+
+
+@pytest.mark.parametrize("longest", [2.5, 3.2])
+def test_a_plan_that_only_one_value_leads_to_is_found_for_every_limit(
+    monkeypatch: pytest.MonkeyPatch, longest: float
+) -> None:
+    """Routes lead to a solution at 1.35^4 = 3.322 s and nowhere else; from there it is driven faster."""
+
+    def only(problem: Problem, *rest: Any) -> list[Seed]:
+        return seeds(problem, *rest) if problem.duration == 3.322 else []
+
+    monkeypatch.setattr("ensemble_ctrl.soonest.seeds", only)
+    _, soonest = solve(load_text(STRAIGHT.replace("at_most: 8 s", f"at_most: {longest} s")))
+    assert soonest is not None
+    assert soonest.value == pytest.approx(FASTEST, rel=2 * TOLERANCE)
+
+
+@pytest.mark.parametrize("longest", [2.0, 2.4, 3.0, 8.0])
+def test_the_ladder_of_a_longer_limit_has_the_values_of_a_shorter_one(longest: float) -> None:
+    def ladder(most: float) -> list[float]:
+        goal = goal_of(load_text(STRAIGHT.replace("at_most: 8 s", f"at_most: {most} s")))
+        assert goal is not None
+        return list(_Search(goal, None, None)._ladder(bound(goal), most))
+
+    short, long = ladder(longest), ladder(8.0)
+    assert short == sorted(short)
+    assert set(short) - {longest} <= set(long)
 
 
 def passing(text: str = BLOCK) -> Problem:

@@ -4,8 +4,10 @@ Both ask for the least value of one number (the plan's duration, or a deadline) 
 its own; the search is over values:
 
 1. Below a *bound* no plan exists: the checks of a problem are certain, and refuse every smaller value.
-2. On the coarse grid, from every route, values are bisected; each starts from the solution at the last good one, driven
-   faster along the same arcs.
+2. On the coarse grid, from every route, values of a ladder are tried upwards until one has a solution. The ladder is
+   the same whatever the largest value is, so that what is found for one limit is found for every longer one. Below that
+   value the rest is bisected; each starts from the solution at the last good one, driven faster along the same arcs.
+   Where no value that is allowed has a solution, longer plans are looked for, to be driven faster.
 3. Around what that finds, whole searches with certificates narrow it down to `TOLERANCE`.
 
 *Guarantee*: the plan returned keeps its own value's problem as any plan does, proven where its certificate says so.
@@ -18,7 +20,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import ceil, sqrt
+from math import ceil, log, sqrt
 from pathlib import Path
 from typing import Protocol
 
@@ -43,8 +45,12 @@ TOLERANCE = 0.01
 """Share of the value within which a plan was found and none was found."""
 COARSE = 0.03
 """The same for the search on the coarse grid."""
-LESS = 2
-"""Smaller values tried on the coarse grid where the largest has no solution."""
+RUNG = 1.35
+"""Factor between the values of the ladder, which are its whole powers in seconds."""
+LADDER = 0.5
+"""Share of the time that smaller values may take before the largest is tried."""
+BEYOND = 2.0
+"""Plans up to so many times as long as allowed are looked for, to be driven faster."""
 EVEN = 200
 """Durations spread evenly among those where the task's windows hold the end of a step."""
 STEP = 0.03
@@ -92,6 +98,10 @@ class Goal(Protocol):
         """The largest value allowed."""
 
     @property
+    def beyond(self) -> Goal:
+        """The same with larger values, at which a solution may lead to one that is allowed."""
+
+    @property
     def least(self) -> float:
         """The smallest value allowed."""
 
@@ -116,6 +126,11 @@ class Duration:
     def most(self) -> float:
         """The longest."""
         return self.problem.duration
+
+    @property
+    def beyond(self) -> Goal:
+        """Slower plans are driven faster."""
+        return replace(self, problem=self.problem.with_(duration=BEYOND * self.problem.duration))
 
     @property
     def least(self) -> float:
@@ -167,6 +182,11 @@ class Passage:
     def most(self) -> float:
         """Any time of the plan."""
         return self.problem.duration
+
+    @property
+    def beyond(self) -> Goal:
+        """No time is after the plan."""
+        return self
 
     @property
     def least(self) -> float:
@@ -285,11 +305,10 @@ class _Search:
         low, most = lowest, self.goal.nearest(self.goal.most, 0.0, np.inf)
         if most is None:
             return self.goal.most, guess
-        high, live = most, self._solved(most, [] if guess is None else [guess])
-        for _ in range(LESS):  # routes know more of what to do first where there is less time
-            if live or self._over() or (less := self._between(low, high)) is None:
-                break
-            high, live = less, self._solved(less, [])
+        high, live = most, [] if guess is None else self._solved(most, [guess])
+        ladder = self._ladder(low, most)
+        while not live and not self._over() and (rung := next(ladder, None)) is not None:
+            high, live = rung, self._solved(rung, [])
         if not live:
             return most, guess
         while high - low > COARSE * high and not self._over():
@@ -297,7 +316,21 @@ class _Search:
                 break
             found = self._solved(middle, [self.goal.carried(c, high, middle) for c in live])
             low, high, live = (low, middle, found) if found else (middle, high, live)
-        return high, live[0]
+        return (high, live[0]) if high <= self.goal.most else (most, guess)
+
+    def _ladder(self, low: float, most: float) -> Iterator[float]:
+        """Values upwards that depend on the largest as little as can be, with that one, and those beyond it."""
+        goal, limit = self.goal.beyond, self.goal.problem.solve.time_limit
+        first, last, end = (ceil(log(max(t, 0.01 * most)) / log(RUNG)) for t in (low, most, goal.most))
+        for k in range(first, last):
+            value = goal.nearest(RUNG**k, low, most)
+            if value is not None and self._left() > (1 - LADDER) * limit:
+                yield value
+        yield most
+        for k in range(last, end):
+            value = goal.nearest(RUNG**k, most, np.inf)
+            if value is not None and _sound(self.goal, value):
+                yield value
 
     def _between(self, low: float, high: float) -> float | None:
         """A value near the geometric mean of two others."""
