@@ -183,8 +183,8 @@ def test_a_cheaper_plan_of_which_less_is_proven_is_not_kept(monkeypatch: pytest.
     certified = planner._certified
     seen: list[float] = []
 
-    def doubted(search: Any, attempt: Any) -> Any:
-        attempt, certificate, work = certified(search, attempt)
+    def doubted(search: Any, attempt: Any, tightened: Any) -> Any:
+        attempt, certificate, work = certified(search, attempt, tightened)
         seen.append(attempt.value.cost)
         return attempt, replace(certificate, proven="undecided") if len(seen) > 1 else certificate, work
 

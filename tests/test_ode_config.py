@@ -134,12 +134,6 @@ def test_several_errors_at_once() -> None:
     assert "2 errors in bad.yaml" in refused(text)
 
 
-def test_asking_for_a_proof_is_a_warning() -> None:
-    loaded = ec.config.read_text(GOOD + "verify: {certificate: true}\n")
-    assert [w.path for w in loaded.warnings] == ["verify.certificate"]
-    assert "proofs do not cover the quadrotor" in str(loaded.warnings[0])
-
-
 def write(folder: Path, system: str = SYSTEM, problem: str = CART) -> Path:
     """A problem with a system of one's own in a folder."""
     (folder / "cart.py").write_text(textwrap.dedent(system))

@@ -22,7 +22,7 @@ from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.export import export
 from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.receding.loop import Receding
-from ensemble_ctrl.replay import states
+from ensemble_ctrl.replay import replay, states
 from ensemble_ctrl.report import summary_lines
 
 Floats = NDArray[np.float64]
@@ -46,7 +46,8 @@ def test_every_member_does_the_task(path: Path) -> None:
     run = plan.replay(parameters=plan.problem.fleet.grid(301), substeps=4)
     assert plan.status == "planned"
     assert not run.violating.any()
-    assert plan.certificate is None
+    assert plan.certificate is not None
+    assert plan.certificate.proven == "yes"
     assert plan.verified
 
 
@@ -94,8 +95,8 @@ def test_the_same_from_python_with_nodes() -> None:
     assert plan.replayed is not None
     assert plan.replayed.satisfied == 1.0
     text = "\n".join(summary_lines(plan))
-    assert "proven     not covered for this model: replay only" in text
-    assert "replayed only (no proof covers this model)" in text
+    assert "proven for every member" in text
+    assert "proven     for every mass 0.9..1.1, every instant: rest of the task >= " in text
     again = ec.plan(problem, guess=plan)
     assert again.details["cost"] <= plan.details["cost"] + 0.02
 
@@ -119,13 +120,22 @@ def test_a_task_that_is_out_of_reach_has_no_plan() -> None:
         ec.plan(problem)
 
 
-def test_asking_for_a_proof_says_that_there_is_none() -> None:
-    problem = ec.load(MASSES, ["verify.certificate=true", "verify.members=50"])
-    plan = ec.plan(problem, check=False)
+def test_a_plan_is_proven_and_one_made_unsafe_is_refuted() -> None:
+    """The proven clearance is just below the smallest one of many members; commands that lead past the goal are refuted
+    by a member that misses it.
+    """
+    problem = ec.load(MASSES, ["verify.members=50"])
+    plan = ec.plan(problem)
     assert plan.certificate is not None
-    assert plan.certificate.proven == "not covered"
-    assert plan.status == "planned"
-    assert not plan.verified
+    assert plan.certificate.proven == "yes"
+    assert plan.verified
+    seen = min(c.distance for c in plan.replay(members=2000, substeps=10).clearances)
+    assert seen - 1e-3 < plan.certificate.clearance <= seen
+    late = ec.certify(problem, plan.controls * 0.9)
+    assert late.proven == "no"
+    assert late.counter_example is not None
+    member = np.array([[late.counter_example.parameters["mass"]]])
+    assert replay(problem, plan.controls * 0.9, parameters=member).violating.all()
 
 
 def test_the_example_is_at_most_20_lines_and_runs(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,8 +153,6 @@ def test_the_example_is_at_most_20_lines_and_runs(monkeypatch: pytest.MonkeyPatc
 
 
 def test_what_needs_a_proof_or_arcs_says_so_at_once(capsys: pytest.CaptureFixture[str]) -> None:
-    assert invoke(["widest", str(MASSES), "-q"]) == 2
-    assert "no proof covers the double_integrator" in capsys.readouterr().err
     assert invoke(["compare", str(MASSES), "-q"]) == 2
     assert "compare: expected robots on arcs" in capsys.readouterr().err
     problem = ec.load(MASSES)
@@ -176,16 +184,16 @@ def test_the_command_plans_saves_shows_and_verifies(tmp_path: Path, capsys: pyte
     small = ["--set", "verify.members=100", "--set", "horizon.steps=20", "--trust", "-q"]
     assert invoke(["run", str(CRANE), "-o", str(target), "--json", *small]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert (facts["status"], facts["certificate"]) == ("planned", None)
+    assert (facts["status"], facts["certificate"]["proven"]) == ("planned", "yes")
     names = {file.name for file in target.iterdir()}
     assert {"own_system.py", "plan.npz", "trajectories.png", "controls.png", "spread.png", "report.html"} <= names
-    assert "no proof covers this model (cart_pole)" in (target / "report.html").read_text()
+    assert "Proven: every robot with load from 0.1 to 0.2" in (target / "report.html").read_text()
     assert invoke(["show", str(target)]) == 2
     assert "expected your consent to run own_system.py" in capsys.readouterr().err
     assert invoke(["show", str(target), "--trust"]) == 0
-    assert "not covered for this model" in capsys.readouterr().out
-    assert invoke(["verify", str(target), "--trust"]) == 4
-    assert "NOT COVERED" in capsys.readouterr().out
+    assert "for every load 0.1..0.2" in capsys.readouterr().out
+    assert invoke(["verify", str(target), "--trust"]) == 0
+    assert "crane: proven" in capsys.readouterr().out
     assert invoke(["report", str(target)]) == 2
     for command in (["report"], ["animate", "--seconds", "0.2"], ["plot", "trajectories"], ["export"]):
         verb, *rest = command

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,8 +42,15 @@ class Ensemble(ReadOnlyArrays, ABC):
     input_lower: Floats
     input_upper: Floats
     radius: float
-    provable: ClassVar[bool] = False
-    """Whether a proof of plans is known for fleets of this kind (`ensemble_ctrl.certificate`)."""
+    enclosure: ClassVar[str]
+    """The name of the enclosure that proofs of this fleet use (`ensemble_ctrl.certificate`)."""
+    cloud: Mapping[str, Floats] | None = None
+    """Columns of parameters that were measured together, where a fleet has such."""
+
+    def with_laws(self, laws: Mapping[str, Law]) -> Self:
+        """The same fleet with other laws of its parameters, for which a cloud does not stand."""
+        changes: dict[str, Any] = {"parameters": dict(laws)} | ({} if self.cloud is None else {"cloud": None})
+        return replace(self, **changes)  # type: ignore[type-var]
 
     @property
     @abstractmethod

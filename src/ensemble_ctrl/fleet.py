@@ -125,7 +125,7 @@ class Fleet(Ensemble):
             if len(twice) > 1:
                 raise ProblemError(f"fleet.parameters: expected one of {' and '.join(twice)}, got both")
 
-    provable: ClassVar[bool] = True
+    enclosure: ClassVar[str] = "arcs"
 
     @property
     def identity(self) -> list[object]:

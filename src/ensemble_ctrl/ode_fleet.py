@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -148,6 +149,8 @@ class OdeFleet(Ensemble):
                 f"{what}: expected finite rates at the start, got {rates[state, member]} for {name} ({told})"
             )
 
+    enclosure: ClassVar[str] = "general"
+
     @property
     def identity(self) -> list[object]:
         """The system with its settings, and the state at the start."""
@@ -185,6 +188,10 @@ class OdeFleet(Ensemble):
         """Zero, shape (d, d): every parameter bends trajectories here."""
         return np.zeros((len(self.places), len(self.places)))
 
+    def shifted(self, name: str) -> int:
+        """The state whose start a parameter shifts; -1 for a parameter of the system."""
+        return -1 if name in self.system.parameters else self.states.index(name.removeprefix(START_PREFIX))
+
     def rest(self, member: Floats) -> Floats:
         """The command that costs no effort, of one member of shape (parameters,), within the bounds, shape (n_u,)."""
         psi = {name: float(value[0]) for name, value in self.psi(member[None]).items()}
@@ -203,8 +210,8 @@ class OdeFleet(Ensemble):
         told = {**self.system.start(), **self.start}
         states = np.tile(np.array([float(told.get(name, 0.0)) for name in self.states])[:, None], (1, len(members)))
         for name, column in zip(self.names, members.T, strict=True):
-            if name.startswith(START_PREFIX) and name not in self.system.parameters:
-                states[self.states.index(name.removeprefix(START_PREFIX))] += column
+            if (state := self.shifted(name)) >= 0:
+                states[state] += column
         return states
 
     def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:

@@ -293,7 +293,18 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
         if k == ranked[0] or shooting.rank(tried_one) < shooting.rank(attempt):
             which, attempt = k, tried_one
     seconds["solve"] = time.perf_counter() - search.began - seconds["guess"]
-    certificate = certify(problem, attempt.controls) if problem.verify.certificate else None
+    certificate: Certificate | None = None
+    if problem.verify.certificate:
+        search.tell("certify")
+        began = time.perf_counter()
+
+        def tightened(_: Attempt, tight: Problem) -> Attempt | None:
+            more = problem.with_(solve=tight.solve)
+            return search.alone("solve", partial(_for_all, more, *found[which]))
+
+        attempt, certificate, more = _certified(search, attempt, tightened)
+        work_done += more
+        seconds["certify"] = time.perf_counter() - began
     return Solution(
         problem,
         attempt.controls,
@@ -422,7 +433,7 @@ def _finish(search: _Search, found: Attempt) -> _Finished:
         return _Finished(final, None, tuple(work), 0.0)
     search.tell("certify")
     began = time.perf_counter()
-    final, certificate, more = _certified(search, final)
+    final, certificate, more = _certified(search, final, partial(_fine, search))
     return _Finished(final, certificate, (*work, *more), time.perf_counter() - began)
 
 
@@ -447,8 +458,13 @@ def _final_rank(end: _Finished) -> tuple[bool, bool, float, float]:
     return (not _is_proven(end.certificate), *_rank(end.attempt))
 
 
-def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate, list[Attempt]]:
-    """Certify; where that falls short, solve again with as much more margin, at most `CERTIFY_ROUNDS` times."""
+def _certified(
+    search: _Search, attempt: Attempt, tightened: Callable[[Attempt, Problem], Attempt | None]
+) -> tuple[Attempt, Certificate, list[Attempt]]:
+    """Certify; where that falls short, solve again with as much more margin, at most `CERTIFY_ROUNDS` times.
+
+    `tightened` solves from an attempt with a problem of more margin; None or the same attempt where there is no time.
+    """
     problem, work = search.problem, []
     certificate = certify(problem, _refined(attempt.controls, problem.steps))
     for _ in range(CERTIFY_ROUNDS):
@@ -458,8 +474,8 @@ def _certified(search: _Search, attempt: Attempt) -> tuple[Attempt, Certificate,
         if not np.isfinite(short):
             break
         problem = problem.with_(solve=replace(problem.solve, margin=problem.solve.margin + 1.5 * short + 1e-3))
-        tighter = _fine(search, attempt, problem)
-        if tighter is attempt:
+        tighter = tightened(attempt, problem)
+        if tighter is None or tighter is attempt:
             break
         work.append(tighter)
         again = certify(search.problem, _refined(tighter.controls, problem.steps))
@@ -488,7 +504,7 @@ def _chosen_facets(
         if new is not None and _rank(new) < _rank(plan):
             certificate = proof
             if proof is not None:
-                new, certificate, more = _certified(search, new)
+                new, certificate, more = _certified(search, new, partial(_fine, search))
                 work += more
             kept = _rank(new) < _rank(plan) and _no_less_proven(certificate, proof)
             plan, proof = (new, certificate) if kept else (plan, proof)

@@ -334,10 +334,8 @@ class OdeProblem(Problem):
     """A planning problem of a fleet that follows a differential equation: a quadrotor, or a system of one's own.
 
     Its fields are those of `Problem`, with a fleet of other dynamics. Not for such fleets are obstacles that move,
-    targets other than a place, ``guarantee: moment``, ``method: minlp``, cells, and the twin. The certificate does not
-    cover them: it is off unless asked for, and then says so.
+    targets other than a place, ``guarantee: moment``, ``method: minlp``, cells, and the twin.
     """
 
     fleet: OdeFleet  # type: ignore[assignment]
     fleets: ClassVar[type[Ensemble]] = OdeFleet
-    verify: VerifyOptions = field(default_factory=lambda: VerifyOptions(certificate=False))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from ensemble_ctrl.api import Plan, plan
 from ensemble_ctrl.conflicts import Conflict
-from ensemble_ctrl.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.values import expect
 
 Tell = Callable[[Interval, bool], None]
@@ -66,8 +66,6 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
     ------
     ProblemError
         If the fleet has no such parameter.
-    UnsupportedError
-        If no proof covers the fleet's model.
 
     Notes
     -----
@@ -75,8 +73,6 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
     planner just found none.
     """
     names = expect("problem", problem, Problem).fleet.names
-    if isinstance(problem, OdeProblem):
-        raise UnsupportedError(f"widest: no proof covers the {problem.fleet.system.name}, so no range can be certified")
     if not names or parameter not in (None, *names):
         known = ", ".join(names) or "none: all members are equal"
         raise ProblemError(f"parameter: expected one of the fleet's ({known}), got {parameter!r}")

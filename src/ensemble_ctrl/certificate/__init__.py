@@ -14,24 +14,24 @@ __all__ = ["Bound", "Certificate", "CounterExample", "TaskBound", "as_data", "ce
 TRUSTED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
-        "certificate.": ("certify", "clearance", "enclosure", "fingerprint", "instants", "schedule", "share", "task"),
+        "certificate.": (
+            *("certify", "clearance", "enclosure", "errors", "fingerprint", "instants", "schedule", "share", "task"),
+        ),
         "constraints.": (
-            "_rows",
-            "_sides",
-            "cover",
-            "exact",
-            "obstacle",
-            "partition",
-            "polygon",
-            "polyhedron",
-            "solid",
+            *("_rows", "_sides", "cover", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
         ),
         "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
         "": ("duties", "errors", "readonly", "values"),
     }.items()
     for module in modules
 )
-"""The modules that have to be right for *yes* to be true of a problem: all that `certify` reaches by imports."""
+"""The modules that have to be right for *yes* to be true of robots on arcs: all that `certify` reaches by imports."""
+
+GENERAL = tuple(
+    f"ensemble_ctrl.certificate.general.{module}"
+    for module in ("proof", "enclosure", "basis", "models", "gradients", "growth", "boxes", "clearance", "task")
+)
+"""Those that have to be right, too, for *yes* to be true of other systems."""
 
 HANDED = tuple(
     f"ensemble_ctrl.{room}{module}"

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import Bound, Prover
 from ensemble_ctrl.certificate.enclosure import Flow, Ranged
+from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.fingerprint import fingerprint
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.share import boxes, weighed
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 SPLITS = (1, 4, 16)
 """Parts into which each step is cut, in turn, until a part of the task is proven or refuted."""
-Verdict = Literal["yes", "no", "undecided", "not covered"]
+Verdict = Literal["yes", "no", "undecided"]
 
 
 @dataclass(frozen=True)
@@ -61,9 +63,8 @@ class Certificate:
 
     Attributes
     ----------
-    proven : {"yes", "no", "undecided", "not covered"}
-        ``yes``: every bound is positive or zero. ``no``: `counter_example` violates the task. ``not covered``: no proof
-        for this model is known here, and nothing is claimed.
+    proven : {"yes", "no", "undecided"}
+        ``yes``: every bound is positive or zero. ``no``: `counter_example` violates the task.
     clearances : tuple of Bound
         Proven and sampled clearance for each duty.
     parts : tuple of TaskBound
@@ -78,6 +79,8 @@ class Certificate:
         What it took.
     inputs : str
         SHA-256 of the controls and of everything in the problem that the claim depends on.
+    reason : str
+        Why nothing can be said of any part, in words; empty where there are bounds.
 
     Notes
     -----
@@ -93,6 +96,7 @@ class Certificate:
     boxes: int
     seconds: float
     inputs: str
+    reason: str = ""
 
     @property
     def clearance(self) -> float:
@@ -147,38 +151,30 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     laws, controls = _laws(problem, ranges), problem.fleet.checked_controls(controls)
     if len(controls) != problem.steps:
         raise ProblemError(f"controls: expected a row for each of {problem.steps} steps, got {len(controls)}")
-    if not problem.fleet.provable:
-        return _not_covered(problem, controls, laws)
-    flow = Flow.of(problem, controls, laws)
-    prover = Prover(flow, problem.fleet.names)
-    clearances = tuple(_clearance(prover, problem, duty) for duty in duties(problem))
-    fleet = weighed(problem, laws)
+    proof = PROOFS[problem.fleet.enclosure](problem, controls, laws)
     some = {id(chance.part): chance for chance in chances(problem)}
-    parts = tuple(
-        _share(problem, controls, laws, fleet, some[id(part)])
-        if id(part) in some
-        else part_bound(problem, controls, laws, part, fleet)
-        for part in other_parts(problem)
-    )
+    try:
+        clearances = tuple(proof.clearance(duty) for duty in duties(problem))
+        parts = tuple(
+            proof.share(some[id(part)]) if id(part) in some else proof.part(part) for part in other_parts(problem)
+        )
+        looked, reason = proof.boxes, ""
+    except Unenclosed as error:
+        clearances, parts, looked, reason = (), (), 0, str(error)
     found = _counter_example(clearances, parts)
     good = all(b.proven >= 0 for b in clearances) and all(b.covered and b.proven >= 0 for b in parts)
-    verdict: Verdict = "no" if found else "yes" if good else "undecided"
+    verdict: Verdict = "no" if found else "yes" if good and not reason else "undecided"
     return Certificate(
         verdict,
         clearances,
         parts,
         found,
         {name: (law.lower, law.upper) for name, law in laws.items()},
-        prover.boxes,
+        looked,
         time.perf_counter() - began,
         fingerprint(problem, controls, laws),
+        reason,
     )
-
-
-def _not_covered(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> Certificate:
-    """The certificate that claims nothing, of a fleet that follows a differential equation."""
-    ranges = {name: (law.lower, law.upper) for name, law in laws.items()}
-    return Certificate("not covered", (), (), None, ranges, 0, 0.0, fingerprint(problem, controls, laws))
 
 
 def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
@@ -191,6 +187,70 @@ def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
             raise ProblemError(f"ranges: expected names among {', '.join(laws)}, got {name!r}")
         laws[name] = law
     return laws
+
+
+class Proof(Protocol):
+    """The bounds of one plan for members with parameters in some ranges."""
+
+    @property
+    def boxes(self) -> int:
+        """Boxes looked at for clearances so far."""
+
+    def clearance(self, duty: Duty) -> Bound:
+        """The clearance of one duty."""
+
+    def part(self, part: Formula) -> TaskBound:
+        """The robustness of one part of the task."""
+
+    def share(self, chance: Chance) -> TaskBound:
+        """The robustness of a part for a share of the fleet."""
+
+
+@dataclass(eq=False)
+class ArcsProof:
+    """The bounds of robots on arcs, from the closed form of their motion."""
+
+    problem: Problem
+    controls: Floats
+    laws: Mapping[str, Law]
+
+    @cached_property
+    def _prover(self) -> Prover:
+        """The search for the least clearance."""
+        return Prover(Flow.of(self.problem, self.controls, self.laws), self.problem.fleet.names)
+
+    @cached_property
+    def _fleet(self) -> Fleet:
+        """The fleet that shares and means are of."""
+        return weighed(self.problem, self.laws)
+
+    @property
+    def boxes(self) -> int:
+        """Boxes looked at for clearances so far."""
+        return self._prover.boxes
+
+    def clearance(self, duty: Duty) -> Bound:
+        """The clearance of one duty."""
+        return _clearance(self._prover, self.problem, duty)
+
+    def part(self, part: Formula) -> TaskBound:
+        """The robustness of one part of the task."""
+        return part_bound(self.problem, self.controls, self.laws, part, self._fleet)
+
+    def share(self, chance: Chance) -> TaskBound:
+        """The robustness of a part for a share of the fleet."""
+        return _share(self.problem, self.controls, self.laws, self._fleet, chance)
+
+
+def _general(problem: Any, controls: Floats, laws: Mapping[str, Law]) -> Proof:
+    """The bounds of any smooth system, from an enclosure of its differential equation."""
+    from ensemble_ctrl.certificate.general.proof import GeneralProof
+
+    return GeneralProof(problem, controls, laws)
+
+
+PROOFS: dict[str, Callable[[Any, Floats, Mapping[str, Law]], Proof]] = {"arcs": ArcsProof, "general": _general}
+"""Where bounds come from, by the name of a fleet's enclosure."""
 
 
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:

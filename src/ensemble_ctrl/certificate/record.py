@@ -34,6 +34,7 @@ def claim(certificate: Certificate) -> dict[str, Any]:
         "robustness": certificate.robustness,
         "clearances": [asdict(b) for b in certificate.clearances],
         "parts": [asdict(b) for b in certificate.parts],
+        "reason": certificate.reason,
         "counter_example": None if certificate.counter_example is None else asdict(certificate.counter_example),
         "inputs_sha256": certificate.inputs,
     }

@@ -8,7 +8,6 @@ the share.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -149,4 +148,4 @@ def weighed(problem: Problem, laws: Mapping[str, Law]) -> Fleet:
     """The fleet with the laws that a certificate is about; a cloud stands for its own laws only."""
     fleet = problem.fleet
     same = all(laws[name] is law for name, law in fleet.parameters.items())
-    return fleet if same else replace(fleet, parameters=dict(laws), cloud=None)
+    return fleet if same else fleet.with_laws(laws)

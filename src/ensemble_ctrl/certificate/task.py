@@ -25,7 +25,7 @@ from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fl
 from ensemble_ctrl.values import exact
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.ensemble import Member
+    from ensemble_ctrl.ensemble import Ensemble, Member
     from ensemble_ctrl.fleet import Fleet
     from ensemble_ctrl.problem import Problem
 
@@ -98,6 +98,16 @@ class Masses:
     total: float
     counted: bool
     even: bool
+
+    def reached(self, value: Floats, share: Share, upper: bool) -> Floats:
+        """The largest value that cells of at least a share reach, shape (1, elements); minus infinity if none do."""
+        order = np.argsort(value, axis=0)
+        mass = self.mass[order]
+        below = np.cumsum(mass, axis=0) - mass
+        enough = self.total - below >= self.needed(share, upper)
+        last = np.where(enough.any(axis=0), len(enough) - 1 - enough[::-1].argmax(axis=0), 0)
+        found = np.take_along_axis(np.take_along_axis(value, order, axis=0), last[None], axis=0)
+        return np.where(enough.any(axis=0), found, -np.inf)
 
     def needed(self, share: Share, upper: bool) -> float:
         """The mass that is a share of the fleet, or more than it if that is strict; rounded up, or down for `upper`."""
@@ -189,13 +199,7 @@ class CellSignals:
         """
         if self.masses is None:
             raise AssertionError("a share is of all cells")
-        order = np.argsort(value, axis=0)
-        mass = self.masses.mass[order]
-        below = np.cumsum(mass, axis=0) - mass
-        enough = self.masses.total - below >= self.masses.needed(share, self.upper)
-        last = np.where(enough.any(axis=0), len(enough) - 1 - enough[::-1].argmax(axis=0), 0)
-        found = np.take_along_axis(np.take_along_axis(value, order, axis=0), last[None], axis=0)
-        return np.where(enough.any(axis=0), found, -np.inf)
+        return self.masses.reached(value, share, self.upper)
 
 
 def scheduled(
@@ -330,7 +334,7 @@ def _evaluate(
     return np.concatenate([schedule.value(s) for s in signals])
 
 
-def masses(fleet: Fleet, centres: Floats, half: Floats) -> Masses:
+def masses(fleet: Ensemble, centres: Floats, half: Floats) -> Masses:
     """The laws' mass of each of the equal cells that make up the fleet's box.
 
     Cells share their edges, and what lies on an edge belongs to the lower cell, so that nothing counts twice.

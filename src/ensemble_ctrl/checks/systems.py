@@ -36,9 +36,6 @@ def ode_findings(problem: OdeProblem) -> Iterator[Finding]:
     yield from unused_findings(problem)
     yield from coverage_findings(problem)
     yield from work_findings(problem)
-    if problem.verify.certificate:
-        message = f"proofs do not cover the {problem.fleet.system.name}: a plan can be replayed only"
-        yield Finding(("verify", "certificate"), message, "false accepts the replay", "warning")
 
 
 def _options(problem: Problem) -> Iterator[Finding]:

@@ -13,7 +13,7 @@ from ensemble_ctrl.config.wrong import suggestion
 from ensemble_ctrl.errors import EnsembleError
 from ensemble_ctrl.folder import require_free
 from ensemble_ctrl.report.canvas import FORMATS
-from ensemble_ctrl.report.plot import KINDS, kinds_of, write_plot
+from ensemble_ctrl.report.plot import KINDS, write_plot
 
 PROOF = ("certificate", "clearance")
 """Kinds that show what is proven."""
@@ -32,7 +32,7 @@ def plot_plan(
             hint = suggestion(kind, KINDS)
             raise PlotError(f"{kind}: expected kinds among {', '.join(KINDS)}" + (f"; {hint}" if hint else ""))
     plan = Plan.load(path)
-    wanted = list(dict.fromkeys(kinds)) or list(kinds_of(plan.problem))
+    wanted = list(dict.fromkeys(kinds)) or list(KINDS)
     files = _files(path, wanted, output, format)
     for file in files.values():
         require_free(file, overwrite)

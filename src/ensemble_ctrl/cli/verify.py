@@ -27,7 +27,7 @@ from ensemble_ctrl.replay import Replay
 from ensemble_ctrl.report.text import measured, proven
 from ensemble_ctrl.results import SCHEMA, controls_csv, replay_summary, to_json
 
-HEADS = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN", "not covered": "NOT COVERED"}
+HEADS = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN"}
 """Verdicts in the first line."""
 
 
@@ -153,7 +153,7 @@ def _lines(found: Verified) -> list[str]:
     head = "nothing is asked" if found.certificate.empty else HEADS[found.certificate.proven]
     if found.beyond is not None and not found.ignore_bounds:
         head += f", but beyond the {found.beyond.bounds} bounds at t = {found.beyond.time:g} s"
-    agree = "agree with each other" + ("" if found.certificate.proven == "not covered" else " and with the proof")
+    agree = "agree with each other and with the proof"
     rows = [*proven(found.certificate), *measured(found.run, unit_of_parts(problem, other_parts(problem)))]
     if found.beyond is not None:
         rows.append(("bounds", f"{found.beyond}{' (ignored)' if found.ignore_bounds else ''}"))

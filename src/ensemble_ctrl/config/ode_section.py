@@ -15,7 +15,7 @@ from ensemble_ctrl.checks import Finding
 from ensemble_ctrl.config import fields as f
 from ensemble_ctrl.config.laws import PlainSection, law_data, law_of
 from ensemble_ctrl.config.own import system_class
-from ensemble_ctrl.config.schema import ProblemFile, Verify
+from ensemble_ctrl.config.schema import ProblemFile
 from ensemble_ctrl.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ode_fleet import START_PREFIX, OdeFleet
@@ -124,18 +124,10 @@ class OdeFleetSection(f.Model):
         return told
 
 
-class OdeVerify(Verify):
-    """How to check a plan; no proof covers these models, so none is asked for unless the file does."""
-
-    certificate: Annotated[bool, BeforeValidator(f.flag)] = False
-    """Whether a proof is asked for; none covers these models, so that the plan then counts as not verified."""
-
-
 class OdeProblemFile(ProblemFile):
     """A problem of a fleet that follows a differential equation."""
 
     fleet: OdeFleetSection  # type: ignore[assignment]
-    verify: OdeVerify = Field(default_factory=OdeVerify)
 
 
 def _system(kind: type[OdeSystem], settings: Data) -> OdeSystem:

@@ -149,6 +149,11 @@ class Obstacle(ReadOnlyArrays):
         """Corners, counter-clockwise, shape (corners, 2), in metres; as given, where corners were given."""
         return self._corners
 
+    @cached_property
+    def edges(self) -> Array:
+        """Both ends of every side, shape (sides, 2, 2), metres."""
+        return np.stack([self.vertices, np.roll(self.vertices, -1, axis=0)], axis=1)
+
     def facet_clearance(self, points: ArrayLike) -> Array:
         """``max_i (b_i - a_i x)`` with unit rows: (..., 2) to (...), metres.
 

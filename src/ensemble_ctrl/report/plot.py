@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError, UnsupportedError
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, place_axes, placed_axes, save, shown_axes
 from ensemble_ctrl.report.figures import draw_trajectories, map_size
 from ensemble_ctrl.report.kinds.panels import legend_shape
@@ -36,11 +36,6 @@ MARGINS = {
 LEGENDS, LEGEND_ROW = ("robustness", "clearance"), 0.16
 """Kinds with a legend above, and the inches that each of its rows takes."""
 AROUND = (0.56, 0.12, 0.42, 0.12)
-
-
-def kinds_of(problem: Problem) -> tuple[str, ...]:
-    """The kinds that there are of a problem's plans."""
-    return KINDS[:-1] if isinstance(problem, OdeProblem) else KINDS
 
 
 class Drawable(PlanLike, Protocol):
@@ -72,16 +67,11 @@ def draw(plan: Drawable, kind: str, ax: Axes | None = None) -> Axes:
     ------
     ProblemError
         For another kind, and for the certificate of a plan without one.
-    UnsupportedError
-        For the certificate of a fleet that follows a differential equation: there is none.
     """
     if kind not in KINDS:
         raise ProblemError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
     if kind == "trajectories":
         return draw_trajectories(plan.problem, plan.controls, ax, plan.twin)
-    if kind not in kinds_of(plan.problem):
-        name = plan.problem.fleet.system.name
-        raise UnsupportedError(f"the picture {kind!r}: no proof covers the {name}, its plans are replayed only")
     certificate = plan.certificate
     if kind == "certificate" and certificate is None:
         raise ProblemError("kind: expected a plan with a certificate, got one without; see Plan.certify")

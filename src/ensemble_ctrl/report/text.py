@@ -57,8 +57,6 @@ class PlanLike(Protocol):
 
 WIDTH = 120
 """Characters of a line."""
-NOT_COVERED = "not covered for this model: replay only"
-"""What is proven of a fleet that follows a differential equation."""
 STATUS_WORDS = {
     "planned": "plan found",
     "infeasible": "NO PLAN FOUND (infeasible near every guess)",
@@ -75,9 +73,7 @@ def verdict(plan: PlanLike) -> str:
         return words
     bad = int(run.violating.sum())
     proof = ""
-    if isinstance(plan.problem, OdeProblem):
-        proof = "replayed only (no proof covers this model), "
-    elif plan.certificate is not None and plan.certificate.empty:
+    if plan.certificate is not None and plan.certificate.empty:
         proof = "nothing is asked, "
     elif plan.certificate is not None:
         proof = "proven for every member, " if plan.certificate.proven == "yes" else "NOT proven for every member, "
@@ -118,7 +114,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
     if plan.status == "infeasible" or "suggestions" in d:
         rows += _tried(d.get("suggestions", {}))
-    rows += [("proven", NOT_COVERED)] if isinstance(problem, OdeProblem) else proven(plan.certificate)
+    rows += proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
     rows += [("risk", text) for text in _at_risk(d.get("at_risk", {}))]
@@ -262,8 +258,8 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
     if certificate is None:
         return [("proven", "nothing for all parameters (no certificate was asked for)")]
     c = certificate
-    if c.proven == "not covered":
-        return [("proven", NOT_COVERED)]
+    if c.reason:
+        return [("proven", f"UNDECIDED: {c.reason}")]
     if c.empty:
         return [("proven", NOTHING_ASKED)]
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]

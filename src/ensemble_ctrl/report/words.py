@@ -8,7 +8,7 @@ from math import floor, isfinite, log10
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.duties import NOTHING_ASKED
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.text import member_text, percent, unit_of
 
 LIMITS = (
@@ -16,10 +16,11 @@ LIMITS = (
     "and robots that meet each other. It does not say that the plan is the best one."
 )
 
-REPLAYED = (
+UNENCLOSED = (
     "What this page says is about the robots that were replayed, at the times that were looked at, and not about the "
     "others."
 )
+"""What is left where a system could not be enclosed."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,6 @@ class Words:
 
 def certificate_words(problem: Problem, certificate: Certificate | None) -> Words:
     """What a certificate says."""
-    if isinstance(problem, OdeProblem):
-        lead = f"None: no proof covers this model ({problem.fleet.system.name}). Its plans are replayed only."
-        return Words(lead, (), REPLAYED)
     if certificate is None:
         lead = "No certificate was asked for: nothing is claimed beyond the robots that were replayed."
         hint = "Set verify.certificate: true in the problem file, or run ensemble-plan verify on the results."
@@ -55,6 +53,8 @@ def certificate_words(problem: Problem, certificate: Certificate | None) -> Word
             return Words(lead, bounds, "It is about the fleet as a whole, not about one robot.")
         lead = f"Refuted: the robot with {member_text(c.parameters)} breaks {c.what} by {length(c.amount)}{moment}."
         return Words(lead, bounds, "Replay that robot to see it: plan.replay(parameters=[...]).")
+    if certificate.reason:
+        return Words(f"Undecided: {certificate.reason}.", bounds, UNENCLOSED)
     lead = f"Undecided: no robot was found that breaks the task, but it could not be proven for {who}."
     return Words(lead, bounds, "A narrower range of the parameters, or more margin (solve.margin), is easier to prove.")
 

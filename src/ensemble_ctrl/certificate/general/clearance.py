@@ -1,0 +1,187 @@
+"""Proven clearance of any system: lower bounds of the distance between polynomial tubes and convex obstacles, refined.
+
+A *box* is a part of a piece of time and of a cell of parameters.  For a direction `n` of length one, the distance from
+a convex obstacle is at least ``n x - max n v`` over its corners `v`; on a box, ``n x`` is one polynomial, bounded by
+its coefficients.  Boxes whose bound is too far below the best distance seen are halved, in time or in the parameter
+that moves them most, until the bound is tight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.clearance import TIGHT, Bound
+from ensemble_ctrl.certificate.general.basis import UNIT, UP
+from ensemble_ctrl.certificate.general.boxes import Boxes, outwards
+from ensemble_ctrl.certificate.general.enclosure import Enclosure
+from ensemble_ctrl.certificate.instants import Spans
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.constraints import Obstacle
+    from ensemble_ctrl.motion import Motion
+
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NUMBERS = 20_000_000
+"""Coefficients of all boxes looked at for one obstacle before the search for a better bound ends."""
+ROUNDS = 60
+"""Largest number of halvings of one box."""
+BLOCK = 4_000_000
+"""Numbers held at a time for the nearest edges."""
+SMALLEST = 1e-9
+"""Metres; boxes that move their members by less are not halved."""
+
+
+@dataclass(eq=False)
+class Prover:
+    """Bounds for one enclosure.
+
+    Parameters
+    ----------
+    enclosure : Enclosure
+    rows : ndarray, shape (d, states)
+        The position in the states.
+    names : sequence of str
+        The parameters.
+    duration : float
+        Seconds.
+    steps : int
+        Steps of the controls.
+
+    Attributes
+    ----------
+    boxes : int
+        Boxes looked at so far.
+    """
+
+    enclosure: Enclosure
+    rows: Floats
+    names: Sequence[str]
+    duration: float
+    steps: int
+    boxes: int = field(default=0)
+
+    def bound(
+        self, name: str, obstacle: Obstacle, spans: Spans, radius: float, motion: Motion | None, enough: float
+    ) -> Bound:
+        """Proven and sampled clearance of every member from an obstacle, which may move, during some time.
+
+        Parameters
+        ----------
+        spans : Spans
+            Parts of steps.
+        radius : float
+            Metres by which robots grow.
+        enough : float
+            Metres; what is proven to be further away isn't looked at more closely.
+
+        Notes
+        -----
+        *Guarantee*: `Bound.proven` is never above the distance of any member at any instant of the spans.
+        """
+        boxes = self._first(spans)
+        enough += radius
+        proven, best, spent = np.inf, Bound(name, -np.inf, np.inf, {}, np.nan), 0
+        for _ in range(ROUNDS):
+            self.boxes += len(boxes)
+            spent += boxes.c.size
+            low, best = self._bounds(boxes, obstacle, motion, best)
+            sizes = boxes.sizes()
+            open_ = (low < min(best.sampled - TIGHT, enough)) & (sizes.max(axis=1) > SMALLEST)
+            proven = min(proven, float(low[~open_].min(initial=np.inf)))
+            if spent > NUMBERS or not open_.any():
+                proven = min(proven, float(low.min()))
+                break
+            boxes = boxes.where(open_).halved(sizes[open_].argmax(axis=1))
+        else:
+            proven = min(proven, float(self._bounds(boxes, obstacle, motion, best)[0].min()))
+        if np.isnan(proven):
+            proven = -np.inf
+        return Bound(name, proven - radius, best.sampled - radius, best.parameters, best.time)
+
+    def nearness(self, obstacle: Obstacle, spans: Spans, motion: Motion | None = None) -> float:
+        """Smallest distance of the boxes' middles from an obstacle, metres: is it near?"""
+        boxes = self._first(spans)
+        return float(obstacle.distance(boxes.middle() - self._moved(boxes, motion)[0]).min())
+
+    def _first(self, spans: Spans) -> Boxes:
+        """All cells during some time."""
+        parts = self.enclosure.parts
+        piece = (spans.step[:, None] * parts + np.arange(parts)).ravel()
+        low, high = (
+            (2 * (share[:, None] * parts - np.arange(parts)) - 1).ravel() for share in (spans.begin, spans.end)
+        )
+        meets = (low <= 1.0) & (high >= -1.0)
+        return Boxes.of(self.enclosure, self.rows, piece[meets], *outwards(low[meets], high[meets]))
+
+    def _bounds(self, boxes: Boxes, obstacle: Obstacle, motion: Motion | None, best: Bound) -> tuple[Floats, Bound]:
+        """Lower bounds of the boxes' distances, and the smallest distance seen so far."""
+        place, drift, bend = self._moved(boxes, motion)
+        c = boxes.c.copy()
+        c[:, :, 0, 0] -= place
+        c[:, :, 1, 0] -= drift
+        size = np.abs(c).sum(axis=(2, 3))
+        extent = float(np.abs(obstacle.vertices).max())
+        rounding = 64 * UNIT * (size.sum(axis=1) + np.abs(place).sum(axis=1) + extent)
+        pad = (boxes.pad + bend[:, None]) * UP + rounding[:, None]
+        middle = c[:, :, 0, 0]
+        away = np.linalg.norm(size - np.abs(middle) + pad, axis=1) * UP
+        low = obstacle.distance(middle) - away - rounding
+        for normal in self._directions(obstacle, middle):
+            along = np.einsum("bd,bdtp->btp", normal, c)
+            first = along[:, 0, 0].copy()
+            along[:, 0, 0] = 0.0
+            spread = (np.abs(along).sum(axis=(1, 2)) + (np.abs(normal) * pad).sum(axis=1)) * UP
+            gap = first - spread - (normal @ obstacle.vertices.T).max(axis=1) - 4 * rounding
+            low = np.maximum(low, gap - 8 * UNIT * np.abs(gap))
+        seen = obstacle.distance(boxes.middle() - place) + np.linalg.norm(pad, axis=1) + rounding
+        k = int(np.where(np.isnan(seen), np.inf, seen).argmin())
+        if seen[k] < best.sampled:
+            member = dict(zip(self.names, boxes.centre[k].tolist(), strict=True))
+            best = Bound(best.obstacle, best.proven, float(seen[k]), member, float(self._times(boxes)[0][k]))
+        return np.where(np.isnan(low), -np.inf, low), best
+
+    def _directions(self, obstacle: Obstacle, points: Floats) -> list[Floats]:
+        """Directions of length one from an obstacle to points: the best facet's, and that from its nearest place."""
+        G, h = obstacle.unit_rows()
+        facet = G[(points @ G.T - h).argmax(axis=1)]
+        apart = points - _nearest(obstacle.edges, points)
+        length = np.linalg.norm(apart, axis=1, keepdims=True)
+        return [facet, np.where(length > 1e-9, apart / np.where(length > 1e-9, length, 1.0), facet)]
+
+    def _times(self, boxes: Boxes) -> tuple[Floats, Floats, Floats]:
+        """The middle, the beginning and the end of each box in seconds."""
+        step = self.duration / (self.steps * self.enclosure.parts)
+        begin, end = (boxes.piece + (1 + share) / 2 for share in (boxes.begin, boxes.end))
+        return (begin + end) / 2 * step, begin * step, end * step
+
+    def _moved(self, boxes: Boxes, motion: Motion | None) -> tuple[Floats, Floats, Floats]:
+        """An obstacle's place in the middle of each box, half its way, and how far it leaves a straight line."""
+        still = np.zeros((len(boxes), self.rows.shape[0]))
+        if motion is None:
+            return still, still, still[:, 0]
+        _, begin, end = self._times(boxes)
+        here, there = motion.at(begin), motion.at(end)
+        return (here + there) / 2, (there - here) / 2, motion.bend(begin, end)
+
+
+def _nearest(edges: Floats, points: Floats) -> Floats:
+    """The nearest place on any edge to each point; `edges` has shape (edges, 2, d)."""
+    found = np.empty_like(points)
+    start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
+    square = np.maximum((along**2).sum(axis=1), 1e-300)
+    size = max(1, BLOCK // edges.size)
+    for rows in (slice(i, i + size) for i in range(0, len(points), size)):
+        apart = points[rows, None] - start
+        share = np.clip((apart * along).sum(axis=2) / square, 0.0, 1.0)
+        places = start + share[..., None] * along
+        nearest = np.linalg.norm(points[rows, None] - places, axis=2).argmin(axis=1)
+        found[rows] = places[np.arange(len(nearest)), nearest]
+    return found

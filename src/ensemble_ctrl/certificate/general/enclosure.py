@@ -1,0 +1,364 @@
+r"""Where every member is at every instant: a polynomial in time and parameters, and a proven radius around it.
+
+For ``x' = f(x, u, psi)`` with `u` constant in each step, and `psi` and the start in a box of parameters:
+
+1. polynomials `x~` near the true states, by any means (`picard`);
+2. their defect ``d = x~' - f(x~, u, psi)`` and their jumps between pieces, as models with remainders (`models`);
+3. bounds of the Jacobian over a tube of an assumed radius around them (`gradients`), and from these the true radius
+   (`growth`). If it is below the assumed one, no member can have left the tube, and the radius holds.
+
+Pieces are made shorter in time or narrower in a parameter, whichever the polynomials ask for, until the radius is small
+enough or the work is too much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.errors import NotSmooth, Unenclosed
+from ensemble_ctrl.certificate.general.basis import UNIT, UP, Basis
+from ensemble_ctrl.certificate.general.gradients import Gradient, down, up
+from ensemble_ctrl.certificate.general.growth import Jacobian, radii
+from ensemble_ctrl.certificate.general.models import Model
+from ensemble_ctrl.certificate.general.picard import approximate
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.systems import OdeSystem
+
+
+Floats = NDArray[np.float64]
+
+DEGREES = {1: 7, 2: 5, 3: 4}
+"""Degree in each of so many parameters to begin with; else `FEWEST`."""
+FEWEST = 3
+HIGHEST = 9
+"""Highest degree in one parameter; beyond it, or beyond `MOST_TERMS`, cells are halved."""
+MOST_TERMS = 90
+TIMES = 10
+"""Coefficients along time."""
+ASSUMED = (1e-7, 1e-5, 1e-3, 1e-1)
+"""Radii of the tube that are assumed in turn, relative to the size of each state where that is above 1."""
+WANTED = 2e-7
+"""Radius, relative likewise, below which pieces are not made smaller."""
+WORK = 600_000_000
+"""Work of all pieces together, about in operations, before the search for a better radius ends."""
+MOST_PARTS = 16
+"""Most pieces of time in one step of control."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """The box of parameters and the start of every member, which is linear in them.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The parameters, those of the system and the offsets of the start alike.
+    lower, upper : ndarray, shape (parameters,)
+        Their ranges.
+    origin : ndarray, shape (states,)
+        The start where every offset is zero.
+    shifts : ndarray of int, shape (parameters,)
+        The state whose start a parameter shifts; -1 for a parameter of the system.
+    """
+
+    names: tuple[str, ...]
+    lower: Floats
+    upper: Floats
+    origin: Floats
+    shifts: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosure:
+    """Polynomials and radii on pieces of time and cells of parameters.
+
+    Attributes
+    ----------
+    basis : Basis
+    c : ndarray, shape (pieces of time, states, cells, times, terms)
+        Coefficients of the states.
+    radius : ndarray, shape (pieces of time, states, cells)
+        Every member is within it of the polynomial, throughout the piece, in each state.
+    centre, half : ndarray, shape (cells, parameters)
+        Cells of parameters, which together cover their box.
+    parts : int
+        Pieces of time in one step of control.
+    wide : ndarray of int
+        The parameters with a width, which the terms of the basis are of.
+    """
+
+    basis: Basis
+    c: Floats
+    radius: Floats
+    centre: Floats
+    half: Floats
+    parts: int
+    wide: NDArray[np.int64]
+
+    @property
+    def largest(self) -> float:
+        """Largest radius of any state."""
+        return float(self.radius.max(initial=0.0))
+
+
+def enclose(system: OdeSystem, start: Start, controls: Floats, duration: float) -> Enclosure:
+    """The enclosure of all members under piecewise constant controls.
+
+    Parameters
+    ----------
+    system : OdeSystem
+    start : Start
+    controls : ndarray, shape (steps, n_u)
+    duration : float
+        Seconds of all steps together.
+
+    Raises
+    ------
+    Unenclosed
+        If there is none within the work allowed: a system that is not smooth, that divides by something that may
+        vanish, or whose bounds grow beyond every tube tried.
+
+    Notes
+    -----
+    *Guarantee*: every member with parameters in the box is within `Enclosure.radius` of the polynomial, at all times.
+    """
+    if not (np.isfinite(controls).all() and np.isfinite(start.lower).all() and np.isfinite(start.upper).all()):
+        raise Unenclosed("a command or the end of a range is not a finite number")
+    wide = np.flatnonzero(start.upper > start.lower)
+    basis = Basis(TIMES, (DEGREES.get(len(wide), FEWEST),) * len(wide))
+    pieces = Pieces(system, start, np.asarray(controls, dtype=float), duration, basis, wide, np.ones(len(wide), int), 1)
+    best: Enclosure | None = None
+    reason: Unenclosed | None = None
+    while (pieces.work <= WORK and pieces.parts <= MOST_PARTS) or (best is None and reason is None):
+        try:
+            found = pieces.enclosure()
+        except NotSmooth:
+            raise
+        except Unenclosed as error:
+            reason, relative = error, np.inf
+        else:
+            relative = float((found.radius / pieces.scale(found.c)).max(initial=0.0))
+            if best is None or found.largest < best.largest:
+                best = found
+        if relative <= WANTED:
+            break
+        pieces = pieces.finer()
+    if best is None:
+        raise reason or Unenclosed("the enclosure takes more work than is allowed")
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """One way to cut time and parameters: so many parts of each step, so many cells of each wide parameter."""
+
+    system: OdeSystem
+    start: Start
+    controls: Floats
+    duration: float
+    basis: Basis
+    wide: NDArray[np.int64]
+    cells: NDArray[np.int64]
+    parts: int
+
+    @property
+    def work(self) -> float:
+        """Coefficients of all pieces, times what a product does for each, about."""
+        times, terms = self.basis.shape
+        count = len(self.controls) * self.parts * self.cells.prod() * len(self.system.states)
+        return float(count * times * terms * (terms + 100))
+
+    def finer(self) -> Pieces:
+        """Shorter in time, or of a higher degree or narrower in a parameter, whichever has the larger last terms."""
+        try:
+            c = self._polynomials(*self._grid())
+        except Unenclosed:
+            return replace(self, parts=2 * self.parts)
+        size = np.abs(c).sum(axis=(0, 2))
+        size = size / (size.sum(axis=(1, 2), keepdims=True) + 1e-300)
+        last = float(size[:, -2:].sum())
+        share = self.basis.highest * self.basis.exponents / np.maximum(1, self.basis.degrees)
+        by = [float((size.sum(axis=1) * weight).sum()) for weight in share.T]
+        if not by or last >= max(by):
+            return replace(self, parts=2 * self.parts)
+        worst = int(np.argmax(by))
+        more = tuple(d + 2 * (k == worst) for k, d in enumerate(self.basis.degrees))
+        richer = Basis(self.basis.times, more)
+        if max(more) <= HIGHEST and richer.shape[1] <= MOST_TERMS:
+            return replace(self, basis=richer)
+        cells = self.cells.copy()
+        cells[worst] *= 2
+        return replace(self, cells=cells)
+
+    def enclosure(self) -> Enclosure:
+        """Polynomials with their radius."""
+        centre, half = self._grid()
+        c = self._polynomials(centre, half)
+        defect, jump = self._defect(c, centre, half), self._jump(c, centre, half)
+        if not (np.isfinite(defect).all() and np.isfinite(jump).all()):
+            raise Unenclosed("the right-hand side is not a finite number everywhere on the way")
+        step, scale = self._step * UP, self.scale(c)
+        worst: tuple[int, int] = (0, 0)
+        reason: Unenclosed | None = None
+        for assumed in ASSUMED:
+            tube = assumed * scale
+            try:
+                found = radii(self._jacobian(c, tube, centre, half), _by_cell(defect), _by_cell(jump), step)
+            except NotSmooth:
+                raise
+            except Unenclosed as error:
+                reason = error
+                continue
+            radius = found.transpose(0, 2, 1)
+            if (radius < tube).all():
+                return Enclosure(self.basis, c, radius, centre, half, self.parts, self.wide)
+            k, state, _ = np.argwhere(~(radius < tube))[0]
+            worst, reason = (int(k), int(state)), None
+        if reason is not None:
+            raise reason
+        name, time = self.system.states[worst[1]], (worst[0] + 1) * self._step
+        raise Unenclosed(f"the enclosure of {name} grew beyond {ASSUMED[-1]:g} of its size at t = {time:.4g} s")
+
+    def scale(self, c: Floats) -> Floats:
+        """Largest size of each state, at least 1, shape (1, states, 1)."""
+        size = np.abs(c).sum(axis=(3, 4)).max(axis=(0, 2))
+        return np.asarray(np.maximum(1.0, size)[None, :, None])
+
+    @property
+    def _step(self) -> float:
+        """Seconds of a piece."""
+        return self.duration / (len(self.controls) * self.parts)
+
+    def _grid(self) -> tuple[Floats, Floats]:
+        """Centres and half widths (rounded up) of the cells of all parameters, shapes (cells, parameters)."""
+        low, high = self.start.lower, self.start.upper
+        counts = np.ones(len(low), dtype=int)
+        counts[self.wide] = self.cells
+        edges = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, counts, strict=True)]
+        lows, highs = (
+            np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(low)) if len(low) else np.zeros((1, 0))
+            for ends in ([e[:-1] for e in edges], [e[1:] for e in edges])
+        )
+        centre = (lows + highs) / 2
+        half = up(np.maximum(highs - centre, centre - lows)) * (highs > lows)
+        return centre, half
+
+    def _polynomials(self, centre: Floats, half: Floats) -> Floats:
+        """Coefficients of the states, shape (pieces of time, states, cells, times, terms)."""
+        points = np.zeros((len(self.basis.points), len(self.start.names)))
+        points[:, self.wide] = self.basis.points
+        members = centre[:, None] + half[:, None] * points  # (cells, nodes, parameters)
+        psi = {**self._fixed(), **dict(zip(self.start.names, np.moveaxis(members, -1, 0), strict=True))}
+        shape = members.shape[:2]
+        psi = {name: np.broadcast_to(np.asarray(psi[name], dtype=float), shape) for name in self.system.parameters}
+        controls = np.repeat(self.controls, self.parts, axis=0)
+        return approximate(self.system, self.basis, self._origin(centre, half), psi, controls, self._step)
+
+    def _fixed(self) -> dict[str, Any]:
+        """The system's own values of its parameters."""
+        return {name: float(value) for name, value in self.system.parameters.items()}
+
+    def _origin(self, centre: Floats, half: Floats) -> Floats:
+        """Coefficients of the start in the parameters, shape (states, cells, terms)."""
+        found = np.zeros((len(self.start.origin), len(centre), self.basis.shape[1]))
+        found[:, :, 0] = self.start.origin[:, None]
+        for k, state in enumerate(self.start.shifts):
+            if state >= 0:
+                found[state, :, 0] += centre[:, k]
+                if k in self.wide:
+                    found[state, :, self.basis.line(int(np.flatnonzero(self.wide == k)[0]))] += half[:, k]
+        return found
+
+    def _defect(self, c: Floats, centre: Floats, half: Floats) -> Floats:
+        """Bounds of ``|x~' - f(x~, u, psi)|``, shape (pieces of time, states, cells)."""
+        count, states, cells = c.shape[:3]
+        flat = c.transpose(1, 0, 2, 3, 4).reshape(states, count * cells, *self.basis.shape)
+        x = [Model(self.basis, rows, np.zeros(count * cells)) for rows in flat]
+        rates = self._right_side(
+            x, [Model.of(self.basis, u) for u in self._commands(cells)], self._models(c, centre, half)
+        )
+        found = np.empty((states, count * cells))
+        speed = 2.0 / self._step
+        for row, rate, coefficients in zip(found, rates, flat, strict=True):
+            # the derivative of the polynomial: whole numbers times coefficients, each right to times + 6 roundings
+            slope = np.einsum("jk,bks->bjs", self.basis.derivative, coefficients) * speed
+            size = np.einsum("jk,bks->b", self.basis.derivative, np.abs(coefficients)) * speed
+            own = Model(self.basis, slope, (self.basis.times + 6) * UNIT * size * UP)
+            row[:] = (own - rate).size()
+        return found.reshape(states, count, cells).transpose(1, 0, 2)
+
+    def _jump(self, c: Floats, centre: Floats, half: Floats) -> Floats:
+        """Bounds of the jumps at the beginnings of all pieces, the first one from the true start; same shape."""
+        sign = (-1.0) ** np.arange(self.basis.times)
+        starts, ends = np.einsum("ksctp,t->kscp", c, sign), c.sum(axis=3)
+        origin = self._origin(centre, half)
+        before = np.concatenate([origin[None], ends[:-1]])
+        size = np.abs(c).sum(axis=(3, 4))
+        earlier = np.concatenate([np.abs(origin).sum(axis=2)[None], size[:-1]])
+        return np.asarray((np.abs(starts - before).sum(axis=3) + (self.basis.times + 8) * UNIT * (size + earlier)) * UP)
+
+    def _jacobian(self, c: Floats, tube: Floats, centre: Floats, half: Floats) -> Jacobian:
+        """Bounds of the Jacobian on every piece over the tube around its polynomial."""
+        count, states, cells = c.shape[:3]
+        middle = c[..., 0, 0]
+        away = (np.abs(c).sum(axis=(3, 4)) - np.abs(middle)) * UP + np.abs(middle) * 1e-12 + tube
+        low, high = (a.transpose(1, 0, 2).reshape(states, -1) for a in (down(middle - away), up(middle + away)))
+        x = [Gradient.of(low[i], high[i], states, i) for i in range(states)]
+        commands = [Gradient.of(u, u, states) for u in self._commands(cells)]
+        ends = down(centre - half), up(centre + half)
+        psi = {
+            name: Gradient.of(np.tile(ends[0][:, k], count), np.tile(ends[1][:, k], count), states)
+            for k, name in enumerate(self.start.names)
+        }
+        rates = self._right_side(x, commands, {**self._numbers(x[0]), **psi})
+        matrices = [np.empty((count, cells, states, states)) for _ in range(2)]
+        for i, rate in enumerate(rates):
+            for matrix, by in zip(matrices, (rate.low_by, rate.high_by), strict=True):
+                matrix[..., i, :] = by.reshape(states, count, cells).transpose(1, 2, 0)
+        if not all(np.isfinite(matrix).all() for matrix in matrices):
+            raise Unenclosed("the derivative of the right-hand side is not bounded near the way")
+        return Jacobian(*matrices)
+
+    def _commands(self, cells: int) -> list[Floats]:
+        """Each command on all pieces, shape (pieces of time times cells,)."""
+        return [np.repeat(u, self.parts * cells) for u in self.controls.T]
+
+    def _models(self, c: Floats, centre: Floats, half: Floats) -> dict[str, Any]:
+        """The system's parameters as models on all pieces."""
+        count = len(c)
+        one = Model.of(self.basis, np.ones(count * len(centre)))
+        found = self._numbers(one)
+        for k, name in enumerate(self.start.names):
+            model = one * np.tile(centre[:, k], count)
+            if k in self.wide:
+                model.c[:, 0, self.basis.line(int(np.flatnonzero(self.wide == k)[0]))] = np.tile(half[:, k], count)
+            found[name] = Model(self.basis, model.c, np.zeros(len(model.c)))
+        return found
+
+    def _numbers(self, like: Any) -> dict[str, Any]:
+        """The parameters that all members share, as numbers of the kind of `like`."""
+        return {name: like._constant(value) for name, value in self._fixed().items()}
+
+    def _right_side(self, x: Sequence[Any], u: Sequence[Any], psi: Mapping[str, Any]) -> list[Any]:
+        """The system's own right-hand side on numbers of any kind."""
+        known = {name: psi[name] for name in self.system.parameters}
+        try:
+            with np.errstate(all="ignore"):
+                rates = list(self.system.xdot(list(x), list(u), known))
+        except Unenclosed:
+            raise
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            raise NotSmooth(f"the right-hand side can't be evaluated on intervals: {error}") from error
+        kind = type(x[0])
+        return [rate if isinstance(rate, kind) else x[0] * 0.0 + rate for rate in rates]
+
+
+def _by_cell(values: Floats) -> Floats:
+    """(pieces of time, states, cells) to (pieces of time, cells, states)."""
+    return np.ascontiguousarray(values.transpose(0, 2, 1))

@@ -1,0 +1,181 @@
+r"""How far the true state may be from the polynomial, from the defect and bounds of the Jacobian.
+
+With ``e = x - x~``, the mean value theorem gives ``e' = J e + d`` with ``|d| <= defect`` and `J` in the bounds of the
+Jacobian over the tube, and `e` jumps by at most `jump` from one piece to the next.  Two bounds of ``|e|`` hold:
+
+1. *Comparison*: ``r' = M r + defect`` with ``M_ii = max(sup J_ii, 0)`` and ``M_ij = sup |J_ij|``, non-negative, so that
+   `r` never falls within a piece.
+2. *A turning frame* (Lohner 1987): ``e = A z``; with ``J = J_m + [-R, R]`` and ``e(s) = exp(J_m s) w(s)``,
+   ``|w(s) - w(0)| <= p = (exp(W h) - 1) |w(0)| + exp(W h) h E defect`` for ``E = exp(h |J_m|)`` and ``W = E R E``;
+   then the new frame is an orthogonal factor of ``exp(h J_m) A``.
+
+Every matrix exponential is a Taylor sum whose tail and roundings are added to the result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.errors import Unenclosed
+from ensemble_ctrl.certificate.general.basis import UNIT, UP
+
+Floats = NDArray[np.float64]
+
+TERMS = 30
+"""Terms of a Taylor sum of a matrix exponential."""
+LARGEST = 4.0
+"""Largest norm of the exponent for which these terms are enough."""
+
+
+@dataclass(frozen=True, eq=False)
+class Jacobian:
+    """Bounds of the Jacobian on each piece, shapes (steps, cells, states, states)."""
+
+    low: Floats
+    high: Floats
+
+    def comparison(self) -> Floats:
+        """The non-negative matrix of the comparison system, shape (steps, cells, states, states)."""
+        matrix = np.maximum(np.abs(self.low), np.abs(self.high))
+        k = np.arange(matrix.shape[-1])
+        matrix[..., k, k] = np.maximum(self.high[..., k, k], 0.0)
+        return np.asarray(matrix)
+
+
+def radii(jacobian: Jacobian, defect: Floats, jump: Floats, step: float) -> Floats:
+    """Bounds of ``|x - x~|`` throughout each piece, shape (steps, cells, states): the better of both bounds.
+
+    Parameters
+    ----------
+    jacobian : Jacobian
+    defect, jump : ndarray, shape (steps, cells, states)
+        Bounds of the defect within each piece, and of the jump at its beginning.
+    step : float
+        Upper bound of the seconds of a piece.
+
+    Raises
+    ------
+    Unenclosed
+        If a piece is too long for its Jacobian.
+    """
+    plain = _compared(jacobian.comparison(), defect, jump, step)
+    try:
+        turned = _turned(jacobian, defect, jump, step)
+    except Unenclosed:  # the frame's own spread is too large; the comparison holds all the same
+        return plain
+    return np.asarray(np.fmin(plain, turned))
+
+
+def _compared(matrix: Floats, defect: Floats, jump: Floats, step: float) -> Floats:
+    """The bound by the comparison system at the end of each piece."""
+    found, r = np.empty_like(defect), np.zeros_like(defect[0])
+    for k in range(len(defect)):
+        grown = exponential_bound(matrix[k] * (step * UP))
+        # int exp(M (h - s)) defect ds <= h exp(M h) defect, since all entries are non-negative
+        r = np.einsum("cij,cj->ci", grown, (r + jump[k]) + (step * UP) * defect[k]) * UP
+        found[k] = r
+    return found
+
+
+def _turned(jacobian: Jacobian, defect: Floats, jump: Floats, step: float) -> Floats:
+    """The bound in a turning frame throughout each piece."""
+    cells, states = defect.shape[1:]
+    found, identity = np.empty_like(defect), np.eye(states)
+    frame, z = np.tile(identity, (cells, 1, 1)), np.zeros((cells, states))
+    with np.errstate(invalid="ignore", over="ignore"):
+        middle = (jacobian.low + jacobian.high) / 2
+        radius = up_to(np.maximum(jacobian.high - middle, middle - jacobian.low))
+        for k in range(len(defect)):
+            z = z + _solved(frame, jump[k][..., None])[..., 0]
+            exact, error, bound = exponential(middle[k], step)
+            spread = bound @ radius[k] @ bound * (step * UP**3)
+            swell = exponential_bound(spread)
+            start = (np.abs(frame) @ z[..., None]) * UP
+            driven = swell @ (bound @ defect[k][..., None]) * (step * UP**3)
+            away = np.maximum(swell - identity * (1 - UNIT), 0.0) @ start * UP + driven
+            found[k] = (bound @ (start + away) * UP)[..., 0]
+            # e at the end: exp(J_m h) (A z + away), in the new frame
+            whole = exact @ frame
+            slack = (error @ np.abs(frame) + states * UNIT * (np.abs(exact) @ np.abs(frame))) * UP
+            frame = _frame(whole, z)
+            inner = _solved(frame, whole) @ z[..., None] + _bounded(frame, slack @ z[..., None])
+            outer = _bounded(frame, bound @ away)
+            z = ((inner + outer) * UP**2)[..., 0]
+    return found
+
+
+def _frame(whole: Floats, z: Floats) -> Floats:
+    """Orthogonal factors of matrices whose columns are sorted by their weight, so that the longest one is kept."""
+    weight = np.linalg.norm(whole, axis=1) * z
+    order = np.argsort(-weight, axis=1)
+    return np.asarray(np.linalg.qr(np.take_along_axis(whole, order[:, None, :], axis=2))[0])
+
+
+def _solved(frame: Floats, columns: Floats) -> Floats:
+    """Bounds of ``|Q^-1 y|`` for each column `y` of matrices, where `Q` is orthogonal up to rounding.
+
+    ``Q^-1 = (1 - G)^-1 Q^T`` with ``G = 1 - Q^T Q``: it differs from ``Q^T`` by at most ``|G| / (1 - |G|)`` of it.
+    """
+    product = np.abs(frame.transpose(0, 2, 1) @ columns)
+    return _completed(frame, product + 2 * len(frame[0]) * UNIT * (np.abs(frame.transpose(0, 2, 1)) @ np.abs(columns)))
+
+
+def _bounded(frame: Floats, size: Floats) -> Floats:
+    """Bounds of ``|Q^-1 y|`` for all ``|y| <= size``."""
+    return _completed(frame, np.abs(frame.transpose(0, 2, 1)) @ size)
+
+
+def _completed(frame: Floats, product: Floats) -> Floats:
+    """From bounds of ``|Q^T y|`` to those of ``|Q^-1 y|``."""
+    n = frame.shape[-1]
+    gap = np.abs(np.eye(n) - frame.transpose(0, 2, 1) @ frame).sum(axis=2).max(axis=1) + 4 * n * (n + 2) * UNIT
+    if not (gap < 1e-6).all():
+        return np.full_like(product, np.inf)
+    return np.asarray((product + 2 * gap[:, None, None] * product.max(axis=1, keepdims=True)) * UP)
+
+
+def up_to(x: Floats) -> Floats:
+    """A little more than non-negative numbers that were rounded once or twice."""
+    return np.asarray(x * UP)
+
+
+def exponential_bound(matrix: Floats) -> Floats:
+    """Upper bound of the exponential of non-negative matrices, entry by entry.
+
+    Notes
+    -----
+    The tail after the last term is at most that term times ``q / (1 - q)`` with ``q = |M| / (TERMS + 1)``, spread over
+    all entries by its norm.
+    """
+    n = matrix.shape[-1]
+    norm = matrix.sum(axis=-1).max(axis=-1)[..., None, None] * UP
+    if not (norm <= LARGEST).all():
+        raise Unenclosed("the right-hand side grows too fast for its steps")
+    term, total = np.broadcast_to(np.eye(n), matrix.shape), np.broadcast_to(np.eye(n), matrix.shape)
+    for j in range(1, TERMS):
+        term = term @ matrix / j
+        total = total + term
+    q = norm / TERMS
+    tail = term.sum(axis=-1).max(axis=-1)[..., None, None] * q / (1 - q)
+    return np.asarray((total + tail) * UP**2)
+
+
+def exponential(matrix: Floats, step: float) -> tuple[Floats, Floats, Floats]:
+    """``exp(h M)`` nearly, a bound of its error, and one of ``exp(s |M|)`` for all ``0 <= s <= h``, entry by entry.
+
+    Every term of the Taylor sum is right to ``(n + 3) j`` roundings of the same term of ``exp(h |M|)``.
+    """
+    bound = exponential_bound(np.abs(matrix) * (step * UP))
+    n = matrix.shape[-1]
+    term = total = np.broadcast_to(np.eye(n), matrix.shape)
+    for j in range(1, TERMS):
+        term = term @ matrix * (step / j)
+        total = total + term
+    size = np.abs(matrix) * step
+    norm = size.sum(axis=-1).max(axis=-1)[..., None, None]
+    tail = norm**TERMS / 2.0e32  # TERMS! = 2.65e32, and the rest of the tail is below a third of it
+    error = (n + 5) * TERMS * UNIT * bound + tail * UP
+    return np.asarray(total), np.asarray(error), bound

@@ -1,0 +1,400 @@
+"""Chebyshev models: numbers that are polynomials in time and parameters, with a bound of what the polynomial misses.
+
+A `Model` stands for every function `f` with ``|f - sum c T| <= r`` on the whole piece; arithmetic on models holds for
+all functions that the operands stand for, roundings included. Many pieces are treated at once: coefficients have the
+shape (pieces, times, terms), remainders the shape (pieces,).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.errors import NotSmooth, Unenclosed
+from ensemble_ctrl.certificate.general.basis import UNIT, UP, Basis
+
+Floats = NDArray[np.float64]
+
+PAIRS = 4_000_000
+"""Products of coefficients held at a time."""
+SERIES = 60
+"""Most terms of a Taylor polynomial."""
+ENOUGH = 1e-17
+"""Remainder of a Taylor polynomial, relative to its largest term, below which no more terms are taken."""
+
+
+class Smooth(ABC):
+    """What numbers that stand for smooth functions share: derived operators, and refusals of what is not smooth."""
+
+    @abstractmethod
+    def __neg__(self) -> Any: ...
+
+    @abstractmethod
+    def __add__(self, other: Any) -> Any: ...
+
+    @abstractmethod
+    def __mul__(self, other: Any) -> Any: ...
+
+    @abstractmethod
+    def __truediv__(self, other: Any) -> Any: ...
+
+    @abstractmethod
+    def _constant(self, value: float) -> Any:
+        """A number as one of these."""
+
+    @abstractmethod
+    def sin(self) -> Any:
+        """Sine."""
+
+    @abstractmethod
+    def cos(self) -> Any:
+        """Cosine."""
+
+    @abstractmethod
+    def exp(self) -> Any:
+        """Exponential."""
+
+    @abstractmethod
+    def log(self) -> Any:
+        """Natural logarithm."""
+
+    @abstractmethod
+    def sqrt(self) -> Any:
+        """Square root."""
+
+    @abstractmethod
+    def arctan(self) -> Any:
+        """Arc tangent."""
+
+    @abstractmethod
+    def tanh(self) -> Any:
+        """Hyperbolic tangent."""
+
+    @abstractmethod
+    def reciprocal(self) -> Any:
+        """One over it."""
+
+    def __pos__(self) -> Any:
+        return self
+
+    def __radd__(self, other: Any) -> Any:
+        return self + other
+
+    def __sub__(self, other: Any) -> Any:
+        return self + (-other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return (-self) + other
+
+    def __rmul__(self, other: Any) -> Any:
+        return self * other
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self.reciprocal() * other
+
+    def __pow__(self, power: Any) -> Any:
+        if isinstance(power, Smooth):
+            return (self.log() * power).exp()
+        if power < 0:
+            return (self ** (-power)).reciprocal()
+        if power == int(power):
+            return self._whole_power(int(power))
+        if 2 * power == int(2 * power):
+            return self.sqrt()._whole_power(int(2 * power))
+        return (self.log() * float(power)).exp()
+
+    def __rpow__(self, base: Any) -> Any:
+        return (self * self._constant(float(base)).log()).exp()
+
+    def _whole_power(self, power: int) -> Any:
+        """Square and multiply."""
+        if power == 0:
+            return self * 0.0 + 1.0
+        half = self._whole_power(power // 2) if power > 1 else None
+        square = self if half is None else half * half
+        return square if half is None or power % 2 == 0 else square * self
+
+    def tan(self) -> Any:
+        """Tangent, where the cosine does not vanish."""
+        return self.sin() / self.cos()
+
+    def _refuse(self, *_: Any) -> Any:
+        """Comparisons, rounding and truth values of states have no derivative."""
+        raise NotSmooth("the right-hand side compares or rounds a state, which has no derivative there")
+
+    __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _refuse
+    __bool__ = __float__ = __int__ = __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = __round__ = _refuse
+    __hash__ = None  # type: ignore[assignment]
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        """NumPy's functions and operators, on numbers and models mixed."""
+        action = UFUNCS.get(ufunc.__name__)
+        if method != "__call__" or action is None or options:
+            raise NotSmooth(f"the right-hand side applies numpy.{ufunc.__name__} to a state")
+        return action(*(value.item() if isinstance(value, np.generic) else value for value in inputs))
+
+
+UFUNCS: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: b + a if isinstance(b, Smooth) else a + b,
+    "subtract": lambda a, b: (-b) + a if isinstance(b, Smooth) else a - b,
+    "multiply": lambda a, b: b * a if isinstance(b, Smooth) else a * b,
+    "divide": lambda a, b: b.reciprocal() * a if isinstance(b, Smooth) else a / b,
+    "power": lambda a, b: a**b if isinstance(a, Smooth) else b.__rpow__(a),
+    "negative": lambda a: -a,
+    "positive": lambda a: a,
+    "square": lambda a: a * a,
+    "reciprocal": lambda a: a.reciprocal(),
+    "absolute": abs,
+    **{name: (lambda a, name=name: getattr(a, name)()) for name in ("sin", "cos", "tan", "exp", "log", "sqrt")},
+    **{name: (lambda a, name=name: getattr(a, name)()) for name in ("tanh", "arctan")},
+}
+"""What models do for NumPy's functions, by their names."""
+
+
+@dataclass(eq=False)
+class Model(Smooth):
+    """A polynomial on each of many pieces, and a bound of what it misses.
+
+    Attributes
+    ----------
+    basis : Basis
+    c : ndarray, shape (pieces, times, terms)
+        Coefficients.
+    r : ndarray, shape (pieces,)
+        Remainder, at least 0.
+    """
+
+    basis: Basis
+    c: Floats
+    r: Floats
+
+    @classmethod
+    def of(cls, basis: Basis, values: Floats) -> Model:
+        """Numbers that do not change within a piece, shape (pieces,)."""
+        c = np.zeros((len(values), *basis.shape))
+        c[:, 0, 0] = values
+        return cls(basis, c, np.zeros(len(values)))
+
+    def _constant(self, value: float) -> Model:
+        """A number."""
+        return Model.of(self.basis, np.full(len(self.c), value))
+
+    def size(self) -> Floats:
+        """Upper bound of ``|f|`` on each piece, shape (pieces,)."""
+        return np.asarray((np.abs(self.c).sum(axis=(1, 2)) + self.r) * UP)
+
+    def deviation(self) -> Floats:
+        """Upper bound of ``|f - c[0, 0]|`` on each piece."""
+        rest = np.abs(self.c)
+        rest[:, 0, 0] = 0.0
+        return np.asarray((rest.sum(axis=(1, 2)) + self.r) * UP)
+
+    @property
+    def middle(self) -> Floats:
+        """The constant term."""
+        return np.asarray(self.c[:, 0, 0])
+
+    def range(self) -> tuple[Floats, Floats]:
+        """Lower and upper bounds of `f` on each piece."""
+        middle, away = self.middle, self.deviation()
+        return np.nextafter(middle - away, -np.inf), np.nextafter(middle + away, np.inf)
+
+    def _rounded(self, c: Floats, r: Floats, roundings: float = 1.0) -> Model:
+        """A result whose coefficients are each right to so many roundings of their size."""
+        return Model(self.basis, c, (r + roundings * UNIT * np.abs(c).sum(axis=(1, 2))) * UP)
+
+    def grown(self, amount: Floats) -> Model:
+        """The same with a larger remainder."""
+        return Model(self.basis, self.c, (self.r + amount) * UP)
+
+    def __neg__(self) -> Model:
+        return Model(self.basis, -self.c, self.r)
+
+    def __abs__(self) -> Model:
+        low, high = self.range()
+        if not ((low > 0) | (high < 0)).all():
+            raise NotSmooth("the right-hand side takes the absolute value of something that may vanish")
+        sign = np.where(low > 0, 1.0, -1.0)
+        return Model(self.basis, self.c * sign[:, None, None], self.r)
+
+    def __add__(self, other: Any) -> Model:
+        if not isinstance(other, Model):
+            other = Model.of(self.basis, _numbers(other, len(self.c)))
+        return self._rounded(self.c + other.c, self.r + other.r)
+
+    def __mul__(self, other: Any) -> Model:
+        if not isinstance(other, Model):
+            number = _numbers(other, len(self.c))
+            return self._rounded(self.c * number[:, None, None], self.r * np.abs(number))
+        for one, two in ((self, other), (other, self)):
+            if not one.c[:, 1:].any() and not one.c[:, 0, 1:].any() and not one.r.any():
+                return two * one.middle
+        return self._times(other)
+
+    def _times(self, other: Model) -> Model:
+        """The product of two polynomials: exact degrees, then what is beyond the basis goes to the remainder."""
+        doubled, (times, terms) = self.basis.doubled, self.basis.shape
+        here, there = (np.abs(m.c).sum(axis=(1, 2)) for m in (self, other))
+        mine, theirs = (np.flatnonzero(m.c.any(axis=(0, 1))) for m in (self, other))
+        if not (len(mine) and len(theirs)):
+            return Model(
+                self.basis, np.zeros_like(self.c), self.r * (there * UP + other.r) * UP + other.r * here * UP**2
+            )
+        pairs = (mine[:, None] * terms + theirs).ravel()
+        table = doubled.table[:, pairs]
+        c, tail = np.zeros((len(self.c), times, terms)), np.zeros(len(self.c))
+        block = max(1, PAIRS // (doubled.count * max(1, len(pairs))))
+        for rows in (slice(i, i + block) for i in range(0, len(c), block)):
+            # values at the nodes in time, all products of terms there, then back to coefficients
+            a, b = doubled.to_times @ self.c[rows][:, :, mine], doubled.to_times @ other.c[rows][:, :, theirs]
+            outer = (a[..., :, None] * b[..., None, :]).reshape(-1, len(pairs))
+            at_nodes = (table @ outer.T).T.reshape(len(a), doubled.count, doubled.terms)
+            whole = doubled.from_times @ at_nodes
+            c[rows] = whole[:, :times, :terms]
+            tail[rows] = np.abs(whole[:, times:]).sum(axis=(1, 2)) + np.abs(whole[:, :times, terms:]).sum(axis=(1, 2))
+        here, there = here * UP, there * UP
+        remainder = tail + self.r * (there + other.r) + other.r * here + doubled.error * here * there
+        return Model(self.basis, c, remainder * UP)
+
+    def __truediv__(self, other: Any) -> Model:
+        if isinstance(other, Model):
+            return self * other.reciprocal()
+        number = _numbers(other, len(self.c))
+        if (number == 0).any():
+            raise Unenclosed("the right-hand side divides by zero")
+        return self._rounded(self.c / number[:, None, None], self.r / np.abs(number), 2.0)
+
+    def _applied(self, function: Callable[[Floats], Floats], name: str) -> Model:
+        """A polynomial near a function of this one; nothing is claimed of how near."""
+        values = self.basis.to_times @ self.c @ self.basis.to_points.T
+        with np.errstate(all="ignore"):
+            found = self.basis.from_times @ function(values) @ self.basis.from_points.T
+        if not np.isfinite(found).all():
+            raise Unenclosed(f"the right-hand side takes a function ({name}) where it may not be defined")
+        return Model(self.basis, found, np.zeros(len(self.c)))
+
+    def reciprocal(self) -> Model:
+        """``1 / f``: with ``e = 1 - f y`` for a polynomial `y` near it, ``|1/f - y| <= |y| |e| / (1 - |e|)``."""
+        if not self.c[:, 1:].any() and not self.c[:, 0, 1:].any() and not self.r.any():
+            return Model.of(self.basis, np.ones(len(self.c))) / self.middle
+        y = self._applied(np.reciprocal, "1/x")
+        miss = (1.0 - self * y).size()
+        if not (miss < 0.5).all():
+            raise Unenclosed("the right-hand side divides by something that may vanish")
+        return y.grown(y.size() * miss / (1 - miss) * UP)
+
+    def sqrt(self) -> Model:
+        """Square root: ``|sqrt(f) - y| = |f - y^2| / (sqrt(f) + y) <= |f - y^2| / y`` for a positive `y` near it."""
+        y = self._applied(np.sqrt, "sqrt")
+        least = y.range()[0]
+        if not ((least > 0) & (self.range()[0] >= 0)).all():
+            raise Unenclosed("the right-hand side takes a square root of something that may not be positive")
+        return y.grown((self - y * y).size() / least * UP)
+
+    def log(self) -> Model:
+        """Logarithm: with ``e = f exp(-y) - 1`` for a polynomial `y` near it, ``|log f - y| <= |e| / (1 - |e|)``."""
+        if not (self.range()[0] > 0).all():
+            raise Unenclosed("the right-hand side takes a logarithm of something that may not be positive")
+        y = self._applied(np.log, "log")
+        miss = (self * (-y).exp() - 1.0).size()
+        if not (miss < 0.5).all():
+            raise Unenclosed("the right-hand side takes a logarithm over too wide a range")
+        return y.grown(miss / (1 - miss) * UP)
+
+    def arctan(self) -> Model:
+        """Arc tangent: ``|arctan f - y| <= |f cos y - sin y| / (cos y + f sin y)`` for a polynomial `y` near it.
+
+        The quotient is the tangent of the difference, which is continuous and near zero at one point, the middle, so
+        that it stays on the branch of zero as long as the denominator is positive.
+        """
+        y = self._applied(np.arctan, "arctan")
+        sine, cosine = y.sin(), y.cos()
+        least = (cosine + self * sine).range()[0]
+        here, there = (np.einsum("btp,t,p->b", m.c, self.basis.middle_time, self.basis.middle_cell) for m in (self, y))
+        near = np.abs(np.arctan(here) - there) + self.r < 1.0
+        if not ((least > 0) & near).all():
+            raise Unenclosed("the right-hand side takes an arc tangent over too wide a range")
+        return y.grown((self * cosine - sine).size() / least * UP)
+
+    def tanh(self) -> Model:
+        """Hyperbolic tangent: with ``E = exp(2 f)``, ``|tanh f - y| = |E (1 - y) - (1 + y)| / (E + 1)``."""
+        y, power = self._applied(np.tanh, "tanh"), (self * 2.0).exp()
+        least = np.maximum(power.range()[0], 0.0) + 1.0
+        return y.grown((power * (1.0 - y) - (1.0 + y)).size() / least * UP)
+
+    def exp(self) -> Model:
+        """Exponential: that of the middle times a Taylor polynomial of the rest."""
+        middle, rest, away = self._split()
+        terms = _terms(away, 1)
+        series = self._constant(1.0)
+        for j in range(terms, 0, -1):
+            series = 1.0 + rest * series / j
+        with np.errstate(over="ignore"):
+            tail = away ** (terms + 1) / float(factorial(terms + 1)) * np.exp(away) * (1 + 64 * UNIT) * UP
+            factor = np.exp(middle)
+        return series.grown(tail)._scaled(factor, 16 * UNIT)
+
+    def sin(self) -> Model:
+        """Sine."""
+        return self._turned()[0]
+
+    def cos(self) -> Model:
+        """Cosine."""
+        return self._turned()[1]
+
+    def _turned(self) -> tuple[Model, Model]:
+        """Sine and cosine: those of the middle, turned by Taylor polynomials of the rest."""
+        middle, rest, away = self._split()
+        terms = _terms(away, 2)
+        square = rest * rest
+        sine = cosine = self._constant(1.0)
+        for j in range(terms - terms % 2 + 1, 1, -2):  # sin d = d (1 - d^2/6 (1 - d^2/20 (...)))
+            sine = 1.0 - square * sine / (j * (j - 1))
+        for j in range(terms - terms % 2 + 2, 1, -2):
+            cosine = 1.0 - square * cosine / (j * (j - 1))
+        last = terms - terms % 2 + 1
+        sine = (sine * rest).grown(away ** (last + 2) / float(factorial(last + 2)) * UP)
+        cosine = cosine.grown(away ** (last + 3) / float(factorial(last + 3)) * UP)
+        s, c = np.sin(middle), np.cos(middle)
+        error = 8 * UNIT
+        return (
+            cosine._scaled(s, error) + sine._scaled(c, error),
+            cosine._scaled(c, error) - sine._scaled(s, error),
+        )
+
+    def _split(self) -> tuple[Floats, Model, Floats]:
+        """The middle, the rest as a model, and a bound of the rest's size; refused where the rest is large."""
+        rest = Model(self.basis, self.c.copy(), self.r)
+        rest.c[:, 0, 0] = 0.0
+        away = self.deviation()
+        if not (away < 8.0).all():
+            raise Unenclosed("an angle or exponent of the right-hand side varies by more than 8 within a piece")
+        return self.middle, rest, away
+
+    def _scaled(self, factor: Floats, error: float) -> Model:
+        """Times a number for each piece, itself right to `error` times the larger of 1 and its size."""
+        scaled = self * factor
+        return scaled.grown(error * np.maximum(1.0, np.abs(factor)) * self.size())
+
+
+def _numbers(value: Any, pieces: int) -> Floats:
+    """A number, or one for each piece, as an array of shape (pieces,)."""
+    return np.asarray(np.broadcast_to(np.asarray(value, dtype=float), (pieces,)))
+
+
+def _terms(away: Floats, ahead: int) -> int:
+    """How many terms of a Taylor polynomial leave a remainder below rounding for arguments up to the largest."""
+    largest = float(away.max(initial=0.0))
+    size, n = 1.0, 0
+    while n < SERIES:
+        n += 1
+        size *= largest / n
+        if size * largest**ahead <= ENOUGH * max(1.0, largest) and n > largest:
+            break
+    return n

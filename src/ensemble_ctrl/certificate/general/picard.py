@@ -1,0 +1,90 @@
+"""Polynomials near the true states: spectral Picard iteration at Chebyshev nodes. Nothing is claimed of how near."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.errors import Unenclosed
+from ensemble_ctrl.certificate.general.basis import Basis, cosines
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.systems import OdeSystem
+
+
+Floats = NDArray[np.float64]
+
+ITERATIONS = 60
+"""Most iterations of one step."""
+SETTLED = 4e-16
+"""Change of an iteration, relative to the largest state, below which it has ended."""
+
+
+def approximate(
+    system: OdeSystem, basis: Basis, start: Floats, psi: Mapping[str, Floats], controls: Floats, step: float
+) -> Floats:
+    """Coefficients of the states in every step, shape (steps, states, cells, times, terms).
+
+    Parameters
+    ----------
+    system : OdeSystem
+    basis : Basis
+    start : ndarray, shape (states, cells, terms)
+        Coefficients of the start in the parameters.
+    psi : mapping of str to ndarray, shape (cells, nodes)
+        Parameters at the nodes of each cell.
+    controls : ndarray, shape (steps, n_u)
+    step : float
+        Seconds.
+
+    Raises
+    ------
+    Unenclosed
+        If a state runs away.
+    """
+    sums = _integral(basis.times) * (step / 2)
+    parameters = {name: value[:, None, :] for name, value in psi.items()}
+    found = np.empty((len(controls), *start.shape[:2], *basis.shape))
+    edge = start
+    for k, command in enumerate(np.asarray(controls, dtype=float)):
+        first = (edge @ basis.to_points.T)[:, :, None, :]
+        values = np.repeat(first, basis.times, axis=2)
+        for _ in range(ITERATIONS):
+            with np.errstate(all="ignore"):
+                rates = _rates(system, values, command.tolist(), parameters)
+                new = first + sums @ rates
+                change = np.abs(new - values).max()
+            values = new
+            if not change > SETTLED * (1 + np.abs(values).max()):
+                break
+        if not np.isfinite(values).all():
+            state = system.states[int(np.argwhere(~np.isfinite(values))[0, 0])]
+            raise Unenclosed(f"{state} runs away or is no number at t = {(k + 1) * step:.4g} s")
+        found[k] = basis.from_times @ (values @ basis.from_points.T)
+        edge = found[k].sum(axis=2)
+    return found
+
+
+def _rates(system: OdeSystem, values: Floats, command: list[float], psi: Mapping[str, Floats]) -> Floats:
+    """The right-hand side at all nodes, shape of `values`."""
+    rates = np.empty_like(values)
+    for row, value in zip(rates, system.xdot(list(values), command, psi), strict=True):
+        row[...] = value
+    return rates
+
+
+def _integral(times: int) -> Floats:
+    """Values at the nodes to the integral from -1 to each node, shape (times, times)."""
+    grown = np.zeros((times + 1, times))
+    grown[1, 0] = 1.0
+    for k in range(1, times):
+        grown[k + 1, k] += 0.5 / (k + 1)
+        if k > 1:
+            grown[k - 1, k] -= 0.5 / (k - 1)
+    at_nodes = cosines(times, times + 1) - (-1.0) ** np.arange(times + 1)
+    weights = 2.0 / times * cosines(times, times).T
+    weights[0] /= 2
+    return np.asarray(at_nodes @ grown @ weights)

@@ -1,0 +1,128 @@
+"""The bounds of a plan of any system: what `certify` asks, answered from one enclosure of all members."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.clearance import Bound
+from ensemble_ctrl.certificate.general.clearance import Prover
+from ensemble_ctrl.certificate.general.enclosure import Enclosure, Start, enclose
+from ensemble_ctrl.certificate.general.task import Elements, bound_task
+from ensemble_ctrl.certificate.instants import Spans
+from ensemble_ctrl.certificate.schedule import Schedule
+from ensemble_ctrl.certificate.share import weighed
+from ensemble_ctrl.certificate.task import TaskBound
+from ensemble_ctrl.constraints.stl.formula import Formula
+from ensemble_ctrl.constraints.stl.leaves import Predicate
+from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet, resolve
+from ensemble_ctrl.duties import Chance, Duty, grounded
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.moments import Law
+    from ensemble_ctrl.problem import OdeProblem
+
+
+Floats = NDArray[np.float64]
+
+SPLITS = (1, 4, 16)
+"""Parts into which each piece of time is cut, in turn, until a part of the task is proven or refuted."""
+
+
+@dataclass(eq=False)
+class GeneralProof:
+    """The bounds of one plan.
+
+    Parameters
+    ----------
+    problem : OdeProblem
+    controls : ndarray, shape (steps, n_u)
+    laws : mapping of str to Law
+        The ranges that the claim is about.
+
+    Raises
+    ------
+    Unenclosed
+        By every bound, if the system can't be enclosed.
+    """
+
+    problem: OdeProblem
+    controls: Floats
+    laws: Mapping[str, Law]
+
+    @cached_property
+    def enclosure(self) -> Enclosure:
+        """Where every member is at every instant."""
+        return enclose(self.problem.fleet.system, self._start, self.controls, self.problem.duration)
+
+    @cached_property
+    def _start(self) -> Start:
+        """The ranges and where members start."""
+        fleet, names = self.problem.fleet, tuple(self.laws)
+        shifts = [fleet.shifted(name) for name in names]
+        told = {**fleet.system.start(), **fleet.start}
+        return Start(
+            names,
+            np.array([law.lower for law in self.laws.values()], dtype=float),
+            np.array([law.upper for law in self.laws.values()], dtype=float),
+            np.array([float(told.get(name, 0.0)) for name in fleet.states]),
+            np.array(shifts, dtype=np.int64),
+        )
+
+    @cached_property
+    def _prover(self) -> Prover:
+        """The search for the least clearance."""
+        fleet = self.problem.fleet
+        rows = np.eye(len(fleet.states))[fleet.place_columns]
+        return Prover(self.enclosure, rows, fleet.names, self.problem.duration, len(self.controls))
+
+    @property
+    def boxes(self) -> int:
+        """Boxes looked at for clearances so far."""
+        return self._prover.boxes
+
+    def clearance(self, duty: Duty) -> Bound:
+        """The worst piece of one duty."""
+        spans = Spans.of(duty.begin, duty.end, self.problem.duration, len(self.controls))
+        found: list[Bound] = []
+        for piece in sorted(duty.pieces, key=lambda piece: self._prover.nearness(piece, spans, duty.motion)):
+            enough = min((b.sampled for b in found), default=np.inf)
+            found.append(self._prover.bound(duty.name, piece, spans, duty.radius, duty.motion, enough))
+        worst = min(found, key=lambda b: b.sampled)
+        return replace(worst, proven=min(b.proven for b in found))
+
+    def part(self, part: Formula) -> TaskBound:
+        """The bound of one part of the task, on finer time where the pieces' bounds stand in the way."""
+        formula = negation_normal_form(resolve(grounded(self.problem, part), self.problem.duration))
+        states = tuple(sorted({name for predicate in _predicates(formula) for name, _ in predicate.coefficients}))
+        duration, steps, parts = self.problem.duration, len(self.controls), self.enclosure.parts
+        bound = TaskBound(str(part), -np.inf, np.inf, {}, covered=False)
+        for split in SPLITS:
+            schedule = Schedule.of(formula, duration, np.full(steps, parts * split, dtype=np.int64))
+            if schedule is None:
+                break
+            elements = Elements.of(schedule.mesh, duration, steps, parts)
+            fleet = weighed(self.problem, self.laws)
+            states_of = self.problem.fleet.states
+            bound = bound_task(self.enclosure, states_of, schedule, elements, states, fleet, reads_fleet(part))
+            if bound.proven >= 0 or bound.sampled < 0:
+                break
+        return replace(bound, part=str(part))
+
+    def share(self, chance: Chance) -> TaskBound:
+        """The bound of ``share(p, f)``: the cells whose members all do `f`, weighed."""
+        found = self.part(chance.part)
+        return replace(found, share=chance.part.p) if found.proven >= 0 else found
+
+
+def _predicates(formula: Formula) -> Iterator[Predicate]:
+    """Every predicate of a ground formula."""
+    if isinstance(formula, Predicate):
+        yield formula
+    for part in formula.parts:
+        yield from _predicates(part)

@@ -1,0 +1,275 @@
+"""Proven robustness of a formula for any system: bounds of its predicates on polynomial tubes, cells halved.
+
+A predicate is linear in the states, so that on a piece of time and a cell of parameters it is one polynomial with a
+radius.  `Schedule` evaluates the formula on such bounds exactly, as it does for arcs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.general.basis import UNIT, UP, Basis, restriction, restriction_error
+from ensemble_ctrl.certificate.general.boxes import Boxes, outwards
+from ensemble_ctrl.certificate.general.enclosure import Enclosure
+from ensemble_ctrl.certificate.instants import Mesh
+from ensemble_ctrl.certificate.schedule import Bounds, Schedule
+from ensemble_ctrl.certificate.task import MASS_ERROR, TIGHT, Masses, TaskBound, masses
+from ensemble_ctrl.constraints.stl.formula import Share
+from ensemble_ctrl.constraints.stl.leaves import Predicate
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.ensemble import Ensemble
+
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NUMBERS = 200_000_000
+"""Coefficients of all cells looked at before the search for a better bound ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Where the elements of a mesh are in an enclosure: instants and intervals in turn.
+
+    Attributes
+    ----------
+    piece : ndarray of int, shape (elements,)
+        The piece of time of the enclosure.
+    begin, end : ndarray, shape (elements,)
+        The part of it, -1 to 1.
+    """
+
+    piece: Ints
+    begin: Floats
+    end: Floats
+
+    @classmethod
+    def of(cls, mesh: Mesh, duration: float, steps: int, parts: int) -> Elements:
+        """The elements of a mesh whose pieces cross no piece of the enclosure."""
+        step = duration / steps
+        low = (mesh.begin - mesh.owner * step) / step * parts
+        high = low + mesh.length / step * parts
+        part = np.clip(np.floor((low + high) / 2).astype(np.int64), 0, parts - 1)
+        piece = mesh.owner * parts + part
+        low, high = 2 * (low - part) - 1, 2 * (high - part) - 1
+        after = mesh.owner >= steps  # after the end robots stand
+        piece, low, high = (
+            np.where(after, steps * parts - 1, piece),
+            np.where(after, 1.0, low),
+            np.where(after, 1.0, high),
+        )
+        begin, end = (np.empty(2 * len(piece) + 1) for _ in range(2))
+        begin[:-1:2], end[:-1:2], begin[1::2], end[1::2] = low, low, low, high
+        begin[-1] = end[-1] = high[-1]
+        owner = np.append(np.repeat(piece, 2), piece[-1])
+        return cls(owner, *outwards(begin, end))
+
+    @cached_property
+    def groups(self) -> list[tuple[float, float, Ints]]:
+        """The elements that are the same part of their pieces."""
+        pairs, index = np.unique(np.stack([self.begin, self.end], axis=1), axis=0, return_inverse=True)
+        order = np.argsort(index.ravel(), kind="stable")
+        cuts = np.searchsorted(index.ravel()[order], np.arange(1, len(pairs)))
+        return [(low, high, rows) for (low, high), rows in zip(pairs.tolist(), np.split(order, cuts), strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Bounds of predicates over the elements of a mesh; each member is a cell of parameters.
+
+    Attributes
+    ----------
+    basis : Basis
+    c : ndarray, shape (cells, pieces of time, states read, times, terms)
+    pad : ndarray, shape (cells, pieces of time, states read)
+    states : tuple of str
+        The states read.
+    elements : Elements
+    upper : bool
+    masses : Masses or None
+        Where the formula reads the fleet.
+    """
+
+    basis: Basis
+    c: Floats
+    pad: Floats
+    states: tuple[str, ...]
+    elements: Elements
+    upper: bool = False
+    masses: Masses | None = None
+
+    @property
+    def members(self) -> int:
+        """How many cells."""
+        return len(self.c)
+
+    def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
+        """Bounds of a predicate, shape (cells, last - first + 1)."""
+        coefficients, offset = predicate.normalised()
+        by_name = dict(coefficients)
+        row = np.array([by_name.get(name, 0.0) for name in self.states])
+        c = np.einsum("q,ckqtp->cktp", row, self.c)
+        size = np.einsum("q,ckqtp->ck", np.abs(row), np.abs(self.c))
+        slack = np.einsum("q,ckq->ck", np.abs(row), self.pad) + 64 * UNIT * (size + abs(offset))
+        slack = (slack + restriction_error(self.basis.times) * size) * UP
+        sign, found = (1.0 if self.upper else -1.0), np.empty((len(c), len(self.elements.piece)))
+        for low, high, rows in self.elements.groups:
+            wanted = rows[(rows >= first) & (rows <= last)]
+            piece = self.elements.piece[wanted]
+            part = restriction(self.basis.times, low, high) @ c[:, piece]
+            middle = part[:, :, 0, 0]
+            spread = (np.abs(part).sum(axis=(2, 3)) - np.abs(middle)) * UP + slack[:, piece]
+            found[:, wanted] = middle + offset + sign * spread
+        bound = found[:, first : last + 1]
+        return np.where(np.isnan(bound), sign * np.inf, bound)
+
+    def mean(self) -> Bounds:
+        """The mean member."""
+        return MeanSignals(self)
+
+    def ranked(self, value: Floats, share: Share) -> Floats:
+        """The largest value that cells of at least this mass reach; minus infinity if no cells do."""
+        if self.masses is None:
+            raise AssertionError("a share is of all cells")
+        return self.masses.reached(value, share, self.upper)
+
+    def averaged(self) -> Signals:
+        """Each cell's average member, for a law that is uniform within cells: terms of odd powers vanish."""
+        powers = self.basis.exponents
+        weight = np.where(powers % 2 == 0, 1.0 / (1.0 - np.where(powers == 1, 0.0, powers) ** 2.0), 0.0).prod(axis=1)
+        c = self.c @ weight[:, None]
+        pad = self.pad + 16 * UNIT * np.abs(self.c).sum(axis=(3, 4))
+        return replace(self, basis=Basis(self.basis.times, ()), c=c, pad=pad * UP)
+
+
+@dataclass(frozen=True, eq=False)
+class MeanSignals:
+    """The mean member of all cells."""
+
+    of: Signals
+    members: int = 1
+
+    @property
+    def upper(self) -> bool:
+        """Whether bounds are upper bounds."""
+        return self.of.upper
+
+    def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
+        """The masses' mean of the cells' averages, which are anywhere in a cell if the law is not uniform."""
+        found = self.of.masses
+        if found is None:
+            raise AssertionError("a mean is of all cells")
+        each = (self.of.averaged() if found.even else self.of).leaf(predicate, first, last)
+        share = found.mass / found.total
+        wrong = (0.0 if found.counted else len(share) * MASS_ERROR) * (each.max(axis=0) - each.min(axis=0))
+        rounding = (len(share) + 8) * UNIT * np.abs(each).max(axis=0)
+        return np.asarray(share @ each + (1.0 if self.upper else -1.0) * (wrong + rounding) * UP)[None]
+
+    def mean(self) -> Bounds:
+        """Itself."""
+        return self
+
+    def ranked(self, value: Floats, share: Share) -> Floats:
+        """All of one member."""
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells of parameters with the polynomials of the states that a formula reads."""
+
+    boxes: Boxes
+    pieces: int
+    states: tuple[str, ...]
+
+    @classmethod
+    def of(cls, enclosure: Enclosure, all_states: tuple[str, ...], states: tuple[str, ...]) -> Cells:
+        """All cells of an enclosure; boxes of one cell are next to each other."""
+        rows = np.eye(len(all_states))[[all_states.index(name) for name in states]].reshape(len(states), -1)
+        count, cells = enclosure.c.shape[0], len(enclosure.centre)
+        piece = np.arange(count)
+        boxes = Boxes.of(enclosure, rows, piece, -np.ones(count), np.ones(count))
+        return cls(boxes.where(np.arange(count * cells).reshape(count, cells).T.ravel()), count, states)
+
+    def __len__(self) -> int:
+        return len(self.boxes) // self.pieces
+
+    @property
+    def centre(self) -> Floats:
+        """Middles, shape (cells, parameters)."""
+        return self.boxes.centre[:: self.pieces]
+
+    @property
+    def half(self) -> Floats:
+        """Half widths, shape (cells, parameters)."""
+        return self.boxes.half[:: self.pieces]
+
+    def signals(self, elements: Elements, found: Masses | None = None) -> Signals:
+        """Lower bounds over elements for all members of each cell."""
+        shape = len(self), self.pieces
+        c, pad = (part.reshape(*shape, *part.shape[1:]) for part in (self.boxes.c, self.boxes.pad))
+        return Signals(self.boxes.basis, c, pad, self.states, elements, False, found)
+
+    def middles(self, elements: Elements) -> Signals:
+        """Upper bounds over elements for the member in the middle of each cell."""
+        all_ = self.signals(elements)
+        basis = self.boxes.basis
+        pad = (all_.pad + 16 * UNIT * np.abs(all_.c).sum(axis=(3, 4))) * UP
+        return replace(all_, basis=Basis(basis.times, ()), c=all_.c @ basis.middle_cell[:, None], pad=pad, upper=True)
+
+    def halved(self, open_: NDArray[np.bool_], together: bool) -> Cells:
+        """The open cells in two along the parameter that moves the states most; all alike if `together`."""
+        some = self.boxes.where(np.repeat(open_, self.pieces))
+        sizes = some.sizes()[:, 1:].reshape(-1, self.pieces, len(some.wide)).max(axis=1)
+        side = np.full(len(sizes), sizes.max(axis=0).argmax()) if together else sizes.argmax(axis=1)
+        found = some.halved(np.repeat(side + 1, self.pieces))
+        return replace(self, boxes=found)
+
+
+def bound_task(
+    enclosure: Enclosure,
+    all_states: tuple[str, ...],
+    schedule: Schedule,
+    elements: Elements,
+    states: tuple[str, ...],
+    fleet: Ensemble,
+    fleet_wide: bool,
+) -> TaskBound:
+    """Bound the robustness of a formula for every member of an enclosure.
+
+    Notes
+    -----
+    *Guarantee*: `proven` is never above the robustness of any member in dense time.
+    """
+    cells = Cells.of(enclosure, all_states, states)
+    proven, sampled, spent, tried = np.inf, np.inf, 0, False
+    member: Mapping[str, float] = {}
+    while True:
+        spent += cells.boxes.c.size
+        found = masses(fleet, cells.centre, cells.half) if fleet_wide else None
+        low = schedule.value(cells.signals(elements, found))
+        above = replace(cells.signals(elements, found), upper=True) if fleet_wide else cells.middles(elements)
+        seen = schedule.value(above)
+        if seen.min() < sampled:
+            sampled = float(seen.min())
+            centre = cells.centre[int(seen.argmin())].tolist()
+            member = {} if fleet_wide else dict(zip(fleet.names, centre, strict=True))
+        open_ = low < sampled - TIGHT
+        if fleet_wide:
+            proven = max(proven, float(low.max())) if tried else float(low.max())
+            open_ = np.full(len(low), proven < 0 <= sampled)
+        else:
+            proven = min(proven, float(low[~open_].min(initial=np.inf)))
+        if spent + 2 * cells.boxes.c.size > NUMBERS or not open_.any() or not len(enclosure.wide):
+            break
+        cells, tried = cells.halved(open_, fleet_wide), True
+    if not fleet_wide:
+        proven = min(proven, float(low.min()))
+    return TaskBound("", proven, sampled, dict(member))
