@@ -5,14 +5,17 @@ from ensemble_ctrl.systems.arrays import Arrays, sinc
 from ensemble_ctrl.systems.bicycle import Bicycle
 from ensemble_ctrl.systems.double_integrator import DoubleIntegrator
 from ensemble_ctrl.systems.ode import OdeSystem
+from ensemble_ctrl.systems.planar_quadrotor import PlanarQuadrotor
 from ensemble_ctrl.systems.quadrotor import Quadrotor
 from ensemble_ctrl.systems.unicycle import Unicycle
 
 SYSTEMS: dict[str, type[ArcSystem]] = {Unicycle.name: Unicycle, Bicycle.name: Bicycle}
 """Every model that moves on arcs by the name a problem file uses."""
 
-ODE_SYSTEMS: dict[str, type[OdeSystem]] = {system.name: system for system in (DoubleIntegrator, Quadrotor)}
-"""Every model told by its differential equation by the name a problem file uses."""
+ODE_SYSTEMS: dict[str, type[OdeSystem]] = {
+    system.name: system for system in (DoubleIntegrator, PlanarQuadrotor, Quadrotor)
+}
+"""Every model that is defined by an ODE by the name a problem file uses."""
 
 __all__ = [
     "DRIVE",
@@ -23,6 +26,7 @@ __all__ = [
     "Bicycle",
     "DoubleIntegrator",
     "OdeSystem",
+    "PlanarQuadrotor",
     "Quadrotor",
     "Unicycle",
     "sinc",
