@@ -747,7 +747,8 @@ def test_the_layout() -> None:
     with pytest.raises(ConfigError) as refusal:
         config.load_text(edited(("unicycle", "unicicle")), "bad.yaml")
     assert str(refusal.value) == (
-        "bad.yaml:3:10: error: fleet.model: 'unicicle' is not one of unicycle, bicycle, double_integrator, planar_quadrotor, quadrotor\n"
+        "bad.yaml:3:10: error: fleet.model: 'unicicle' is not one of unicycle, bicycle, double_integrator, "
+        "planar_quadrotor, quadrotor\n"
         "       3 |   model: unicicle\n"
         "         |          ^\n"
         "    hint: did you mean 'unicycle'?\n"
