@@ -59,7 +59,7 @@ def test_a_good_one() -> None:
     assert problem.fleet.position.tolist() == [0, 0, 1]
     assert problem.fleet.start_states(problem.fleet.center[None])[6, 0] == 1.0
     assert problem.fleet.input_upper.tolist() == [120, 2, 2, 0.5]  # type: ignore[union-attr]
-    assert (problem.steps, problem.verify.certificate) == (10, False)
+    assert (problem.steps, problem.verify.certificate) == (10, True)
     (wall,) = problem.obstacles["wall"]
     assert isinstance(wall, ec.Solid)
     assert len(wall.vertices) == 8
@@ -99,7 +99,7 @@ def test_a_good_one() -> None:
         (
             "model: quadrotor",
             "model: quadrator",
-            "'quadrator' is not one of unicycle, bicycle, double_integrator, quadrotor",
+            "'quadrator' is not one of unicycle, bicycle, double_integrator, planar_quadrotor, quadrotor",
         ),
     ],
 )
