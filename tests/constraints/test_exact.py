@@ -8,11 +8,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 
 from ensemble_ctrl.certificate.clearance import grown
 from ensemble_ctrl.constraints import Obstacle, Polyhedron, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.cells import Cells
-from ensemble_ctrl.constraints.exact import hull, intersection
+from ensemble_ctrl.constraints.exact import hull, intersection, space_corners
 from ensemble_ctrl.errors import ProblemError
 
 Array = NDArray[np.float64]
@@ -236,3 +237,23 @@ def test_a_grid_loses_nothing_of_its_cells(size: float, origin: tuple[float, flo
                 all(any(cross(a, b, point) >= 0 for point in about) for a, b in pairwise([*corners, corners[0]]))
                 for corners in stored
             )
+
+
+@given(st.data())
+def test_no_corner_of_a_solid_is_missing(data: st.DataObject) -> None:
+    """For cuts of a box by random planes, near-parallel and near-equal ones among them, all corners are found: the
+    largest value of any direction over them is that of a linear program.
+    """
+    far = data.draw(st.sampled_from([0.0, 1e3, 1e6]))
+    count = data.draw(st.integers(0, 4))
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
+    normals = rng.normal(size=(count, 3)) * np.where(rng.random((count, 3)) < 0.3, 1e-9, 1.0) + 1e-12
+    A = np.vstack([np.eye(3), -np.eye(3), normals])
+    b = np.concatenate([np.full(3, far + 1.0), np.full(3, 1.0 - far), normals @ np.full(3, far) + rng.random(count)])
+    corners = space_corners(A, b)
+    assert len(corners) >= 4
+    for direction in rng.normal(size=(3, 3)).tolist():
+        best = linprog(-np.array(direction), A, b - A @ np.full(3, far), bounds=[(None, None)] * 3)
+        assert best.fun is not None
+        ours = float(((corners - far) @ np.array(direction)).max())
+        assert ours == pytest.approx(-best.fun, rel=1e-7, abs=1e-7 + 1e-14 * far)

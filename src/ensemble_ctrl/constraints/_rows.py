@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -60,31 +58,3 @@ def is_cone_trivial(G: Array) -> bool:
     sides = np.vstack([np.eye(G.shape[1]), -np.eye(G.shape[1])])
     base = np.zeros(len(G))
     return not any(is_feasible(np.vstack([G, side]), np.append(base, -1.0)) for side in sides)
-
-
-def space_vertices(G: Array, h: Array) -> Array:
-    """Corners of the bounded set ``G x <= h`` (unit rows) in space, without repeats, shape (corners, 3).
-
-    Corners are found twice: about the origin, and then about their middle, so that what counts as equal is a share of
-    the set's size and not of its distance.
-    """
-    rough = _crossings(G, h, TOLERANCE * max(1.0, float(np.abs(h).max(initial=0.0))))
-    if not len(rough):
-        return rough
-    middle = rough.mean(axis=0)
-    size, far = float(np.abs(rough - middle).max()), float(np.abs(rough).max())
-    slack = TOLERANCE * size + 16 * float(np.finfo(float).eps) * far
-    kept: list[Array] = []
-    for point in _crossings(G, h - G @ middle, slack):
-        if not any(np.abs(point - other).max() <= 10 * slack for other in kept):
-            kept.append(point)
-    return np.asarray(np.array(kept).reshape(-1, 3) + middle)
-
-
-def _crossings(G: Array, h: Array, slack: float) -> Array:
-    """Where three planes cross inside of all others, or at most `slack` outside."""
-    triples = np.array(list(combinations(range(len(G)), 3)), dtype=np.int64).reshape(-1, 3)
-    rows = G[triples]
-    crossing = np.abs(np.linalg.det(rows)) > 1e-12
-    points = np.linalg.solve(rows[crossing], h[triples[crossing]][..., None])[..., 0]
-    return np.asarray(points[(points @ G.T <= h + slack).all(axis=1)])

@@ -1,4 +1,4 @@
-"""Decisions about points and lines of the plane in exact arithmetic: turns, hulls, and intersections of half-planes.
+"""Decisions about points, lines and planes in exact arithmetic: turns, hulls, and intersections of half-spaces.
 
 Every float is a whole number times a power of two, so a determinant of floats has a sign that can be found without
 rounding. No tolerance stands in this file: near-equal corners stay apart, at any distance from the origin.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from itertools import combinations
 from math import lcm
 
 import numpy as np
@@ -139,3 +140,46 @@ def _cut(points: list[Whole], lines: list[Whole], row: Whole) -> tuple[list[Whol
         elif there < 0 < here:
             kept.append((_crossing(line, row), line))
     return [point for point, _ in kept], [line for _, line in kept]
+
+
+def space_corners(A: Array, b: Array) -> Array:
+    """The corners of ``A x <= b`` in space, shape (corners, 3), each rounded once.
+
+    Notes
+    -----
+    *Guarantee*: no corner is missing, however near it is to another one, or how flat the angle. Crossings of three
+    planes are left out in floating point only where that is certain; the others are found in rational numbers.
+    """
+    triples = np.array(list(combinations(range(len(A)), 3)), dtype=np.int64).reshape(-1, 3)
+    size = np.linalg.norm(A, axis=1)
+    doubtful = triples[_maybe_inside(A / size[:, None], b / size, triples)]
+    rows = [(*map(Fraction, row), Fraction(level)) for row, level in zip(A.tolist(), b.tolist(), strict=True)]
+    found: set[tuple[Fraction, Fraction, Fraction]] = set()
+    for i, j, k in doubtful.tolist():
+        point = _plane_crossing(rows[i], rows[j], rows[k])
+        if point is not None and all(r[0] * point[0] + r[1] * point[1] + r[2] * point[2] <= r[3] for r in rows):
+            found.add(point)
+    rounded = {tuple(float(x) for x in point) for point in found}
+    return np.array(sorted(rounded)).reshape(-1, 3)
+
+
+def _maybe_inside(G: Array, h: Array, triples: Ints) -> NDArray[np.bool_]:
+    """Which crossings of three planes may be inside of all others: those that are clearly outside are not."""
+    maybe = np.ones(len(triples), dtype=bool)
+    sure = np.abs(np.linalg.det(G[triples])) > 1e-4
+    points = np.linalg.solve(G[triples[sure]], h[triples[sure]][..., None])[..., 0]
+    slack = 1e-6 * (1.0 + np.abs(h).max(initial=0.0) + np.abs(points).max(axis=1, initial=0.0))
+    maybe[sure] = (points @ G.T <= h + slack[:, None]).all(axis=1)
+    return maybe
+
+
+def _plane_crossing(*planes: Sequence[Fraction]) -> tuple[Fraction, Fraction, Fraction] | None:
+    """Where three planes cross, by Cramer's rule; None if they do not in one point."""
+    (a, b, c, p), (d, e, f, q), (g, h, i, r) = planes
+    det = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    if det == 0:
+        return None
+    x = p * (e * i - f * h) - b * (q * i - f * r) + c * (q * h - e * r)
+    y = a * (q * i - f * r) - p * (d * i - f * g) + c * (d * r - q * g)
+    z = a * (e * r - q * h) - b * (d * r - q * g) + p * (d * h - e * g)
+    return x / det, y / det, z / det

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints import exact
-from ensemble_ctrl.constraints._rows import checked_rows, is_cone_trivial, is_feasible, space_vertices
+from ensemble_ctrl.constraints._rows import checked_rows, is_cone_trivial, is_feasible
 from ensemble_ctrl.constraints._sides import closed, joined
+from ensemble_ctrl.constraints.exact import space_corners
 from ensemble_ctrl.constraints.polygon import facets, is_convex, ring
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.readonly import ReadOnlyArrays
@@ -224,7 +225,7 @@ class Polyhedron(ReadOnlyArrays):
             ends = np.array([[(h / G[:, 0])[G[:, 0] < 0].max()], [(h / G[:, 0])[G[:, 0] > 0].min()]])
             ends.setflags(write=False)
             return ends
-        return space_vertices(G, h)
+        return space_corners(G, h)
 
     @cached_property
     def _plane(self) -> tuple[Array, bool]:

@@ -8,7 +8,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.constraints._rows import TOLERANCE, is_cone_trivial, space_vertices
+from ensemble_ctrl.constraints._rows import TOLERANCE, is_cone_trivial
+from ensemble_ctrl.constraints.exact import space_corners
 from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.values import numbers
@@ -45,7 +46,7 @@ class Solid(Obstacle):
         G, h = self.unit_rows()
         if not is_cone_trivial(G):
             raise ProblemError("Solid: expected a bounded polyhedron, got an unbounded set")
-        corners = space_vertices(G, h)
+        corners = space_corners(-self.A, -self.b)
         depth = (h - G @ corners.mean(axis=0)).min() if len(corners) else 0.0
         if len(corners) < 4 or depth <= TOLERANCE * np.ptp(corners, axis=0).max():
             raise ProblemError("Solid: expected a polyhedron with a volume, got an empty or flat set")
