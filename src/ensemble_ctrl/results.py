@@ -18,7 +18,7 @@ from ensemble_ctrl.config import dump
 from ensemble_ctrl.config.ode_section import source_file
 from ensemble_ctrl.files import put_file, read_regular
 from ensemble_ctrl.plain import to_json as to_json
-from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import Replay
 
 SCHEMA = 1
@@ -89,16 +89,23 @@ def summary(plan: Plan) -> dict[str, Any]:
     """The plan's facts as plain data, the body of ``summary.json`` and of ``--json``."""
     return {
         "schema": SCHEMA,
-        "name": plan.problem.name,
+        **planned(plan.problem),
         "status": plan.status,
         "verified": plan.verified,
-        "task": str(plan.problem.task),
-        "steps": plan.problem.steps,
-        "step_seconds": plan.problem.step,
         "certificate": None if plan.certificate is None else as_data(plan.certificate),
         "replay": None if plan.replayed is None else replay_summary(plan.replayed),
         "conflicts": [vars(c) for c in plan.conflicts()] if not plan.verified else [],
         "details": plan.details,
+    }
+
+
+def planned(problem: Problem) -> dict[str, Any]:
+    """What was planned, as plain data."""
+    return {
+        "name": problem.name,
+        "task": str(problem.task),
+        "steps": problem.steps,
+        "step_seconds": problem.step,
     }
 
 

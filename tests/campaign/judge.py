@@ -118,14 +118,15 @@ def _judged(case: Case, oracle: Oracle, certificate: Certificate) -> Judgement:
         if part[0] == "share" and not reads_fleet(part[2]):
             truths.append(_share_value(oracle, part))
             faults += _share_faults(oracle, part, task.proven, task.share)
+            faults += _refuted_share(oracle, part, task.sampled)
             continue
         truth = oracle.worst(part, near)
         truths.append(truth)
         missed = max(missed, oracle.missed(part))
         faults += _too_high(task.part, task.proven, truth + oracle.missed(part) + float(oracle.slack))
-        if near is not None and math.isfinite(task.sampled):
-            lowest = float(oracle.robustness(part, near)[0]) - float(oracle.knots[1] + oracle.slack)
-            faults += _too_low(oracle, task.part, task.sampled, lowest)
+        if math.isfinite(task.sampled):  # of no member where the fleet is meant
+            seen = truth if near is None else float(oracle.robustness(part, near)[0])
+            faults += _too_low(oracle, task.part, task.sampled, seen - float(oracle.knots[1] + oracle.slack))
     truth = min(truths)
     if certificate.proven == "yes" and truth + missed + float(oracle.slack) < 0:
         faults.append(Fault("false yes", "the task", -truth))
@@ -189,11 +190,27 @@ def _share_faults(oracle: Oracle, part: Node, proven: float, share: float | None
         slack = float(oracle.slack) + max(oracle.missed(inner) for inner in _others(oracle, part[2]))
         found = float(weights[values + slack >= proven].sum())
         wanted = max(part[1], share or 0.0)
-        if found >= wanted - (1e-9 if exact else 3.0 / math.sqrt(count) / (1 if len(oracle.case.laws) > 1 else 3)):
+        if found >= wanted - (1e-9 if exact else _scatter(oracle, count)):
             return
         if exact:
             break
     yield Fault("bound", f"share: {wanted!r} of the fleet at {proven!r}, found {found!r}", wanted - found)
+
+
+def _refuted_share(oracle: Oracle, part: Node, sampled: float) -> Iterator[Fault]:
+    """A share that is refuted and yet reached."""
+    if sampled >= 0:
+        return
+    rows, weights = laws.drawn(oracle.case, 512)
+    values = oracle.member_values(part[2], rows)
+    found = float(weights[values > float(oracle.knots[1] + oracle.slack)].sum())
+    if found >= part[1] + (-1e-9 if laws.is_exact(oracle.case) else _scatter(oracle, 512)):
+        yield Fault("false no", f"share: said {sampled!r}, {found!r} of the fleet do it", found - part[1])
+
+
+def _scatter(oracle: Oracle, count: int) -> float:
+    """By how much a share of so many drawn members may miss that of the fleet."""
+    return 3.0 / math.sqrt(count) / (1 if len(oracle.case.laws) > 1 else 3)
 
 
 def _others(oracle: Oracle, part: Node) -> list[Node]:

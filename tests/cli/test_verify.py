@@ -57,6 +57,50 @@ def test_a_range_that_is_none(command: Command, results: Path, text: str) -> Non
     assert text in outcome.err
 
 
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("task", "F in(elsewhere)"),
+        ("name", "other"),
+        ("steps", 7),
+        ("step_seconds", 0.5000001),
+        ("certificate.proven", "no"),
+        ("certificate.clearance", 99.0),
+        ("certificate.ranges.traction", [0.5, 1.5]),
+        ("certificate.inputs_sha256", "0" * 64),
+        ("certificate", "yes"),
+    ],
+)
+def test_a_changed_summary_is_found_out(command: Command, results: Path, path: str, value: object) -> None:
+    """A script reads the verdict there."""
+    file = results / "summary.json"
+    told = json.loads(file.read_text())
+    *inner, last = path.split(".")
+    place = told
+    for name in inner:
+        place = place[name]
+    assert place[last] != value
+    place[last] = value
+    file.write_text(json.dumps(told))
+    outcome = command("verify", "results")
+    assert outcome.code == 4
+    assert "summary.json: it " in outcome.err
+
+
+def test_a_summary_that_says_verified_is_compared_with_the_proof(command: Command, results: Path) -> None:
+    """Without a certificate in it, too."""
+    (results / "plan.npz").unlink()
+    table = results / "controls.csv"
+    rows = [line.split(",") for line in table.read_text().splitlines()]
+    table.write_text("\n".join(",".join(row) for row in [rows[0], *([t, "0.0", "0.0"] for t, *_ in rows[1:])]) + "\n")
+    (results / "certificate.json").unlink()
+    file = results / "summary.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "certificate": None}))
+    outcome = command("verify", "results")
+    assert outcome.code == 4
+    assert "summary.json: it says verified True, computed again: no" in outcome.err
+
+
 def test_one_changed_control_is_found_out(command: Command, results: Path) -> None:
     table = results / "controls.csv"
     lines = table.read_text().splitlines()

@@ -6,10 +6,20 @@ constraints or transcription.
 
 from ensemble_ctrl.certificate.certify import Certificate, CounterExample, certify
 from ensemble_ctrl.certificate.clearance import Bound
-from ensemble_ctrl.certificate.record import as_data, claim, differences
+from ensemble_ctrl.certificate.record import EFFORT, as_data, claim, differences
 from ensemble_ctrl.certificate.task import TaskBound
 
-__all__ = ["Bound", "Certificate", "CounterExample", "TaskBound", "as_data", "certify", "claim", "differences"]
+__all__ = [
+    "EFFORT",
+    "Bound",
+    "Certificate",
+    "CounterExample",
+    "TaskBound",
+    "as_data",
+    "certify",
+    "claim",
+    "differences",
+]
 
 TRUSTED = tuple(
     f"ensemble_ctrl.{room}{module}"

@@ -18,11 +18,13 @@ PROVEN = ("clearance", "robustness", "proven", "share")
 """Numbers of which a larger one claims more."""
 EXACT = ("ranges",)
 """Numbers that are given, not computed."""
+EFFORT = ("boxes", "seconds")
+"""What a certificate took, which is no part of its claim."""
 
 
 def as_data(certificate: Certificate) -> dict[str, Any]:
     """What is claimed, and what it took."""
-    return {**claim(certificate), "boxes": certificate.boxes, "seconds": certificate.seconds}
+    return {**claim(certificate), **{name: getattr(certificate, name) for name in EFFORT}}
 
 
 def claim(certificate: Certificate) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from ensemble_ctrl.api import Plan
 from ensemble_ctrl.bounds import Beyond, beyond_bounds
-from ensemble_ctrl.certificate import Certificate, as_data, differences
+from ensemble_ctrl.certificate import EFFORT, Certificate, as_data, differences
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import dump, load
@@ -25,7 +25,7 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planfile import MOST_BYTES
 from ensemble_ctrl.replay import Replay
 from ensemble_ctrl.report.text import measured, proven
-from ensemble_ctrl.results import SCHEMA, controls_csv, replay_summary, to_json
+from ensemble_ctrl.results import SCHEMA, controls_csv, planned, replay_summary, to_json
 
 HEADS = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN"}
 """Verdicts in the first line."""
@@ -124,7 +124,24 @@ def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str
         found.append("problem.yaml is another problem than the one in plan.npz")
     if claim.exists():
         found += [f"certificate.json: {text}" for text in differences(_read_json(claim), certificate)]
+    if (facts := folder / "summary.json").exists():
+        found += [f"summary.json: {text}" for text in _of_summary(_read_json(facts), plan, certificate)]
     return found
+
+
+def _of_summary(told: Any, plan: Plan, certificate: Certificate) -> Iterator[str]:
+    """How a summary contradicts the plan or what is proven of it; what was replayed isn't looked at."""
+    told = told if isinstance(told, dict) else {}
+    for name, value in planned(plan.problem).items():
+        if told.get(name) != value:
+            yield f"it says {name} {told.get(name)!r:.60}, the plan {value!r:.60}"
+    claimed = told.get("certificate")
+    if isinstance(claimed, dict):
+        claimed = {name: value for name, value in claimed.items() if name not in EFFORT}
+    if claimed is not None:
+        yield from differences(claimed, certificate)
+    if told.get("verified") is not False and plan.problem.verify.certificate and certificate.proven != "yes":
+        yield f"it says verified {told.get('verified')!r:.60}, computed again: {certificate.proven}"
 
 
 def _text(path: Path) -> str:
