@@ -119,5 +119,9 @@ class SolveError(EnsembleError):
         return [f"{type(self).__name__}: {self}", "(the exception's plan attribute holds what is drawn)"]
 
 
+class WorkerError(EnsembleError):
+    """A process that was given a part of the work ended without a result; the message says how."""
+
+
 class UnsupportedError(EnsembleError, NotImplementedError):
     """The request is well-formed but outside what the planner can do."""

@@ -9,6 +9,7 @@ import pytest
 
 from ensemble_ctrl.cli import run as run_module
 from ensemble_ctrl.cli.memory import LEAST
+from ensemble_ctrl.errors import WorkerError
 
 from .conftest import Command
 from .tools import COMMAND, environment
@@ -41,3 +42,13 @@ def test_memory_that_runs_out_is_said(command: Command, monkeypatch: pytest.Monk
     done = command("small.yaml", "--json")
     assert done.code == done.data["exit_code"] == 1
     assert done.err.startswith("error: out of memory")
+
+
+def test_a_process_that_the_system_ended_is_said(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def killed(*_: object, **__: object) -> None:
+        raise WorkerError("the solver's process was ended by SIGKILL; was there too little memory?")
+
+    monkeypatch.setattr(run_module, "plan", killed)
+    done = command("small.yaml", "--json")
+    assert done.code == done.data["exit_code"] == 1
+    assert done.err.splitlines()[-1] == "error: the solver's process was ended by SIGKILL; was there too little memory?"

@@ -8,11 +8,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from ensemble_ctrl.errors import WorkerError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch
 
@@ -86,6 +87,19 @@ def test_a_killed_process_has_no_result_and_the_others_go_on(number: signal.Sign
         return candidate
 
     assert parallel.each(work, 4, go_on, plenty) == [0, None, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("end", "message"),
+    [
+        (lambda: os.kill(os.getpid(), signal.SIGKILL), "was ended by SIGKILL; was there too little memory?"),
+        (lambda: os.kill(os.getpid(), signal.SIGSEGV), "was ended by SIGSEGV$"),
+        (lambda: os._exit(0), "ended without a result$"),
+    ],
+)
+def test_how_the_only_process_ended_is_said_at_once(end: Callable[[], None], message: str) -> None:
+    with pytest.raises(WorkerError, match=message):
+        parallel.alone(lambda _: end(), go_on, plenty)
 
 
 def test_one_that_raises_has_no_result_and_the_others_go_on() -> None:
@@ -172,6 +186,7 @@ def test_workers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 ENDLESS = """
 import os, time
+from ensemble_ctrl.errors import WorkerError
 from ensemble_ctrl.ocp import parallel
 parallel.workers = lambda count: 2
 def work(candidate, watch):

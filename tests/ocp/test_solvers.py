@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -14,6 +15,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from ensemble_ctrl.ocp import solvers
 from ensemble_ctrl.ocp.program import Block, Program, assemble
 from ensemble_ctrl.ocp.solvers import STATUS, IpoptOptions, Iteration, Outcome, ipopt
 
@@ -180,3 +182,20 @@ def test_a_handler_that_raises_nothing_stops_nothing() -> None:
     finally:
         signal.signal(signal.SIGINT, before)
     assert (outcome.status, seen) == ("solved", [signal.SIGINT])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="address space is read and limited as on Linux")
+def test_a_lack_of_memory_is_said_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """OpenBLAS would ask for its buffer for ever."""
+    import resource
+
+    monkeypatch.setattr(solvers, "_reserved", set())
+    built, before = program(valley), resource.getrlimit(resource.RLIMIT_AS)
+    used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + 120_000_000, before[1]))
+    try:
+        with pytest.raises(MemoryError, match="the solver needs 180 MB more of address space"):
+            run(built)
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+    assert run(built).status == "solved"

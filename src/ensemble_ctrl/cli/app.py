@@ -16,7 +16,7 @@ from ensemble_ctrl._version import __version__
 from ensemble_ctrl.cli import codes, completion
 from ensemble_ctrl.cli.memory import MemoryLimitError, require_memory
 from ensemble_ctrl.cli.streams import OutputError, complain, fail, fail_with, keep_standard_streams, say, silence
-from ensemble_ctrl.errors import EnsembleError
+from ensemble_ctrl.errors import EnsembleError, WorkerError
 
 NAME = "ensemble-plan"
 COMPLETING = "_ENSEMBLE_PLAN_COMPLETE"
@@ -608,7 +608,7 @@ def _invoked(arguments: list[str], as_json: bool) -> int:
     except OutputError as error:
         complain(f"error: {error}")
         return codes.INTERNAL
-    except MemoryLimitError as error:
+    except (MemoryLimitError, WorkerError) as error:
         return fail_with(codes.INTERNAL, error, as_json)
     except EnsembleError as error:
         return fail_with(codes.USAGE, error, as_json)

@@ -25,7 +25,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch
+from ensemble_ctrl.errors import WorkerError
+from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch, reserve
 
 T = TypeVar("T")
 Work = Callable[[int, Watch], T]
@@ -68,6 +69,8 @@ def each(work: Work[T], count: int, tell: Tell, left: Callable[[], float]) -> li
     ------
     Exception
         What the first candidate raised, where none has a result.
+    WorkerError
+        If that is how its process ended: the system ends one that takes too much memory.
 
     Notes
     -----
@@ -149,6 +152,7 @@ class _Child:
     waiting: bytearray = field(default_factory=bytearray)
     last: Iteration = BUILDING
     heard: float = field(default_factory=time.monotonic)
+    answered: bool = False
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """What has arrived since the last time; ends with ``("ended", None)`` where the process closed its pipe."""
@@ -168,9 +172,16 @@ class _Child:
         """End the process, if it still runs, and clear up after it."""
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
-        with suppress(ChildProcessError):
-            os.waitpid(self.pid, 0)
+        self.ended()
+
+    def ended(self) -> int:
+        """Clear up after a process that has ended, or is about to; the signal that ended it, or 0."""
         os.close(self.pipe)
+        try:
+            status = os.waitpid(self.pid, 0)[1]
+        except ChildProcessError:  # the program clears up after all of its children itself
+            return 0
+        return os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
 
 
 @dataclass(eq=False)
@@ -239,12 +250,14 @@ class _Pool(Generic[T]):
                 child.last = what
                 self._tell(child)
             elif kind == "result":
-                found.results[child.candidate] = what
+                found.results[child.candidate], child.answered = what, True
             elif kind == "error":
-                found.errors[child.candidate] = what
+                found.errors[child.candidate], child.answered = what, True
             elif kind == "ended":
                 del self.children[child.pipe]
-                child.end()
+                number = child.ended()
+                if not child.answered:
+                    found.errors[child.candidate] = WorkerError(_how_it_ended(number))
 
     def _start(self, candidate: int) -> None:
         """Fork a process for one candidate."""
@@ -256,6 +269,14 @@ class _Pool(Generic[T]):
                 _live(self.work, candidate, into, self.stop, parent)
         os.close(into)
         self.children[out] = _Child(candidate, pid, out)
+
+
+def _how_it_ended(number: int) -> str:
+    """What is said of a process without a result."""
+    if not number:
+        return "the solver's process ended without a result"
+    why = "; was there too little memory?" if number == signal.SIGKILL else ""
+    return f"the solver's process was ended by {signal.Signals(number).name}{why}"
 
 
 @contextmanager
@@ -282,6 +303,7 @@ def _live(work: Work[Any], candidate: int, into: int, stop: mmap.mmap, parent: i
             return stop[0] != 0
 
         try:
+            reserve()
             _send(into, "result", work(candidate, watch))
         except Exception as error:
             error.add_note(traceback.format_exc())

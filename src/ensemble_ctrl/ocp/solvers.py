@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import mmap
+import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -31,6 +33,12 @@ STATUS: dict[str, Status] = {
     "User_Requested_Stop": "interrupted",
 }
 """IPOPT's words to ours; any other word means `failed`."""
+
+
+WORK_SPACE = 180_000_000
+"""Bytes of address space that IPOPT takes with its libraries when it is first used, 128 MiB of them for OpenBLAS."""
+_reserved: set[int] = set()
+"""Processes that have taken it: this one, and those that it was forked from."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +97,24 @@ class Outcome:
     message: str
 
 
+def reserve() -> None:
+    """Let OpenBLAS take its work space, once in a process, while it is known to be there.
+
+    Raises
+    ------
+    MemoryError
+        If it is not: it would be asked for again and again, for ever.
+    """
+    if os.getpid() in _reserved:
+        return
+    try:
+        mmap.mmap(-1, WORK_SPACE).close()
+    except OSError:
+        raise MemoryError(f"the solver needs {WORK_SPACE // 1_000_000} MB more of address space") from None
+    ca.Linsol("reserve", "lapacklu", ca.Sparsity.dense(2, 2)).solve(ca.DM([[2, 1], [1, 2]]), ca.DM.ones(2))
+    _reserved.add(os.getpid())
+
+
 def ipopt(
     program: Program,
     guess: Floats,
@@ -101,6 +127,7 @@ def ipopt(
 
     What a signal's handler raises stops the solve after the iteration, and is raised.
     """
+    reserve()
     settings: Any = _settings(options) | {name: program.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
     nlp: Any = program.nlp
     with kept_interrupts() as kept:
