@@ -1,9 +1,9 @@
 """Two hundred runs of the loop on simulated robots that are not the model.
 
 Each robot has a traction of its own, and measurements with 1 cm and 1 degree of noise that arrive 0.1 s late. Counted
-are collisions (of true paths, ten looks a step), runs that end in the goal, time to plan again, and how far apart the
-robots are at the end, with the loop and under the first plan alone. Then the same for robots whose traction is outside
-the range that is assumed.
+are collisions (of true paths, ten samples per step), runs that end in the goal, time to plan again, and how far apart
+the robots are at the end, with the loop and under the first plan alone. Then the same for robots whose traction is
+outside the range that is assumed.
 
     python benchmarks/online.py [--runs 200] [--config configs/five_obstacles.yaml] [--wall] [--json FILE]
 

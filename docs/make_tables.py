@@ -105,7 +105,7 @@ def guarantee_rows(problems: tuple[str, ...]) -> Rows:
 
 def guarantee_lines(rows: Rows) -> Iterator[str]:
     """A line each."""
-    members = f"of {rows[0]['members']:,} members, {SUBSTEPS} looks a step, violate"
+    members = f"of {rows[0]['members']:,} members, {SUBSTEPS} samples per step, violate"
     yield f"| guarantee, method | {members} | worst depth | cost |"
     yield "|---|---|---|---|"
     for row in rows:
@@ -250,7 +250,7 @@ def measured_lines(rows: Rows) -> Iterator[str]:
     yield "| what | result | command |"
     yield "|---|---|---|"
     for what, result, command in (
-        ("members of 100,000 that violate the task, 10 looks a step", f"{row['violating']}", run),
+        ("members of 100,000 that violate the task, 10 samples per step", f"{row['violating']}", run),
         ("proven clearance / smallest distance seen", bound, f"ensemble-plan verify plans/{FIVE}"),
         ("members that violate the task with constraints on moments", f"{100 * row['moment']:.0f} %", compared),
         ("the same with constraints at nodes, with hulls", others, compared),

@@ -1,4 +1,4 @@
-"""A system of one's own: a crane, told by its differential equation. ``python examples/own_system.py`` plans for it.
+"""A system of one's own: a crane, defined by its differential equation. ``python examples/own_system.py`` plans for it.
 
 The problem file next to it uses the same class: ``ensemble-plan examples/own_system.yaml --trust``.
 """

@@ -141,7 +141,7 @@ class UdpRobot:
 
 
 def be_the_robot(port: int, traction: float) -> None:
-    """Drive in real time as told by datagrams of one peer, and send it the pose ten times a second."""
+    """Drive in real time as commanded by datagrams of one peer, and send it the pose ten times a second."""
     peer = (LOOPBACK, port)
     problem = ec.load_text(PROBLEM)
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -197,7 +197,7 @@ obstacles: {cart: {box: [[2.5, 3.5], [-0.5, 0.5]]}}
 motions: {cart: {velocity: [0.1, 0]}}
 task: F G[0,1] avoid(cart)
 """
-    with pytest.raises(ConfigError, match="'cart' moves, and what moves can only be avoided throughout a window"):
+    with pytest.raises(ConfigError, match="and a moving obstacle can only be avoided throughout a window"):
         load_text(text)
 
 

@@ -1,4 +1,4 @@
-"""Problem files of systems told by their differential equation: what is wrong with them, and where."""
+"""Problem files of systems defined by a differential equation: what is wrong with them, and where."""
 
 from __future__ import annotations
 

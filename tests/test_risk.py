@@ -44,7 +44,7 @@ verify: {members: 200}
 
 
 def priced(of: Loss, level: float = 0.9, weight: float = 5.0, text: str = GATE) -> Problem:
-    """The gate with a price of risk."""
+    """The gate with a risk penalty."""
     problem = load_text(text)
     return problem.with_(objective=replace(problem.objective, cvar=Risk(of, level, weight)))
 

@@ -1,4 +1,4 @@
-"""Plan one broadcast control for a whole fleet of unequal robots, through obstacles, to a temporal-logic task.
+"""Plan one broadcast control for a whole fleet of heterogeneous robots, through obstacles, to a temporal-logic task.
 
 >>> import ensemble_ctrl as ec                                 # doctest: +SKIP
 >>> problem = ec.load("configs/five_obstacles.yaml")           # doctest: +SKIP

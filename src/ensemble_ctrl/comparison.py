@@ -34,7 +34,7 @@ class Compared:
     guarantee : str
         Which constraints it was planned with.
     plan : Plan
-        The plan with its replay, `SUBSTEPS` looks a step.
+        The plan with its replay, `SUBSTEPS` samples per step.
     seconds : float
         Time of the search.
     iterations : int

@@ -1,4 +1,4 @@
-"""Fleets of systems told by their differential equation, and their trajectories with a stated accuracy."""
+"""Fleets of systems defined by a differential equation, and their trajectories with a stated accuracy."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class Risk:
     level : float
         The share of the fleet that is left out, 0 to below 1: 0.9 looks at the worst tenth, 0 at all members.
     weight : float
-        Price of a metre.
+        Weight per metre.
 
     Raises
     ------

@@ -39,7 +39,7 @@ def program_of(problem: Problem, controls: Floats, truncation: Truncation, spare
 
 
 def at_the_guess(program: Transcription) -> Floats:
-    """The decision vector under the guessed controls, with no slack and with the smallest price of risk."""
+    """The decision vector under the guessed controls, with no slack and with the smallest risk penalty."""
     x, more = program.guess.copy(), np.array(program.layout._more, dtype=int)
     x[program.layout.slacks] = 0.0
     x[more[1:]] = np.maximum(x[more[1:]] - ROUND, 0.0)  # the guess keeps a little off the bound

@@ -1,4 +1,4 @@
-"""Systems told by their differential equation, against SciPy and against CasADi."""
+"""Systems defined by a differential equation, against SciPy and against CasADi."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 r"""Where every member of a cell of parameters is, at every instant of a step, for fixed controls.
 
-A member is told by its *drive*: the factors ``a`` and ``b`` on speed and turn rate, its heading ``g`` and its place at
+A member is given by its *drive*: the factors ``a`` and ``b`` on speed and turn rate, its heading ``g`` and its place at
 the start.  With ``u(x) = (cos x, sin x)`` (or sine first, when headings count from +y), its position is
 
 .. math:: p(t) = p_0 + \int_0^t a\, v\, u(g + b\, \Omega)\, d\tau, \quad \Omega(t) = \int_0^t \omega\, d\tau

@@ -37,6 +37,6 @@ def _inside(problem: Problem, part: Formula) -> Iterator[Finding]:
             names = list(problem.obstacles) if leaf.name == ALL_OBSTACLES else [leaf.name]
             for name in names:
                 if name in problem.motions:
-                    message = f"{name!r} moves, and what moves can only be avoided throughout a window"
+                    message = f"{name!r} moves, and a moving obstacle can only be avoided throughout a window"
                     offset = leaf.column - 1 if leaf.column else None
                     yield Finding(("task",), message, f"write G[a,b] avoid({name}) as a part of its own", offset=offset)

@@ -51,7 +51,7 @@ def _options(problem: Problem) -> Iterator[Finding]:
         yield Finding(("report", "twin"), f"the twin is not for the {model}", "leave it out")
     aim = problem.objective
     if aim.cvar is not None:
-        yield Finding(("objective", "cvar"), f"a price of risk is not for the {model}", "leave it out")
+        yield Finding(("objective", "cvar"), f"a risk penalty is not for the {model}", "leave it out")
     if aim.earliest is not None:
         yield Finding(("objective", "earliest"), f"the earliest passage is not for the {model}", "leave it out")
     if problem.least_duration is not None:

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 def target_findings(problem: Problem) -> Iterator[Finding]:
-    """What is wrong with the terminal target, and with a price of risk."""
+    """What is wrong with the terminal target, and with a risk penalty."""
     yield from _risk(problem)
     match problem.objective.target:
         case Formation() as target:

@@ -39,7 +39,7 @@ def _examples(*lines: str, more: str = "") -> str:
 
 app = typer.Typer(
     name=NAME,
-    help="Plan one broadcast control for a whole fleet of unequal robots.\n\n"
+    help="Plan one broadcast control for a whole fleet of heterogeneous robots.\n\n"
     "'ensemble-plan CONFIG' is the same as 'ensemble-plan run CONFIG'.",
     epilog=_examples(
         "ensemble-plan init                   write problem.yaml, to start from",

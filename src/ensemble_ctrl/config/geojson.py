@@ -1,4 +1,4 @@
-"""GeoJSON as named polygons, with what is wrong told by its place in the file."""
+"""GeoJSON as named polygons, with what is wrong reported at its place in the file."""
 
 from __future__ import annotations
 

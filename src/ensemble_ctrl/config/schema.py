@@ -161,7 +161,7 @@ class Terminal(Model):
     target: TerminalTarget
     """Where the fleet should end: `[x, y]`, or a formation, moments, or mean and covariance."""
     weight: f.Weight = Objective.terminal
-    """Price of the squared terminal moment error, per m²."""
+    """Weight of the squared terminal moment error, per m²."""
 
 
 class CvarSection(Model):
@@ -172,7 +172,7 @@ class CvarSection(Model):
     level: Annotated[float, BeforeValidator(f.level)] = Risk.level
     """Share of the fleet that is left out of the mean, 0 to below 1."""
     weight: f.Weight = Risk.weight
-    """Price of a metre."""
+    """Weight per metre."""
 
 
 class ObjectiveSection(Model):
@@ -183,9 +183,9 @@ class ObjectiveSection(Model):
     terminal: Terminal | None = None
     """Where the fleet should end; without it no terminal term."""
     effort: f.Effort = 0.1
-    """Price of the integral of the squared commands; or one for each, `{v: 0.1, omega: 0.02}`."""
+    """Weight of the integral of the squared commands; or one for each, `{v: 0.1, omega: 0.02}`."""
     smoothness: f.Weight = Objective.smoothness
-    """Price of the integral of the squared rates of the commands."""
+    """Weight of the integral of the squared rates of the commands."""
     cvar: CvarSection | None = None
     """A price on the worst part of the fleet."""
     earliest: f.Name | None = None
@@ -206,7 +206,7 @@ class Solve(Model):
     margin: f.Margin = SolveOptions.margin
     """What the program keeps to spare, from obstacles and in the robustness."""
     routes: f.Routes = SolveOptions.routes
-    """Routes tried on a coarse grid before the best is refined. `all`: every way round the obstacles without loops."""
+    """Routes tried on a coarse grid before the best is refined. `all`: every one around the obstacles without loops."""
     max_iterations: Annotated[int, BeforeValidator(whole(1, 1_000_000))] = SolveOptions.max_iterations
     """Iterations of one solve."""
     cells: Annotated[int, BeforeValidator(whole(1, 64))] = SolveOptions.cells

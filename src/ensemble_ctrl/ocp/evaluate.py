@@ -42,7 +42,7 @@ class Value:
     excess : float
         By how much a command changes faster than it may, per second; negative where all rates are kept.
     risk : float
-        The price of risk (`ensemble_ctrl.ocp.risk`).
+        The risk penalty (`ensemble_ctrl.ocp.risk`).
     """
 
     cost: float

@@ -1,4 +1,4 @@
-r"""The price of risk in the program, by the form of Rockafellar and Uryasev, and exactly.
+r"""The risk penalty in the program, by the form of Rockafellar and Uryasev, and exactly.
 
 Members of equal weight stand for the laws. With their losses :math:`L_i`, new variables t and :math:`e_i \ge 0`:
 
@@ -49,7 +49,7 @@ class RiskRows:
 def risk_rows(
     problem: Problem, truncation: Truncation, layout: Layout, curve: Floats, lines: Lines, pairs: Pairs
 ) -> RiskRows | None:
-    """The price of risk around a guess whose points are `curve`; None where there is none.
+    """The risk penalty around a guess whose points are `curve`; None where there is none.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def risk_rows(
 
 
 def risk_cost(problem: Problem, controls: Floats) -> float:
-    """The price of risk under `controls`, for the same members, on exact paths at the grid times."""
+    """The risk penalty under `controls`, for the same members, on exact paths at the grid times."""
     risk = problem.objective.cvar
     if risk is None:
         return 0.0

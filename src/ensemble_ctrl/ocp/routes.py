@@ -1,9 +1,9 @@
 """Shortest routes around obstacles, one for each way of passing them.
 
 A visibility graph over the corners of the grown obstacles is searched together with each route's crossing word: rays go
-up from every obstacle, and a route is told by the rays it crosses in order, left (-) or right (+), a crossing and its
-return cancelled.  Two routes with different words can't be deformed into each other (Bhattacharya et al., Topological
-constraints in search-based robot path planning, 2012).
+up from every obstacle, and a route is identified by the rays it crosses in order, left (-) or right (+), a crossing
+and its return cancelled.  Two routes with different words can't be deformed into each other (Bhattacharya et al.,
+Topological constraints in search-based robot path planning, 2012).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in nodal coordinates::
 
     minimise    -w_rho level + w_T |m(T) - m_F|^2 + sum_n (w_v v_n^2 + w_omega omega_n^2) dt + price * slacks
-                (+ a price of risk, `ensemble_ctrl.ocp.risk`)
+                (+ a risk penalty, `ensemble_ctrl.ocp.risk`)
 
     over        v_n, omega_n         the broadcast commands of step n
                 turned_n             the integral of the turn rate before step n, shared by every member
@@ -229,7 +229,7 @@ def _satisfying(level: int, slack: int, margin: float) -> Block:
 
 
 def _terms(problem: Problem, truncation: Truncation, layout: Layout, rated: bool) -> list[Block]:
-    """Robustness, terminal moment error, effort, the price of slack, and the pull on idle levels."""
+    """Robustness, terminal moment error, effort, the slack penalty, and the pull on idle levels."""
     aim, step = problem.objective, problem.duration / layout.steps
     none = np.zeros((1, 0))
 
@@ -269,7 +269,7 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, rated: bool
 def _risk(
     problem: Problem, truncation: Truncation, layout: Layout, curve: Floats, avoiding: Avoiding | Choice
 ) -> RiskRows | None:
-    """The price of risk; clearances are those that fixed lines leave."""
+    """The risk penalty; clearances are those that fixed lines leave."""
     if isinstance(avoiding, Avoiding):
         return risk_rows(problem, truncation, layout, curve, avoiding.lines, avoiding.pairs)
     none = separate(curve, (), problem.duration)

@@ -145,7 +145,7 @@ class Receding:
     elapsed : float
         Seconds since the plan began, for whoever has a clock to set; obstacles are added then.
     alarmed : bool
-        Whether something has happened since the last step that the commands given out did not reckon with; `recall`
+        Whether something has happened since the last step that the commands given out did not account for; `recall`
         takes back those that can still be stopped.
     history : list of Step
         One for each call of `step`.
@@ -262,7 +262,7 @@ class Receding:
         return {next(iter(self.robots)): measurement}
 
     def observe(self, measurement: Seen | None) -> None:
-        """Learn from a measurement without planning; what is wrong with it is told by the next step's events."""
+        """Learn from a measurement without planning; what is wrong with it is in the next step's events."""
         for name, seen in self.named(measurement).items():
             self._learn(name, seen)
 

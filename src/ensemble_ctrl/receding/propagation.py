@@ -12,7 +12,7 @@ Two statements are all that is used, and both hold in either direction of time (
 - `propagated`: the set of poses at a time that follows from sets of poses at others, for all factors in the ranges.
 
 Everything that speaks of a robot at a time at which it was not measured calls these: learning, the sets of poses, the
-past, proofs and the growth that plans reckon with.
+past, proofs and the growth that plans account for.
 """
 
 from __future__ import annotations

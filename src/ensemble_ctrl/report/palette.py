@@ -19,7 +19,7 @@ GRID, SOFT = "#e2e5ea", "#5b6470"
 LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 """Okabe and Ito's colours, for lines that stand for different things; pair them with `DASHES`."""
 DASHES = ("", "6 3", "2 2", "8 2 2 2", "10 4", "4 1", "1 3")
-"""Dash patterns as in SVG: line k is told by its pattern as well as by its colour."""
+"""Dash patterns as in SVG: line k is recognised by its pattern as well as by its colour."""
 VIRIDIS = np.array(
     [
         [68, 1, 84],

@@ -28,7 +28,7 @@ NEAR = 0.5
 CURVES = 6
 """Obstacles and parts shown at most, those that come closest to failing."""
 LOOKS = 2
-"""Looks a step."""
+"""Samples per step."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -213,13 +213,13 @@ def measured(run: Replay | None, unit: str = "m") -> list[tuple[str, str]]:
         )
     bad = int(run.violating.sum())
     if run.shares:
-        looks = f"{run.members} members, {run.substeps} look{'s' if run.substeps > 1 else ''} a step"
+        looks = f"{run.members} members, {run.substeps} sample{'s' if run.substeps > 1 else ''} per step"
         rows += [("replay", f"{looks}: {_seen(share)}") for share in run.shares]
         return rows
     rows.append(
         (
             "replay",
-            f"{run.members} members, {run.substeps} look{'s' if run.substeps > 1 else ''} a step: {bad} violate, "
+            f"{run.members} members, {run.substeps} sample{'s' if run.substeps > 1 else ''} per step: {bad} violate, "
             f"{percent(run.satisfied)} % satisfy{_share(run)}",
         )
     )

@@ -98,7 +98,7 @@ def _bounds(certificate: Certificate) -> Iterator[str]:
             continue  # outside the horizon: nothing was asked
         closest = f"closest seen: {length(b.sampled)}, {member_text(b.parameters)}, t = {b.time:.2f} s"
         if b.proven >= 0:
-            yield f"{b.obstacle}: kept out of by at least {length(b.proven)} ({closest})."
+            yield f"{b.obstacle}: clearance at least {length(b.proven)} ({closest})."
         else:
             yield f"{b.obstacle}: not shown to be kept out of; proven is {length(b.proven)} ({closest})."
     for part in certificate.parts:

@@ -1,6 +1,6 @@
 r"""Robots that move on arcs: what the unicycle and the bicycle have in common.
 
-Every member is told by its *drive*, five numbers ``(linear, angular, heading, x, y)``: the factors on its speed and on
+Every member is given by its *drive*, five numbers ``(linear, angular, heading, x, y)``: the factors on its speed and on
 its turn rate, and its pose at the start.  Under commands that are constant over a step it moves on an exact arc.
 """
 

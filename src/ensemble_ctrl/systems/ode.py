@@ -1,4 +1,4 @@
-r"""Systems told by their differential equation: what a user's own system, and every system that is no arc, builds on.
+r"""Systems defined by a differential equation: what a user's own system, and every system that is no arc, builds on.
 
 A member's state `x` follows ``xdot(x, u, psi)`` while its command `u` is constant over a step.  The right-hand side is
 written once, over numbers, NumPy arrays of members and CasADi expressions alike.

@@ -25,7 +25,7 @@ true_shown = certify_set
 def nothing(
     commands: Commands, errors: Errors, factors: Factors, since: Floats, until: Floats
 ) -> tuple[Floats, Floats]:
-    """No departure: drift and actuators are not reckoned with."""
+    """No departure: drift and actuators are not accounted for."""
     zero = np.zeros(np.broadcast(since, until).shape)
     return zero, zero
 

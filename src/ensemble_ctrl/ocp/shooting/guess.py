@@ -47,7 +47,7 @@ class Guess:
 
 
 def guesses(problem: OdeProblem, steps: int) -> list[Guess]:
-    """As many guesses as `solve.routes` says: the ways of doing the task, then other ways round obstacles."""
+    """As many guesses as `solve.routes` says: the ways of doing the task, then other routes around obstacles."""
     most = MOST if problem.solve.routes == "all" else int(problem.solve.routes)
     tasks = list(islice(_itineraries(problem), most))
     found: list[Guess] = []

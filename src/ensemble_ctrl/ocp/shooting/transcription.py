@@ -202,7 +202,7 @@ def _rates(problem: OdeProblem, layout: ShootingLayout, half: Floats, step: floa
 def _terms(
     problem: OdeProblem, truncation: Truncation, layout: ShootingLayout, rest: Floats, step: float, tasked: bool
 ) -> list[Block]:
-    """Robustness, terminal error, effort, the price of slack, and the pull on idle levels."""
+    """Robustness, terminal error, effort, the slack penalty, and the pull on idle levels."""
     aim, none, n_u = problem.objective, np.zeros((1, 0)), layout.n_u
     empty = np.zeros((layout.steps, 0))
     still = ca.DM(rest)
