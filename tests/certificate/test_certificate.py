@@ -355,6 +355,18 @@ def test_a_share_is_never_refuted_by_its_cells() -> None:
     assert certificate.counter_example is None
 
 
+@pytest.mark.parametrize("at", [0.0, 4.2e6])
+def test_the_rounding_of_coordinates_does_not_grow_with_the_steps(at: float) -> None:
+    """Ten thousand steps in a national grid: a coordinate is in one sum for each position, not in one for each step."""
+    problem = problem_of(10_000, 0.1, "x", {}, "G x >= -1e9")
+    problem = problem.with_(fleet=replace(problem.fleet, position=np.array([at, at + 1e6])))
+    controls = random_controls(np.random.default_rng(3), 10_000)
+    flow = Flow.of(problem, controls)
+    exact = _long_double_path(problem, controls, 1.03) + problem.fleet.position.astype(np.longdouble)
+    error = np.abs(Track.of(flow, np.array([[1.03]])).position[0] - exact).max()
+    assert float(error) <= flow.rounding() < 2e-6
+
+
 def test_rounding_grows_with_the_map() -> None:
     near, far = (
         problem_of(4, 0.1, "x", {"o": (Obstacle.box([[at, at + 1.0], [-1.0, 1.0]]),)}, "G avoid(o)")

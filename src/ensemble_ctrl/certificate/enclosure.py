@@ -211,14 +211,17 @@ class Flow:
 
         Notes
         -----
-        A sum of `steps` displacements, each with a few relative roundings and an angle whose own error is at most
-        ``(steps + 8)`` roundings of its largest value.
+        A position is the start and a sum of `steps` displacements, each with a few relative roundings and an angle
+        whose own error is at most ``(steps + 8)`` roundings of its largest value: no partial sum is longer than the
+        way. Coordinates are not in that sum. They come in where the start is added to it, and in a distance or level
+        of what is then a place beside a shape: fewer than 32 roundings, however many steps there are.
         """
-        ends = np.abs(self.drives(self._ends())).max(axis=0)
+        # |origin| + sum |q| |direction|: what the terms of a drive come to, also where they cancel
+        ends = np.abs(self.origin) + np.maximum(np.abs(self.lower), np.abs(self.upper)) @ np.abs(self.directions)
         way = float(np.abs(self.v) @ self.step) * float(ends[0])
         angle = float(ends[2]) + float(ends[1]) * float(self._largest.max())
-        size = float(ends[START].max()) + way + 8 * self.extent
-        return 4 * UNIT * ((self.steps + 32) * (way * (1 + angle) + size))
+        place = float(ends[START].max()) + way + 8 * self.extent
+        return 4 * UNIT * ((self.steps + 32) * way * (1 + angle) + 32 * place)
 
     def _ends(self) -> Floats:
         """Members at the corners of the ranges, shape (corners, parameters)."""
