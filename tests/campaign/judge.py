@@ -13,7 +13,7 @@ from ensemble_ctrl.errors import ProblemError
 
 from . import laws, subject
 from .model import Case, Floats, Long, Node, conjuncts
-from .oracle import Duty, Oracle, duties_of, needed, needed_parts, reads_fleet
+from .oracle import Duty, Oracle, duties_of, needed, needed_parts, reads_fleet, reads_only_fleet
 
 SPARE = 1e-3
 """Metres with which brute force decides a case that a certificate should decide too."""
@@ -124,7 +124,7 @@ def _judged(case: Case, oracle: Oracle, certificate: Certificate) -> Judgement:
         truths.append(truth)
         missed = max(missed, oracle.missed(part))
         faults += _too_high(task.part, task.proven, truth + oracle.missed(part) + float(oracle.slack))
-        if math.isfinite(task.sampled):  # of no member where the fleet is meant
+        if math.isfinite(task.sampled) and (near is not None or reads_only_fleet(part)):
             seen = truth if near is None else float(oracle.robustness(part, near)[0])
             faults += _too_low(oracle, task.part, task.sampled, seen - float(oracle.knots[1] + oracle.slack))
     truth = min(truths)

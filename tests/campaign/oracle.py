@@ -193,8 +193,8 @@ class Oracle:
         return np.array([float(self._signal(part, path).at(np.zeros(1, Long))[0]) for path in paths])
 
     def worst(self, part: Node, near: Floats | None = None) -> float:
-        """Smallest robustness found of any member; of the fleet, if the part reads it as a whole."""
-        if reads_fleet(part):
+        """Smallest robustness found of any member; of the fleet, if the part reads nothing else."""
+        if reads_only_fleet(part):
             return float(self.robustness(part, self.members[:1])[0])
         return self._lowest(lambda rows: self.robustness(part, rows), near)
 
@@ -283,6 +283,12 @@ class Oracle:
 def reads_fleet(node: Node) -> bool:
     """Whether a formula speaks of the fleet as a whole."""
     return node[0] in ("mean", "share") or any(reads_fleet(part) for part in children(node))
+
+
+def reads_only_fleet(node: Node) -> bool:
+    """Whether a formula has the same value for every member."""
+    parts = children(node)
+    return node[0] in ("mean", "share") or (bool(parts) and all(map(reads_only_fleet, parts)))
 
 
 def _only_smallest(node: Node, positive: bool = True) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.duties import duties
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
@@ -22,6 +24,7 @@ from ensemble_ctrl.receding.measurement import Measurement
 from ensemble_ctrl.receding.membership import Membership
 from ensemble_ctrl.receding.options import OnlineOptions
 from ensemble_ctrl.receding.propagation import Commands, Errors, PoseSet
+from ensemble_ctrl.receding.remaining import remaining
 from ensemble_ctrl.systems import Unicycle
 
 Floats = NDArray[np.float64]
@@ -215,3 +218,24 @@ def test_drift_counts_from_a_measurement_between_grid_times() -> None:
     departed = truth(4.0)[0] - truth(1.0)[0] - 3.0
     assert departed == pytest.approx(0.3, abs=1e-3)
     assert departed <= loop.trackers["robot"].departures(straight(3.0, 1.0), 1)[-1] + 1e-6 < 0.38  # with jumps
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.7, 1.0000000004), (0.6000000001, 0.9), (0.2, 1.4), (0.3, 1 / 3)])
+@pytest.mark.parametrize("steps", [7, 21])
+def test_what_is_left_of_a_window_holds_all_of_its_rest(begin: float, end: float, steps: int) -> None:
+    """At every grid time, in rational numbers: no instant of it is lost to rounding."""
+    fleet = Fleet(Unicycle(), {"traction": Interval(1, 1)}, np.zeros(2), 0.0, np.full(2, -2.0), np.full(2, 2.0))
+    wall = {"wall": (Obstacle.box(np.array([[5.0, 6.0], [-1.0, 1.0]])),)}
+    problem = Problem("rest", fleet, 1.4, steps, parse(f"G[{begin!r},{end!r}] avoid(wall)"), {}, wall)
+    pose = PoseSet(np.zeros(2), np.zeros(2), 0.0, 0.0)
+    first, last = (Fraction(repr(time)) for time in (begin, end))
+    for k in range(steps):
+        now = Fraction("1.4") / steps * k
+        left = duties(remaining(problem, k, [], pose, np.array([[1.0, 1.0]])))
+        if last < now:
+            assert not left
+            continue
+        (duty,) = left
+        low, high = (Fraction(repr(time)) + now for time in (duty.begin, duty.end))
+        assert low <= max(first, now) <= low + Fraction(1, 10**15)
+        assert high - Fraction(1, 10**15) <= last <= high

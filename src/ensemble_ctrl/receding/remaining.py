@@ -233,7 +233,8 @@ def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: Pose
         If it can't be done any more: a region is too far, or the robot is inside an obstacle.
     """
     gone = begin * problem.step
-    duties = [_later(problem, part, gone) for part in conjuncts(problem.task) if kept_out(part)]
+    past = exact(problem.duration) / problem.steps * begin
+    duties = [_later(problem, part, past) for part in conjuncts(problem.task) if kept_out(part)]
     task = _all_of([*duties, *(settled(part) for part in parts)])
     return _placed(problem, pose, ranges, gone, task, problem.duration - gone, problem.steps - begin)
 
@@ -253,7 +254,7 @@ def with_map(problem: Problem, obstacles: Mapping[str, tuple[Obstacle, ...]]) ->
 def for_a_while(problem: Problem, steps: int) -> Problem:
     """Only what must be kept out of during the first steps."""
     end = steps * problem.step
-    task = _all_of(_later(problem, part, 0.0, end) for part in conjuncts(problem.task) if kept_out(part))
+    task = _all_of(_later(problem, part, Fraction(0), end) for part in conjuncts(problem.task) if kept_out(part))
     return replace(problem, task=task, duration=end, steps=steps)
 
 
@@ -272,11 +273,16 @@ def _all_of(parts: Iterable[Formula | None]) -> Formula:
     return EVERYWHERE if not open_ else open_[0] if len(open_) == 1 else And(tuple(open_))
 
 
-def _later(problem: Problem, part: Formula, gone: float, end: float = np.inf) -> Formula | None:
+def _later(problem: Problem, part: Formula, gone: Fraction, end: float = np.inf) -> Formula | None:
     """A duty read `gone` seconds later, and no longer than to `end`; None if nothing of it is left."""
-    begin, last = (round(time - gone, 9) for time in window_of(problem, part))
-    last = min(last, end)
-    if last < 0 or begin > last:
+    begin, last = (exact(time) - gone for time in window_of(problem, part))
+    if last < 0 or begin > end:
         return None
     assert isinstance(part, Always)
-    return replace(part, a=max(begin, 0.0), b=last)
+    return replace(part, a=_down(max(begin, Fraction(0))), b=min(-_down(-last), end))
+
+
+def _down(time: Fraction) -> float:
+    """The largest number of seconds whose decimal is no later than a time."""
+    near = float(time)
+    return near if exact(near) <= time else float(np.nextafter(near, -np.inf))
