@@ -369,11 +369,13 @@ def plan(
 def failure_message(plan: Plan) -> str:
     """Why a plan falls short, in words: the constraints that conflict with amount, parameter and time."""
     from ensemble_ctrl.report import conflict_text
+    from ensemble_ctrl.report.tried import tried
 
     lead = "no plan was found" if plan.status == "infeasible" else f"the plan falls short ({plan.status})"
     lines = [conflict_text(c) for c in plan.conflicts()[:5]]
     listed = "; violated near the best guess: " + "; ".join(lines) if lines else ""
-    return f"{plan.problem.name}: {lead}{listed}"
+    what = "; ".join(tried(plan.details))
+    return f"{plan.problem.name}: {lead}{listed}" + (f"; tried: {what}" if what else "")
 
 
 def checked(plan: Plan, run: Replay | None, certificate: Certificate | None) -> Plan:
@@ -419,6 +421,7 @@ def _details(solution: Solution) -> dict[str, Any]:
         "seconds": solution.seconds,
         "arrival": _arrival(solution),
         "at_risk": risk(solution.problem, solution.controls),
+        "missing": list(solution.missing),
         "routes": [{**vars(route), "corners": route.corners.tolist()} for route in solution.routes],
         **({} if solution.nlp is None else {"minlp": _mixed_details(solution.nlp.value.cost, solution)}),
     }

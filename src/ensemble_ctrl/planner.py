@@ -3,6 +3,8 @@
 1. Geometric routes of different kinds around the obstacles give first guesses (`ensemble_ctrl.ocp.seeds`).
 2. Each is solved on a coarse grid at a low order, side by side where there are several cores; the best is kept, or the
    best few where every route is tried: each of them goes through what follows, and the best certified one is the plan.
+   Where none of them leads to a plan, curves that the robots can drive, reversing where they may, are tried in the same
+   way, and then commands with waves added (`ensemble_ctrl.ocp.guesses`).
 3. The horizon's own grid and the order asked for, started from there.
 4. Where the truncated curve is too far from the true one, one more moment is carried and it is solved again.
 5. The result is certified; where the proof falls short, the margin grows by what is missing and it is solved again.
@@ -13,7 +15,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -30,6 +32,9 @@ from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
 from ensemble_ctrl.ocp.chance import ranges
+from ensemble_ctrl.ocp.guesses import ompl_paths
+from ensemble_ctrl.ocp.guesses.curved import BATCHES, Curves, curved
+from ensemble_ctrl.ocp.guesses.shaken import shaken
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import Seed, seeds
@@ -52,8 +57,10 @@ COARSE_ROUNDS, FINE_ROUNDS = 3, 1
 CERTIFY_ROUNDS = 3
 FINALISTS = 3
 """Coarse solutions that are refined and certified where every route is tried."""
+CURVES = 3
+"""Curved guesses of a batch that are solved."""
 CLOSE = 0.05
-"""Metres by which an attempt may violate its task for tightening to be worth while."""
+"""Metres by which an attempt may violate its task for tightening, or a finer solve, to be worth while."""
 TAIL_LIMIT = 1e-3
 """Metres of truncation error beyond which one more moment is carried."""
 
@@ -84,6 +91,8 @@ class Solution:
         With ``method: minlp``, the plan that it started from.
     rounds : tuple of Round
         With ``method: minlp``, what was tried since.
+    missing : tuple of str
+        Optional libraries that are not installed and would have given more guesses, where there is no good plan.
     """
 
     problem: Problem
@@ -98,6 +107,7 @@ class Solution:
     certificate: Certificate | None = None
     nlp: Attempt | None = None
     rounds: tuple[Round, ...] = ()
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(eq=False)
@@ -210,19 +220,22 @@ def solve(
     )
     seconds["guess"] = time.perf_counter() - search.began
     search.tell("solve")
-    solved = _coarse_all(search, [seed.controls for seed in starts])
-    chosen = _finalists(problem, solved)
-    finished = _finish_all(search, [solved[i] for i in chosen])
-    which = min(range(len(finished)), key=lambda k: _final_rank(finished[k]))
-    final, certificate = finished[which].attempt, finished[which].certificate
-    if guess is not None and (proven := _as_given(problem, guess, finished[which])):
+    tries = _Tries()
+    _try(search, tries, starts)
+    if guess is None:
+        for others in _further(search, tries, steps):
+            _try(search, tries, others, lambda attempt: attempt.value.keeps(-CLOSE))
+            if search.over() or _is_good(problem, tries.best):
+                break
+    best = tries.best
+    final, certificate = best.attempt, best.certificate
+    if guess is not None and (proven := _as_given(problem, guess, best)):
         final, certificate = proven.attempt, proven.certificate
-    seconds["solve"] = time.perf_counter() - search.began - seconds["guess"] - finished[which].certify_seconds
+    seconds["solve"] = time.perf_counter() - search.began - seconds["guess"] - best.certify_seconds
     if problem.verify.certificate:
-        seconds["certify"] = finished[which].certify_seconds
-    work = [*solved, *(attempt for end in finished for attempt in end.work)]
-    fine = {i: end.attempt for i, end in zip(chosen, finished, strict=False) if end.work}
-    routes = [tried(seed, solved[i], fine.get(i), i == chosen[which]) for i, seed in enumerate(starts)]
+        seconds["certify"] = best.certify_seconds
+    work = tries.work
+    routes = tries.told
     nlp: Attempt | None = None
     turned: list[Round] = []
     if problem.solve.method == "minlp":
@@ -244,6 +257,7 @@ def solve(
         certificate,
         nlp,
         tuple(turned),
+        () if guess is not None or _is_good(problem, best) or ompl_paths.available() else ("ompl",),
     )
 
 
@@ -435,6 +449,79 @@ def _finish(search: _Search, found: Attempt) -> _Finished:
     began = time.perf_counter()
     final, certificate, more = _certified(search, final, partial(_fine, search))
     return _Finished(final, certificate, (*work, *more), time.perf_counter() - began)
+
+
+@dataclass(eq=False)
+class _Tries:
+    """Guesses with their coarse solutions, and those of them that were finished, by their places."""
+
+    starts: list[Seed] = field(default_factory=list)
+    solved: list[Attempt] = field(default_factory=list)
+    finished: dict[int, _Finished] = field(default_factory=dict)
+
+    @property
+    def which(self) -> int:
+        """The best, by its place."""
+        return min(self.finished, key=lambda i: _final_rank(self.finished[i]))
+
+    @property
+    def best(self) -> _Finished:
+        """The best."""
+        return self.finished[self.which]
+
+    @property
+    def work(self) -> list[Attempt]:
+        """Every solve."""
+        return [*self.solved, *(attempt for end in self.finished.values() for attempt in end.work)]
+
+    @property
+    def told(self) -> list[Tried]:
+        """What became of each guess."""
+        fine = {i: end.attempt for i, end in self.finished.items() if end.work}
+        pairs = zip(self.starts, self.solved, strict=True)
+        return [tried(seed, coarse, fine.get(i), i == self.which) for i, (seed, coarse) in enumerate(pairs)]
+
+
+def _try(search: _Search, tries: _Tries, starts: list[Seed], worth: Callable[[Attempt], bool] = lambda _: True) -> None:
+    """Solve guesses on the coarse grid, and finish the best of them if they are worth that."""
+    first = len(tries.starts)
+    solved = _coarse_all(search, [seed.controls for seed in starts])
+    tries.starts += starts
+    tries.solved += solved
+    chosen = [i for i in _finalists(search.problem, solved) if worth(solved[i])] if solved else []
+    finished = _finish_all(search, [solved[i] for i in chosen]) if chosen else []
+    tries.finished |= {first + i: end for i, end in zip(chosen, finished, strict=False)}
+
+
+def _further(search: _Search, tries: _Tries, steps: int) -> Iterator[list[Seed]]:
+    """More guesses, a few at a time, as long as there is no good plan: curves by OMPL, and shaken commands."""
+    if search.over() or _is_good(search.problem, tries.best):
+        return
+    for batch in BATCHES if ompl_paths.available() else ():
+        found = _curves(search, batch, steps)
+        if found:
+            yield found
+    yield list(shaken(search.problem, tries.solved[tries.which].controls))
+
+
+def _curves(search: _Search, batch: Sequence[Curves], steps: int) -> list[Seed]:
+    """The most promising curves of a batch as they are: the best few by how far they fall short, and the shortest."""
+    problem = search.problem
+
+    def work(own: _Search, candidate: int) -> list[Seed]:
+        return curved(problem, batch[candidate], steps, own.over)
+
+    found = [seed for seeds in search.side_by_side("curves", work, len(batch)) for seed in seeds or ()]
+    ranks = [_rank(start(problem, seed.controls, coarse(problem))) for seed in found]
+    ranked = sorted(range(len(found)), key=lambda i: ranks[i])
+    shortest = sorted(range(len(found)), key=lambda i: found[i].length)
+    return [found[i] for i in dict.fromkeys([*ranked[: CURVES - 1], *shortest[:1]])]
+
+
+def _is_good(problem: Problem, end: _Finished) -> bool:
+    """Whether it is a plan, proven if that is asked for."""
+    keeps = _is_proven(end.certificate) if problem.verify.certificate else end.attempt.value.keeps(0.0)
+    return keeps and end.attempt.value.excess <= 0
 
 
 def _as_given(problem: Problem, guess: Floats, found: _Finished) -> _Finished | None:

@@ -42,6 +42,10 @@ class Tried:
         ``coarse``: solved on the coarse grid only. ``failed``: there is no coarse solution.
     fine_cost : float or None
         After the fine solve, where there was one.
+    kind : str
+        What it was made from.
+    short : float
+        By how much the coarse solution falls short of the task or enters an obstacle, metres or the unit of the task.
     """
 
     name: str
@@ -53,6 +57,8 @@ class Tried:
     seconds: float
     outcome: Outcome
     fine_cost: float | None = None
+    kind: str = "route"
+    short: float = 0.0
 
 
 class Start(Protocol):
@@ -61,6 +67,10 @@ class Start(Protocol):
     @property
     def name(self) -> str:
         """On which side of it each obstacle that it passes lies."""
+
+    @property
+    def kind(self) -> str:
+        """What it was made from."""
 
     @property
     def corners(self) -> Floats:
@@ -84,6 +94,8 @@ def tried(seed: Start, coarse: Attempt, fine: Attempt | None, kept: bool) -> Tri
         coarse.build_seconds + coarse.solve_seconds,
         outcome,
         fine.value.cost if fine else None,
+        seed.kind,
+        max(0.0, -coarse.value.gap, -coarse.value.robustness),
     )
 
 

@@ -46,6 +46,8 @@ class Seed:
         Regions in the order they are visited.
     name : str
         On which side of the route each obstacle that it passes lies, different for different seeds.
+    kind : str
+        What it was made from: a route, a curve, or other commands.
     """
 
     controls: Floats
@@ -53,10 +55,11 @@ class Seed:
     length: float
     visits: tuple[str, ...] = ()
     name: str = "given"
+    kind: str = "route"
 
 
 @dataclass(frozen=True, eq=False)
-class _Trip:
+class Trip:
     """An order of visits with a route for each leg."""
 
     visits: tuple[Visit, ...]
@@ -81,13 +84,18 @@ def seeds(problem: Problem, steps: int, wanted: Routes) -> list[Seed]:
         So many guesses, with the shortest routes of different kinds; or every kind without loops, at most `ALL` and at
         most `LONGEST` times as long as the shortest.
     """
+    found = trips(problem, wanted)
+    names = distinct(_name(problem, trip) for trip in found)
+    return [replace(_seed(problem, trip, steps), name=name) for trip, name in zip(found, names, strict=True)]
+
+
+def trips(problem: Problem, wanted: Routes) -> list[Trip]:
+    """Orders of visits with their routes, shortest first; as for `seeds`."""
     every = wanted == "all"
     most, longest = (ALL, LONGEST) if wanted == "all" else (wanted, LONGER)
     planner = _Trips(problem, most, every)
-    trips = sorted((trip for s in skeletons(problem) for trip in planner.trips(s)), key=lambda t: t.length)
-    trips = [trip for trip in trips if trip.length <= longest * trips[0].length + 1e-9][:most]
-    names = distinct(_name(problem, trip) for trip in trips)
-    return [replace(_seed(problem, trip, steps), name=name) for trip, name in zip(trips, names, strict=True)]
+    found = sorted((trip for s in skeletons(problem) for trip in planner.trips(s)), key=lambda t: t.length)
+    return [trip for trip in found if trip.length <= longest * found[0].length + 1e-9][:most]
 
 
 @dataclass(eq=False)
@@ -99,18 +107,18 @@ class _Trips:
     every: bool = False
     _legs: dict[tuple[bytes, bytes, frozenset[str], tuple[str, ...]], list[Route]] = field(default_factory=dict)
 
-    def trips(self, skeleton: Skeleton) -> list[_Trip]:
+    def trips(self, skeleton: Skeleton) -> list[Trip]:
         """The shortest trips of one skeleton: every order with its best legs, and other legs for the best order(s)."""
         firsts = [self._trip(skeleton, order) for order in skeleton.orders()]
         best = sorted(firsts, key=lambda t: t[0].length)[: self.most]
         if not best:
             return []
         varied = best if self.every else best[:1]
-        others = [_Trip(trip.visits, legs) for trip, choices in varied for legs in combined(choices, self.most)[1:]]
+        others = [Trip(trip.visits, legs) for trip, choices in varied for legs in combined(choices, self.most)[1:]]
         whole = [trip for trip, _ in best] + others
         return sorted(whole, key=lambda t: t.length)[: self.most]
 
-    def _trip(self, skeleton: Skeleton, order: tuple[int, ...]) -> tuple[_Trip, list[list[Route]]]:
+    def _trip(self, skeleton: Skeleton, order: tuple[int, ...]) -> tuple[Trip, list[list[Route]]]:
         """One order of visits with its shortest legs, and every choice for each leg."""
         place, legs = self.problem.fleet.start, []
         for k, index in enumerate(order):
@@ -123,7 +131,7 @@ class _Trips:
             closed = frozenset(door.name for door in skeleton.doors if door.until not in order)
             legs.append(self._leg(place, target, closed, skeleton.corridor))
         visits = tuple(skeleton.visits[i] for i in order)
-        return _Trip(visits, tuple(choices[0] for choices in legs)), legs
+        return Trip(visits, tuple(choices[0] for choices in legs)), legs
 
     def _leg(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]) -> list[Route]:
         """Routes of different kinds for one leg."""
@@ -183,7 +191,7 @@ def combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route,
     return found
 
 
-def _name(problem: Problem, trip: _Trip) -> str:
+def _name(problem: Problem, trip: Trip) -> str:
     """What a trip is called: the sides of its one leg, or those of each leg with where it leads to."""
     obstacles = {duty.name: duty.pieces for duty in all_duties(problem)}
     told = [sides(leg.corners, obstacles) for leg in trip.legs]
@@ -213,7 +221,7 @@ def _projected(region: Polyhedron, point: Floats) -> Floats:
     return point
 
 
-def _seed(problem: Problem, trip: _Trip, steps: int) -> Seed:
+def _seed(problem: Problem, trip: Trip, steps: int) -> Seed:
     """Controls that follow a trip in time."""
     grid = np.linspace(0.0, problem.duration, steps + 1)
     times, corners = (np.concatenate(part) for part in zip(*_timed(problem, trip), strict=True))
@@ -222,12 +230,12 @@ def _seed(problem: Problem, trip: _Trip, steps: int) -> Seed:
     return Seed(follow(problem, smoothed(path)), corners, trip.length, names)
 
 
-def _timed(problem: Problem, trip: _Trip) -> Iterator[tuple[Floats, Floats]]:
+def _timed(problem: Problem, trip: Trip) -> Iterator[tuple[Floats, Floats]]:
     """The corners of a trip with the times to be at them."""
     start = problem.fleet.start
     yield np.zeros(1), start[None, :]
     now = 0.0
-    for arrival, dwell, leg in zip(*_schedule(problem, trip), trip.legs, strict=True):
+    for arrival, dwell, leg in zip(*schedule(problem, trip), trip.legs, strict=True):
         along = np.linalg.norm(np.diff(leg.corners, axis=0), axis=1).cumsum()
         share = along / max(float(along[-1]), 1e-12)
         yield now + share * max(arrival - now, 1e-6), leg.corners[1:]
@@ -237,7 +245,7 @@ def _timed(problem: Problem, trip: _Trip) -> Iterator[tuple[Floats, Floats]]:
             yield np.array([now]), leg.corners[-1:]
 
 
-def _schedule(problem: Problem, trip: _Trip) -> tuple[list[float], list[float]]:
+def schedule(problem: Problem, trip: Trip) -> tuple[list[float], list[float]]:
     """Arrival and dwelling time of each leg: an even speed, moved into the visits' windows."""
     windows = [(v.early, v.late, v.dwell) for v in trip.visits]
     windows += [(problem.duration, problem.duration, 0.0)] * (len(trip.legs) - len(windows))

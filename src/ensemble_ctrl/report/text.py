@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from math import ceil, floor
 from shlex import quote
 from textwrap import wrap
@@ -18,6 +18,7 @@ from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.fleet import START_COLUMNS
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import Replay, ShareSeen
+from ensemble_ctrl.report.tried import tried
 
 if TYPE_CHECKING:
     from ensemble_ctrl.certificate import Certificate, TaskBound
@@ -112,8 +113,10 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
+    if plan.status in ("infeasible", "limit"):
+        rows += [("" if i else "tried", line) for i, line in enumerate(_wrapped(tried(d)))]
     if plan.status == "infeasible" or "suggestions" in d:
-        rows += _tried(d.get("suggestions", {}))
+        rows += _suggested(d.get("suggestions", {}))
     rows += proven(plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
@@ -126,7 +129,12 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
     return rows
 
 
-def _tried(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
+def _wrapped(texts: Iterable[str]) -> Iterator[str]:
+    """Lines of texts, each of which may be long."""
+    return (line for text in texts for line in wrap(text, WIDTH - 13))
+
+
+def _suggested(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """What would help, if that was looked for; what could, where nothing was found."""
     helps, failed = suggestions.get("helps", []), suggestions.get("failed", [])
     for i, found in enumerate(helps):

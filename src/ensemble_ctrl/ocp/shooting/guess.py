@@ -41,6 +41,11 @@ class Guess:
     iterate: Iterate
 
     @property
+    def kind(self) -> str:
+        """What it was made from."""
+        return "route"
+
+    @property
     def length(self) -> float:
         """Of the way, metres."""
         return float(np.linalg.norm(np.diff(self.corners, axis=0), axis=1).sum())

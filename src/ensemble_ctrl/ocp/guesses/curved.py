@@ -1,0 +1,137 @@
+"""Guesses that drive curves: the trips of `ensemble_ctrl.ocp.seeds` with Reeds-Shepp or Dubins paths as their legs.
+
+Routes have corners, and the robot that follows them drives forwards. Where it has to back out, or to arrive with some
+heading, a path by OMPL is a guess from which the program finds a plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPoint
+from shapely.ops import unary_union
+
+from ensemble_ctrl.ocp.chance import all_duties
+from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
+from ensemble_ctrl.ocp.guesses.ompl_paths import Surroundings, curve
+from ensemble_ctrl.ocp.seeds import Seed, Trip, schedule, trips
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+HEADINGS = 8
+"""Headings in which a place may be reached."""
+MISSES = 3
+"""Headings without a path after which no other is tried."""
+SPARE = 1.1
+"""Share of the tightest turn by which guesses turn less, so that they start inside the bounds."""
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What paths are looked for.
+
+    Attributes
+    ----------
+    radius : float
+        Of turns, in tightest turns.
+    clearance : float
+        Beyond radius and margin, in tenths of the map's size.
+    trip : int
+        Which order of visits, shortest first.
+    """
+
+    radius: float
+    clearance: float
+    trip: int = 0
+
+
+BATCHES = (
+    (Curves(1.0, 0.05), Curves(1.7, 0.05)),
+    (Curves(1.0, 0.01), Curves(0.5, 0.05), Curves(1.0, 0.05, 1), Curves(1.0, 0.0)),
+)
+"""What is looked for side by side, and then if that is no help."""
+
+
+def curved(problem: Problem, curves: Curves, steps: int, stop: Callable[[], bool]) -> list[Seed]:
+    """Guesses on a grid of `steps`, one for each heading at the end that a path was found for; shortest first."""
+    ways = trips(problem, curves.trip + 1)
+    if len(ways) <= curves.trip or (curves.radius < 1 and not problem.fleet.system.turns_in_place):
+        return []
+    trip, around = ways[curves.trip], _surroundings(problem, curves.clearance)
+    radius = max(SPARE * curves.radius * tightest(problem), 1e-3)
+    found = []
+    for legs in _driven_legs(problem, trip, around, radius, stop):
+        length = sum(float(np.linalg.norm(np.diff(leg[:, :2], axis=0), axis=1).sum()) for leg in legs)
+        poses, times = _timed(problem, trip, legs)
+        names = tuple(visit.name for visit in trip.visits)
+        way = "Reeds-Shepp" if reverses(problem) else "Dubins"
+        end = round(float(np.rad2deg(poses[-1, 2]))) % 360
+        name = f"{way} path of radius {radius:.2g} m that ends at {end} deg"
+        corners = poses[:: max(len(poses) // 60, 1), :2]
+        found.append(Seed(driven(problem, poses, times, steps), corners, length, names, name, "curve"))
+    return sorted(found, key=lambda seed: seed.length)
+
+
+def _surroundings(problem: Problem, clearance: float) -> Surroundings:
+    """What a robot keeps out of, standing, at a clearance."""
+    fleet, duties = problem.fleet, [duty for duty in all_duties(problem) if duty.motion is None]
+    pieces = [(piece, duty.radius) for duty in duties for piece in duty.pieces]
+    places = [fleet.start[None], *(piece.vertices for piece, _ in pieces)]
+    places += [region.vertices for region in problem.regions.values() if region.is_bounded]
+    corners = np.concatenate(places)
+    size = float(np.ptp(corners, axis=0).max())
+    more = problem.solve.margin + float(np.linalg.norm(fleet.shift)) + clearance * size / 10
+    blocked = unary_union([MultiPoint(piece.vertices).convex_hull.buffer(own + more) for piece, own in pieces])
+    shapely.prepare(blocked)
+    pad = 2 * (fleet.radius + tightest(problem))
+    return Surroundings(blocked, corners.min(axis=0) - pad, corners.max(axis=0) + pad)
+
+
+def _driven_legs(
+    problem: Problem, trip: Trip, around: Surroundings, radius: float, stop: Callable[[], bool]
+) -> Iterator[list[Floats]]:
+    """The legs of a trip, the last one in several headings; the others in the heading that is reached first."""
+    fleet, legs = problem.fleet, []
+    pose = np.array([*fleet.start, fleet.heading + float(fleet.drives(fleet.center[None])[0, 2] - fleet.own_heading)])
+
+    def paths(start: Floats, place: Floats) -> Iterator[Floats]:
+        ahead, found = float(np.arctan2(*(place - start[:2])[::-1])), 0
+        for k in range(HEADINGS):
+            if stop() or (k == MISSES and not found):
+                return
+            goal = np.array([*place, ahead + 2 * np.pi * k / HEADINGS])
+            path = curve(around, radius, reverses(problem), start, goal, problem.solve.seed + k + 1, stop)
+            if path is not None:
+                found += 1
+                yield path
+
+    for leg in trip.legs[:-1]:
+        found = next(paths(pose, leg.corners[-1]), None)
+        if found is None:
+            return
+        legs.append(found)
+        pose = found[-1]
+    if trip.legs:
+        for last in paths(pose, trip.legs[-1].corners[-1]):
+            yield [*legs, last]
+
+
+def _timed(problem: Problem, trip: Trip, legs: list[Floats]) -> tuple[Floats, Floats]:
+    """All poses with the times to be at them: as the routes' arrivals, at an even share of what is possible."""
+    now, poses, times = 0.0, [legs[0][:1]], [np.zeros(1)]
+    for arrival, dwell, leg in zip(*schedule(problem, trip), legs, strict=True):
+        along = np.cumsum(needed(problem, leg))
+        times.append(now + along / max(float(along[-1]), 1e-9) * max(arrival - now, 1e-6))
+        poses.append(leg[1:])
+        now = max(arrival, now + 1e-6) + dwell
+        times.append(np.array([now + 1e-9]))
+        poses.append(leg[-1:])
+    return np.concatenate(poses), np.concatenate(times)
+
+
+__all__ = ["BATCHES", "Curves", "curved"]

@@ -1,0 +1,78 @@
+"""How a curve becomes commands: the nominal robot drives it pose by pose, forwards or backwards."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+
+def tightest(problem: Problem) -> float:
+    """Smallest radius of the nominal robot's turns at half its top speed, to either side, metres."""
+    fleet = problem.fleet
+    linear, angular = fleet.drives(fleet.center[None])[0, :2].tolist()
+    fast = 0.5 * float(np.abs([fleet.input_lower[0], fleet.input_upper[0]]).max())
+    turns = [fleet.system.commands(fast, side, fleet.input_lower, fleet.input_upper) for side in (-1e6, 1e6)]
+    rates = np.array([fleet.system.rates(*commands) for commands in turns])
+    return float(np.max(np.abs(rates[:, 0] * linear) / np.maximum(np.abs(rates[:, 1] * angular), 1e-9)))
+
+
+def reverses(problem: Problem) -> bool:
+    """Whether the robots may drive backwards."""
+    return bool(problem.fleet.input_lower[0] < 0)
+
+
+def needed(problem: Problem, poses: Floats) -> Floats:
+    """Seconds that the nominal robot needs at least from each pose to the next, shape (poses - 1,)."""
+    fleet = problem.fleet
+    moved, turned = _moves(poses)
+    linear, angular = np.abs(fleet.drives(fleet.center[None])[0, :2])
+    speeds = np.where(moved < 0, -fleet.input_lower[0], fleet.input_upper[0]) * linear
+    seconds = np.abs(moved) / np.maximum(speeds, 1e-3)
+    if fleet.system.turns_in_place:
+        rate = float(np.minimum(np.abs(fleet.input_lower[1]), np.abs(fleet.input_upper[1])))
+        seconds = np.maximum(seconds, np.abs(turned) / max(rate * angular, 1e-3))
+    return np.asarray(seconds)
+
+
+def driven(problem: Problem, poses: Floats, times: Floats, steps: int) -> Floats:
+    """Commands that bring the nominal robot to poses at some times, averaged over each step.
+
+    Parameters
+    ----------
+    problem : Problem
+    poses : ndarray, shape (poses, 3)
+        Position in metres, heading in radians from +x.
+    times : ndarray, shape (poses,)
+        Seconds, increasing.
+    steps : int
+        Of the commands.
+
+    Returns
+    -------
+    ndarray, shape (steps, 2)
+        Within the input bounds.
+    """
+    fleet = problem.fleet
+    linear, angular = fleet.drives(fleet.center[None])[0, :2].tolist()
+    sign = 1.0 if fleet.system.heading_from == "x" else -1.0
+    grid = np.linspace(0.0, problem.duration, steps + 1)
+    totals = [np.concatenate([[0.0], np.cumsum(part)]) for part in _moves(poses)]
+    moved, turned = (np.diff(np.interp(grid, times, total)) * steps / problem.duration for total in totals)
+    commands = fleet.system.commands(moved / linear, sign * turned / angular, fleet.input_lower, fleet.input_upper)
+    return np.stack(commands, axis=1)
+
+
+def _moves(poses: Floats) -> tuple[Floats, Floats]:
+    """Signed lengths and turns from each pose to the next."""
+    step = np.diff(poses[:, :2], axis=0)
+    turned = (np.diff(poses[:, 2]) + np.pi) % (2 * np.pi) - np.pi
+    middle = poses[:-1, 2] + turned / 2
+    ahead = step[:, 0] * np.cos(middle) + step[:, 1] * np.sin(middle)
+    return np.where(ahead < 0, -1.0, 1.0) * np.hypot(*step.T), turned
+
+
+__all__ = ["driven", "needed", "reverses", "tightest"]

@@ -1,0 +1,123 @@
+"""Curves that a robot of a smallest turning radius can drive, with cusps where it may reverse, by OMPL.
+
+OMPL (Sucan, Moll, Kavraki 2012) is not a dependency: it has no wheels for Windows, nor for every Python. It is imported
+where it is needed only, and prints nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+ITERATIONS = 600
+"""Of RRT-Connect for one pose to reach: counted, not timed, so that a search repeats."""
+SHORTCUTS = 60
+"""Attempts to shorten a path."""
+RESOLUTION = 0.005
+"""Largest distance of the poses at which a path is checked, as a share of the map."""
+POSES = 600
+"""Poses of a path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Where a robot may be.
+
+    Attributes
+    ----------
+    blocked : shapely geometry
+        Where its centre may not be.
+    low, high : ndarray, shape (2,)
+        The box that paths stay in, metres.
+    """
+
+    blocked: Any
+    low: Floats
+    high: Floats
+
+    def free(self, x: float, y: float) -> bool:
+        """Whether the centre may be there."""
+        return not bool(shapely.contains_xy(self.blocked, x, y))
+
+
+def available() -> bool:
+    """Whether OMPL is installed."""
+    return find_spec("ompl") is not None
+
+
+def curve(
+    around: Surroundings,
+    radius: float,
+    reversing: bool,
+    start: Floats,
+    goal: Floats,
+    seed: int,
+    stop: Callable[[], bool],
+) -> Floats | None:
+    """A Reeds-Shepp path, or a Dubins path where the robot may not reverse.
+
+    Parameters
+    ----------
+    around : Surroundings
+    radius : float
+        The smallest of a turn, metres.
+    reversing : bool
+        Whether the robot may drive backwards.
+    start, goal : ndarray, shape (3,)
+        Poses: position in metres, heading in radians from +x.
+    seed : int
+        Above 0; the same one gives the same path.
+    stop : callable
+        Asked in every iteration; returning True ends the search.
+
+    Returns
+    -------
+    ndarray of shape (POSES, 3), or None
+        Poses along the path; None where none was found.
+    """
+    if not (around.free(*start[:2]) and around.free(*goal[:2])):
+        return None
+    from ompl import base, geometric, util
+
+    util.setLogLevel(util.LogLevel.LOG_NONE)
+    util.RNG.setSeed(seed)
+    space = base.ReedsSheppStateSpace(radius) if reversing else base.DubinsStateSpace(radius)
+    bounds = base.RealVectorBounds(2)
+    for axis in (0, 1):
+        bounds.setLow(axis, float(around.low[axis]))
+        bounds.setHigh(axis, float(around.high[axis]))
+    space.setBounds(bounds)
+    setup = geometric.SimpleSetup(space)
+    setup.setStateValidityChecker(lambda state: around.free(state.getX(), state.getY()))
+    information = setup.getSpaceInformation()
+    information.setStateValidityCheckingResolution(RESOLUTION)
+    setup.setStartAndGoalStates(_state(space, start), _state(space, goal), 0.02)
+    setup.setPlanner(geometric.RRTConnect(information))
+    iterations = iter(range(ITERATIONS))
+    setup.solve(base.PlannerTerminationCondition(lambda: next(iterations, None) is None or stop()))
+    if not setup.haveExactSolutionPath():
+        return None
+    path = setup.getSolutionPath()
+    setup.getPathSimplifier().partialShortcutPath(path, SHORTCUTS, SHORTCUTS)
+    path.interpolate(POSES)
+    return np.array([(state.getX(), state.getY(), state.getYaw()) for state in path.getStates()])
+
+
+def _state(space: Any, pose: Floats) -> Any:
+    """A pose as a state."""
+    state = space.allocState()
+    state.setX(float(pose[0]))
+    state.setY(float(pose[1]))
+    state.setYaw(float((pose[2] + np.pi) % (2 * np.pi) - np.pi))
+    return state
+
+
+__all__ = ["Surroundings", "available", "curve"]

@@ -1,0 +1,42 @@
+"""Guesses off a symmetry: commands that failed, with slow waves added to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.ocp.seeds import Seed
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+COUNT = 2
+"""Guesses that are made."""
+WAVES = 3
+"""Half waves over the horizon at most."""
+AMPLITUDE = 0.25
+"""Size of the waves, as a share of half the width of the commands' bounds."""
+
+
+def shaken(problem: Problem, controls: Floats) -> Iterator[Seed]:
+    """`COUNT` guesses around commands of shape (steps, n_u), drawn by the problem's seed.
+
+    Parameters
+    ----------
+    problem : Problem
+    controls : ndarray, shape (steps, n_u)
+        That are no plan, and from which the solver does not leave by itself: by symmetry, no side is the better one.
+    """
+    random, fleet = np.random.default_rng(problem.solve.seed), problem.fleet
+    phase = np.pi * (np.arange(len(controls)) + 0.5) / len(controls)
+    waves = np.cos(phase[:, None] * np.arange(WAVES + 1))
+    size = AMPLITUDE * (fleet.input_upper - fleet.input_lower) / 2
+    for k in range(COUNT):
+        moved = controls + waves @ random.normal(size=(WAVES + 1, controls.shape[1])) / np.sqrt(WAVES + 1) * size
+        commands = np.clip(moved, fleet.input_lower, fleet.input_upper)
+        yield Seed(commands, np.zeros((0, 2)), 0.0, (), f"commands with waves added, {k + 1}", "waves")
+
+
+__all__ = ["COUNT", "shaken"]

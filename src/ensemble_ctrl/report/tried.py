@@ -1,0 +1,36 @@
+"""What a search tried that found no plan: how many guesses of which kind, and how close the nearest came."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+from typing import Any
+
+KINDS = {
+    "route": ("route", "routes"),
+    "curve": ("curve that the robots can drive", "curves that the robots can drive"),
+    "waves": ("guess with waves added", "guesses with waves added"),
+}
+"""Words for one guess of a kind, and for several."""
+MISSING = {"ompl": "OMPL is not installed: with it, curves that reverse are tried too (pip install ompl)"}
+"""What to say of an optional library that would have been used."""
+
+
+def tried(details: dict[str, Any]) -> Iterator[str]:
+    """The guesses of each kind in words, and what could not be tried; nothing for a plan of an earlier version."""
+    found = [route for route in details.get("routes", []) if "kind" in route]
+    parts = [_kind(kind, [r for r in found if r["kind"] == kind]) for kind in dict.fromkeys(r["kind"] for r in found)]
+    if parts:
+        yield "; ".join(parts)
+    yield from (MISSING[name] for name in details.get("missing", []) if name in MISSING)
+
+
+def _kind(kind: str, routes: list[dict[str, Any]]) -> str:
+    """The guesses of one kind."""
+    one, many = KINDS.get(kind, (kind, kind))
+    words = f"{len(routes)} {one if len(routes) == 1 else many}"
+    short = min(route["short"] for route in routes)
+    return f"{words}, the nearest short by {short:.3g}" if isfinite(short) and short > 0 else words
+
+
+__all__ = ["tried"]

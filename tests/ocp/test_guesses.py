@@ -1,0 +1,186 @@
+"""Curved and shaken guesses: driven as they were meant, free of obstacles, repeatable and quiet; and what they find."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+
+import ensemble_ctrl as ec
+from ensemble_ctrl.config import load_text
+from ensemble_ctrl.ocp.guesses import ompl_paths
+from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
+from ensemble_ctrl.ocp.guesses.shaken import shaken
+from ensemble_ctrl.ocp.truncation import positions
+from ensemble_ctrl.planner import solve
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.report import summary_lines
+from ensemble_ctrl.systems import Unicycle
+
+Floats = NDArray[np.float64]
+DEAD_END = """
+name: dead_end
+fleet:
+  model: bicycle
+  wheelbase: 0.4
+  parameters: {traction: {range: [0.98, 1.02]}}
+  start: {position: [0, 0], heading: 0 deg}
+  input_bounds: {v: [-0.4, 0.6], delta: [-30 deg, 30 deg]}
+  radius: 0.2
+horizon: {duration: 20 s, steps: 40}
+moments: {order: auto}
+regions: {goal: {box: [[-2.4, -1.6], [1.6, 2.6]]}}
+obstacles:
+  up: {box: [[-1.2, 0.6], [0.35, 0.5]]}
+  down: {box: [[-1.2, 0.6], [-0.5, -0.35]]}
+  cap: {box: [[0.4, 0.6], [-0.5, 0.5]]}
+task: "F[15,20] in(goal) and G avoid(obstacles)"
+objective: {robustness: 1, effort: 0.1}
+"""
+"""A car whose only way out is backwards."""
+
+
+def dead_end(**fleet: Any) -> Problem:
+    problem = load_text(DEAD_END)
+    return problem.with_(fleet=replace(problem.fleet, **fleet))
+
+
+def there_and_back() -> Floats:
+    """Poses along a left turn of radius 1.2 m forwards, and from its end a right turn backwards."""
+    turn = np.linspace(0.0, 1.0, 200)
+    ahead = np.stack([1.2 * np.sin(turn), 1.2 * (1 - np.cos(turn)), turn], axis=1)
+    x, y, heading = ahead[-1]
+    back = heading + 0.8 * turn  # backwards on a circle to the right, whose middle is at heading - 90 deg
+    middle = np.array([x + 1.2 * np.sin(heading), y - 1.2 * np.cos(heading)])
+    places = middle + 1.2 * np.stack([-np.sin(back), np.cos(back)], axis=1)
+    return np.concatenate([ahead, np.column_stack([places, back])[1:]])
+
+
+def unicycle(axis: Literal["x", "y"]) -> Problem:
+    return dead_end(system=Unicycle(axis), input_lower=np.array([-0.4, -2.0]), input_upper=np.array([0.6, 2.0]))
+
+
+@pytest.mark.parametrize("problem", [dead_end(), unicycle("x"), unicycle("y")], ids=["bicycle", "x", "y"])
+def test_a_curve_with_a_cusp_is_driven(problem: Problem) -> None:
+    poses = there_and_back()
+    seconds = needed(problem, poses)
+    assert seconds.min() > 0
+    assert seconds.sum() == pytest.approx(1.2 / 0.6 + 0.8 * 1.2 / 0.4, rel=1e-3)
+    times = np.concatenate([[0.0], np.cumsum(seconds)]) * problem.duration / seconds.sum()
+    controls = driven(problem, poses, times, 400)
+    path = positions(problem, controls, np.array([[1.0]]))[0]
+    assert np.linalg.norm(path[-1] - poses[-1, :2]) < 0.02
+    assert path[:, 0].max() == pytest.approx(poses[:, 0].max(), abs=0.02)
+    assert (controls[:, 0] > 0).any()
+    assert (controls[:, 0] < 0).any()
+
+
+def test_the_tightest_turn_and_whether_it_reverses() -> None:
+    assert tightest(dead_end()) == pytest.approx(0.4 / np.tan(np.deg2rad(30)))
+    one_sided = dead_end(input_lower=np.array([0.0, -0.1]), input_upper=np.array([1.0, 0.5]))
+    assert tightest(one_sided) == pytest.approx(0.4 / np.tan(0.1))
+    assert tightest(unicycle("y")) == pytest.approx(0.3 / 2.0)
+    assert (reverses(dead_end()), reverses(one_sided)) == (True, False)
+
+
+def test_shaken_commands_differ_repeat_and_keep_the_bounds() -> None:
+    problem, controls = dead_end(), np.zeros((40, 2))
+    first, second = shaken(problem, controls)
+    again, _ = shaken(problem, controls)
+    np.testing.assert_array_equal(first.controls, again.controls)
+    assert np.abs(first.controls - second.controls).max() > 0.01
+    for seed in (first, second):
+        assert np.abs(seed.controls).max() > 0.01
+        assert (seed.controls >= problem.fleet.input_lower).all()
+        assert (seed.controls <= problem.fleet.input_upper).all()
+
+
+@pytest.mark.parametrize("reversing", [True, False])
+def test_a_path_is_free_turns_no_tighter_and_repeats(reversing: bool) -> None:
+    pytest.importorskip("ompl")
+    blocked = shapely.box(1.0, -1.0, 1.5, 1.0)
+    around = ompl_paths.Surroundings(blocked, np.array([-3.0, -4.0]), np.array([6.0, 4.0]))
+    ends = np.array([0.0, 0.0, 0.0]), np.array([3.0, 0.0, np.pi])
+    paths = [ompl_paths.curve(around, 0.5, reversing, *ends, seed, lambda: False) for seed in (1, 1)]
+    path, again = paths
+    assert path is not None
+    assert again is not None
+    np.testing.assert_array_equal(path, again)
+    assert not shapely.contains_xy(blocked, path[:, 0], path[:, 1]).any()
+    np.testing.assert_allclose(path[[0, -1], :2], [[0.0, 0.0], [3.0, 0.0]], atol=0.03)
+    step, turned = np.diff(path[:, :2], axis=0), (np.diff(path[:, 2]) + np.pi) % (2 * np.pi) - np.pi
+    within = np.abs(turned) <= np.hypot(*step.T) / 0.5 * 1.01 + 1e-3
+    assert (~within).sum() <= (10 if reversing else 0)  # a chord over a cusp is shorter than its arcs
+    if not reversing:
+        assert (step[:, 0] * np.cos(path[:-1, 2]) + step[:, 1] * np.sin(path[:-1, 2]) > -1e-9).all()
+
+
+def test_there_is_no_path_from_inside_an_obstacle_nor_once_stopped() -> None:
+    pytest.importorskip("ompl")
+    around = ompl_paths.Surroundings(shapely.box(1.0, -1.0, 1.5, 1.0), np.full(2, -4.0), np.full(2, 4.0))
+    out, inside = np.array([0.0, 0.0, 0.0]), np.array([1.2, 0.0, 0.0])
+    assert ompl_paths.curve(around, 0.5, True, inside, out, 1, lambda: False) is None
+    assert ompl_paths.curve(around, 0.5, True, out, np.array([3.0, 0.0, 0.0]), 1, lambda: True) is None
+
+
+def test_nothing_is_printed() -> None:
+    pytest.importorskip("ompl")
+    code = """
+import numpy as np, shapely
+from ensemble_ctrl.ocp.guesses.ompl_paths import Surroundings, curve
+around = Surroundings(shapely.box(1, -1, 2, 1), np.full(2, -4.0), np.full(2, 4.0))
+for goal in ([3.0, 0, 0], [3.9, 3.9, 0]):
+    curve(around, 0.5, True, np.zeros(3), np.array(goal), 1, lambda: False)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_ompl_is_not_loaded_where_a_route_is_enough() -> None:
+    code = """
+import sys, threading
+import ensemble_ctrl as ec
+problem = ec.load_text('''
+fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}
+horizon: {duration: 4 s, steps: 10}
+regions: {goal: {box: [[1, 2], [-0.5, 0.5]]}}
+task: F[3, 4] in(goal)
+''')
+threading.active_count = lambda: 2  # no other processes
+ec.plan(problem)
+assert "ompl" not in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_car_in_a_dead_end_backs_out() -> None:
+    pytest.importorskip("ompl")
+    plan = ec.plan(dead_end())
+    assert plan.verified
+    assert plan.certificate is not None
+    assert plan.certificate.proven == "yes"
+    assert plan.controls[:10, 0].min() < -0.05
+    kinds = [route["kind"] for route in plan.details["routes"]]
+    assert kinds[:1] == ["route"]
+    assert "curve" in kinds
+    assert [route["kind"] for route in plan.details["routes"] if route["outcome"] == "kept"] == ["curve"]
+
+
+def test_what_was_tried_and_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(ompl_paths, "available", lambda: False)
+    short = dead_end().with_(solve=replace(dead_end().solve, max_iterations=5))
+    tried = r"; tried: 2 routes, the nearest short by [\d.]+; 2 guesses with waves"
+    with pytest.raises(ec.SolveError, match=tried) as raised:
+        ec.plan(short)
+    assert "OMPL is not installed" in str(raised.value)
+    assert isinstance(raised.value.plan, ec.Plan)
+    saved = ec.Plan.load(raised.value.plan.save(tmp_path / "plan"))
+    assert "tried 2 routes" in " ".join(" ".join(summary_lines(saved)).split())
+    assert solve(short, guess=np.zeros((40, 2))).missing == ()
