@@ -278,6 +278,7 @@ solve: {max_iterations: 30}
     assert invoke(["run", str(tmp_path / "a.yaml"), "--trust", "-q", "-o", str(tmp_path / "out")]) == 3
     written = capfd.readouterr()
     assert written.err == (
-        "error: a: no plan was found; violated near the best guess: x leaves all bounds at t = 1.3 s for k = 0.9\n"
+        "error: a: no plan was found; violated near the best guess: x leaves all bounds at t = 1.3 s for k = 0.9; "
+        "tried: 1 route\n"
     )
     assert not list((tmp_path / "out").glob("*.png"))

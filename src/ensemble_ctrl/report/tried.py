@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import isfinite
 from typing import Any
 
 KINDS = {
@@ -12,6 +11,8 @@ KINDS = {
     "waves": ("guess with waves added", "guesses with waves added"),
 }
 """Words for one guess of a kind, and for several."""
+RUNAWAY = 1e5
+"""A guess under which states leave all bounds falls short by more, and no figure says anything of it."""
 MISSING = {"ompl": "OMPL is not installed: with it, curves that reverse are tried too (pip install ompl)"}
 """What to say of an optional library that would have been used."""
 
@@ -30,7 +31,7 @@ def _kind(kind: str, routes: list[dict[str, Any]]) -> str:
     one, many = KINDS.get(kind, (kind, kind))
     words = f"{len(routes)} {one if len(routes) == 1 else many}"
     short = min(route["short"] for route in routes)
-    return f"{words}, the nearest short by {short:.3g}" if isfinite(short) and short > 0 else words
+    return f"{words}, the nearest short by {short:.3g}" if 0 < short < RUNAWAY else words
 
 
 __all__ = ["tried"]
