@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl._version import __version__
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.files import put_file, read_regular
+from ensemble_ctrl.values import numbers
 
 Floats = NDArray[np.float64]
 
@@ -90,7 +91,7 @@ def _parsed(content: bytes) -> Saved:
     with ZipFile(io.BytesIO(content)) as archive:
         controls, problem, facts = (_array(archive, name) for name in ("controls", "problem", "facts"))
     told = json.loads(str(facts))
-    return Saved(np.asarray(controls, dtype=float), str(problem), str(told["status"]), dict(told["details"]))
+    return Saved(numbers("controls", controls), str(problem), str(told["status"]), dict(told["details"]))
 
 
 def _array(archive: ZipFile, name: str) -> NDArray[Any]:
