@@ -40,7 +40,7 @@ SECTIONS = {
     "fleets": "Several parameters, uncertain starts, bicycles",
     "moving": "Moving obstacles",
     "maps": "Maps from other tools",
-    "systems": "Other dynamics: replayed, not proven",
+    "systems": "Other dynamics",
     "targets": "Targets of the whole fleet",
     "time": "As soon as possible",
     "risk": "Risk, and a share of the fleet",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.config import load, load_text
 from ensemble_ctrl.conflicts import conflicts, unit_of_parts
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
@@ -19,7 +22,8 @@ from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.ode_fleet import OdeFleet
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import replay
-from ensemble_ctrl.report.text import conflict_text, measured
+from ensemble_ctrl.report.text import conflict_text, measured, proven
+from ensemble_ctrl.report.words import certificate_words
 from ensemble_ctrl.systems import OdeSystem
 
 CONFIG = Path(__file__).parents[1] / "configs" / "five_obstacles.yaml"
@@ -99,6 +103,14 @@ def test_a_window_that_starts_at_the_end_of_the_horizon() -> None:
     assert found.amount == 1.0
 
 
+PASSED = """
+fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}
+horizon: {duration: 4 s, steps: 20}
+obstacles: {post: {box: [[1, 2], [1, 2]]}}
+task: G avoid(post)
+"""
+
+
 class Room(OdeSystem):
     """A heater: its place is where it stands, and the temperature is what a task is about."""
 
@@ -124,9 +136,9 @@ class Kelvin(Room):
         (Room(), "F temp >= 9", "9 in the unit of temp"),
         (Room(), "F x >= 9", "9 m"),
         (Room(), "F in(there)", "9 m"),
-        (Kelvin(), "F (in(there) and temp >= -1)", "9 in K or m"),
+        (Kelvin(), "F (in(there) and temp >= -1)", "9 K or m"),
         (Room(), "F (in(there) and temp >= -1)", "9 in m or the unit of temp"),
-        (Kelvin(), "F 3*x + 4*temp >= 45", "9 in K or m"),
+        (Kelvin(), "F 3*x + 4*temp >= 45", "9 K or m"),
     ],
 )
 def test_what_falls_short_is_said_in_its_unit(system: OdeSystem, task: str, words: str) -> None:
@@ -146,3 +158,25 @@ def test_units_of_states_are_one_for_each_or_none() -> None:
 
     with pytest.raises(ProblemError, match=r"Odd.state_units: expected one entry for each of x, temp, or none, got"):
         Odd().require_complete()
+
+
+def test_what_is_proven_or_refuted_is_said_in_its_unit() -> None:
+    fleet = OdeFleet(Kelvin(), {}, {})
+    cold = OdeProblem("room", fleet, 2.0, 4, parse("G temp >= -9"))
+    proof = certify(cold, np.zeros((4, 2)))
+    assert proven(cold, proof)[0][1].startswith("for every instant: rest of the task >= ")
+    assert re.search(r">= (8\.9999|9\.0000) K \(", proven(cold, proof)[0][1])
+    assert certificate_words(cold, proof).bounds[0].endswith(" K to spare.")
+    warm = OdeProblem("room", fleet, 2.0, 4, parse("F temp >= 9"))
+    proof = certify(warm, np.zeros((4, 2)))
+    assert "violates F temp >= 9 by 9 K" in proven(warm, proof)[0][1]
+    assert "breaks F temp >= 9 by 9 K" in certificate_words(warm, proof).lead
+
+
+def test_no_text_claims_more_than_is_proven() -> None:
+    """A clearance of 7.3568 mm is no 7.4 mm."""
+    problem = load_text(PASSED)
+    found = certify(problem, np.tile([0.5, 0.0], (problem.steps, 1)))
+    proof = replace(found, clearances=(replace(found.clearances[0], proven=0.0073568),))
+    assert "clearance >= 0.0073 m" in proven(problem, proof)[0][1]
+    assert "clearance >= 0.0073 m" in repr(proof)

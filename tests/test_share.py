@@ -205,7 +205,7 @@ def test_what_is_said_of_a_share() -> None:
     problem = load_text(SIGNPOST)
     controls = solve(problem).controls
     certificate = certify(problem, controls)
-    rows = dict(measured(replay(problem, controls)) + proven(certificate))
+    rows = dict(measured(replay(problem, controls)) + proven(problem, certificate))
     assert "% do what 60 % have to (" in rows["replay"]
     assert "worst member" not in rows["robustness"]
     assert "% of the fleet, every instant: their part of the task >= 0.0" in rows["proven"]
@@ -221,13 +221,13 @@ def test_what_is_said_of_a_share_beside_what_everybody_does() -> None:
     rest = TaskBound("F in(b)", 0.03, 0.04, {"traction": 0.9})
     problem = load_text(SIGNPOST)
     certificate = replace(certify(problem, np.zeros((30, 2))), proven="yes", parts=(part, rest), counter_example=None)
-    (first, text), (second, share) = proven(certificate)
+    (first, text), (second, share) = proven(problem, certificate)
     assert (first, second) == ("proven", "")
     assert text == "for every traction 0.8..1.2, every instant: rest of the task >= 0.0300 m"
     assert share.startswith("for 61.23 % of the fleet, every instant: their part of the task >= 0.0200 m (")
     lead = certificate_words(problem, certificate).lead
     assert "does the rest of the task, and at least 61.23 % of them do what is asked of a share" in lead
-    undecided = proven(replace(certificate, proven="undecided"))
+    undecided = proven(problem, replace(certificate, proven="undecided"))
     assert [text.startswith("UNDECIDED for ") and ": only " in text for _, text in undecided] == [True, True]
 
 

@@ -58,13 +58,18 @@ class Conflict:
 def unit_of_parts(problem: Problem, parts: Iterable[Formula]) -> str:
     """What follows a number that is the robustness of one of these parts of a task; of no parts, a distance.
 
-    A unit, or words like ``in the unit of temp`` and ``in m or the unit of temp``.
+    A unit, or words like ``m or m/s`` and ``in m or the unit of temp``.
     """
     fleet = problem.fleet
     names = {name for part in parts for leaf in leaves(part) for name in _states(problem, leaf)} or set(fleet.places)
     known = sorted({fleet.state_units[name] for name in names if name in fleet.state_units})
     others = [f"the unit of {name}" for name in sorted(names) if name not in fleet.state_units]
-    return known[0] if len(known) == 1 and not others else f"in {' or '.join([*known, *others])}"
+    return f"in {' or '.join([*known, *others])}" if others else " or ".join(known)
+
+
+def units_of_parts(problem: Problem) -> dict[str, str]:
+    """The unit of each part of the task that is no avoidance, by its text, as `unit_of_parts` says it."""
+    return {str(part): unit_of_parts(problem, [part]) for part in other_parts(problem)}
 
 
 def _states(problem: Problem, leaf: Formula) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from decimal import ROUND_FLOOR, Decimal
 from typing import Any
 
 _MARKS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
@@ -23,6 +24,19 @@ def visible(text: str) -> str:
     a\x1b[2Jb café
     """
     return _MARKS.sub(lambda mark: repr(mark[0])[1:-1], text)
+
+
+def at_least(bound: float) -> str:
+    """A lower bound with four decimals, rounded down: a text claims no more than what is proven.
+
+    Examples
+    --------
+    >>> at_least(0.07356879), at_least(0.0123), at_least(-0.00001), at_least(float("inf"))
+    ('0.0735', '0.0123', '-0.0001', 'inf')
+    """
+    if not math.isfinite(bound):
+        return f"{bound:g}"
+    return str(Decimal(repr(float(bound))).quantize(Decimal("0.0001"), ROUND_FLOOR))
 
 
 def to_json(data: Any, indent: int | None = None) -> str:

@@ -77,10 +77,10 @@ def write_report(plan: Plan, path: Path, folder: Path) -> Path:
 
 
 def controls_csv(plan: Plan) -> str:
-    """The controls as a table: start of each step and its commands, units in the header."""
+    """The controls as a table: start of each step in whole nanoseconds and its commands, units in the header."""
     system = plan.problem.fleet.system
     header = ["t [s]", *(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))]
-    rows = np.column_stack([plan.times, plan.controls])
+    rows = np.column_stack([plan.times.round(9), plan.controls])
     lines = [",".join(header), *(",".join(repr(float(x)) for x in row) for row in rows)]
     return "\n".join(lines) + "\n"
 

@@ -116,6 +116,23 @@ def test_one_changed_control_is_found_out(command: Command, results: Path) -> No
     assert "inputs_sha256 differs" in outcome.err
 
 
+def test_what_older_releases_wrote_agrees(command: Command, results: Path) -> None:
+    """Times with every digit, and no entry where there is nothing to say."""
+    table, path = results / "controls.csv", results / "certificate.json"
+    lines = table.read_text().splitlines()
+    times = [float(line.split(",")[0]) for line in lines[1:]]
+    assert all(len(line.split(",")[0]) <= 11 for line in lines[1:])
+    apart = [f"{time * (1 + 1e-15)!r},{line.split(',', 1)[1]}" for time, line in zip(times, lines[1:], strict=True)]
+    table.write_text("\n".join([lines[0], *apart]) + "\n")
+    claim = json.loads(path.read_text())
+    del claim["reason"]
+    path.write_text(json.dumps(claim))
+    assert command("verify", "results").code == 0
+    del claim["clearances"]
+    path.write_text(json.dumps(claim))
+    assert command("verify", "results").code == 4
+
+
 def test_an_edited_bound_is_found_out(command: Command, results: Path) -> None:
     path = results / "certificate.json"
     claim = json.loads(path.read_text())

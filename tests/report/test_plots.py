@@ -90,7 +90,7 @@ def test_the_tightest_bound_is_seen_beside_the_widest(bounds: tuple[float, ...])
     assert certificate is not None
     (first, *_) = certificate.clearances
     several = tuple(replace(first, obstacle=f"o{k}", proven=v, sampled=v + 1e-3) for k, v in enumerate(bounds))
-    ax = draw_certificate("p", replace(certificate, clearances=several, parts=()), Figure().subplots())
+    ax = draw_certificate("p", replace(certificate, clearances=several, parts=()), Figure().subplots(), {})
     to_share = ax.transData + ax.transAxes.inverted()
     zero = to_share.transform((0.0, 0.0))[0]
     for bound in bounds:

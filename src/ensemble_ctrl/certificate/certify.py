@@ -20,6 +20,7 @@ from ensemble_ctrl.certificate.share import boxes, weighed
 from ensemble_ctrl.certificate.task import TaskBound, bound_task
 from ensemble_ctrl.duties import NOTHING_ASKED, NOTHING_AVOIDED, Chance, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.plain import at_least
 from ensemble_ctrl.values import shown
 
 if TYPE_CHECKING:
@@ -118,8 +119,8 @@ class Certificate:
         if self.empty:
             return f"Certificate({NOTHING_ASKED})"
         scope = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in self.ranges.items())
-        clearance = f"clearance >= {self.clearance:.4f} m" if np.isfinite(self.clearance) else NOTHING_AVOIDED
-        rest = f"robustness >= {self.robustness:.4f} m, {self.seconds:.2f} s"
+        clearance = f"clearance >= {at_least(self.clearance)} m" if np.isfinite(self.clearance) else NOTHING_AVOIDED
+        rest = f"robustness >= {at_least(self.robustness)} m, {self.seconds:.2f} s"
         return f"Certificate(proven: {self.proven}, {scope}, {clearance}, {rest})"
 
 

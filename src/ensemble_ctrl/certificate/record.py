@@ -61,8 +61,10 @@ def _differences(old: Any, new: Any, path: tuple[str, ...], over: float, under: 
     if isinstance(new, dict) and isinstance(old, dict):
         for name in dict.fromkeys([*new, *old]):
             where = (*path, name)
-            if name not in old:
+            if name not in old and not (new[name] is None or new[name] in ("", [], {})):
                 yield f"it lacks {_at(where)}, computed again: {new[name]!r:.60}"
+            elif name not in old:
+                continue  # an entry that says nothing: releases before had none of that name
             elif name not in new:
                 yield f"it has {_at(where)} {old[name]!r:.60}, which is no part of a certificate"
             elif name in EXACT:

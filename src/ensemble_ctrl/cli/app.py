@@ -506,7 +506,7 @@ def models() -> None:
         controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
         say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {', '.join(system.parameters)}")
         if name in ODE_SYSTEMS:
-            say(f"{'':<18}states {', '.join(ODE_SYSTEMS[name].states)}; replayed, not proven")
+            say(f"{'':<18}states {', '.join(ODE_SYSTEMS[name].states)}")
     say("your own: fleet: {model: {python: my_system.py:MySystem}}, with --trust")
 
 

@@ -118,7 +118,7 @@ def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str
     folder = path if path.is_dir() else path.parent
     found = []
     table, problem, claim = folder / "controls.csv", folder / "problem.yaml", folder / "certificate.json"
-    if table.exists() and _text(table) != controls_csv(plan):
+    if table.exists() and _cells(_text(table)) != _cells(controls_csv(plan)):
         found.append("controls.csv holds other controls than plan.npz")
     if problem.exists() and dump(load(problem)) != dump(plan.problem):
         found.append("problem.yaml is another problem than the one in plan.npz")
@@ -127,6 +127,20 @@ def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str
     if (facts := folder / "summary.json").exists():
         found += [f"summary.json: {text}" for text in _of_summary(_read_json(facts), plan, certificate)]
     return found
+
+
+def _cells(table: str) -> list[list[str]]:
+    """The cells of a table, with times in whole nanoseconds, as older tables have every digit of them."""
+    rows = [line.split(",") for line in table.splitlines()]
+    return [[_rounded(first), *rest] for first, *rest in rows]
+
+
+def _rounded(cell: str) -> str:
+    """A time in whole nanoseconds; what is none, as it is."""
+    try:
+        return repr(round(float(cell), 9))
+    except ValueError:
+        return cell
 
 
 def _of_summary(told: Any, plan: Plan, certificate: Certificate) -> Iterator[str]:
@@ -171,7 +185,7 @@ def _lines(found: Verified) -> list[str]:
     if found.beyond is not None and not found.ignore_bounds:
         head += f", but beyond the {found.beyond.bounds} bounds at t = {found.beyond.time:g} s"
     agree = "agree with each other and with the proof"
-    rows = [*proven(found.certificate), *measured(found.run, unit_of_parts(problem, other_parts(problem)))]
+    rows = [*proven(problem, found.certificate), *measured(found.run, unit_of_parts(problem, other_parts(problem)))]
     if found.beyond is not None:
         rows.append(("bounds", f"{found.beyond}{' (ignored)' if found.ignore_bounds else ''}"))
     rows += [("files", "DISAGREE, see below" if found.tampered else agree)] if not found.asked else []

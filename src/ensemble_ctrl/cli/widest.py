@@ -9,6 +9,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import read
 from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.plain import at_least
 from ensemble_ctrl.report import conflict_text
 from ensemble_ctrl.report.text import percent
 from ensemble_ctrl.results import SCHEMA, to_json
@@ -53,9 +54,9 @@ def find_widest(
 def _bounds(certificate: Certificate) -> Iterator[str]:
     """What is proven of the widest fleet."""
     if certificate.clearances:
-        yield f"clearance >= {certificate.clearance:.4f} m"
+        yield f"clearance >= {at_least(certificate.clearance)} m"
     if certificate.parts:
-        yield f"robustness >= {certificate.robustness:.4f} m"
+        yield f"robustness >= {at_least(certificate.robustness)} m"
     for part in certificate.parts:
         if part.share is not None:
             yield f"by >= {percent(part.share, decimals=2)} % of the fleet"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.conflicts import units_of_parts
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, place_axes, placed_axes, save, shown_axes
@@ -79,7 +80,7 @@ def draw(plan: Drawable, kind: str, ax: Axes | None = None) -> Axes:
     if kind == "certificate" and certificate is not None:
         from ensemble_ctrl.report.kinds.certificate import draw_certificate
 
-        return draw_certificate(plan.problem.name, certificate, ax)
+        return draw_certificate(plan.problem.name, certificate, ax, units_of_parts(plan.problem))
     if kind == "clearance":
         from ensemble_ctrl.report.kinds.clearance import draw_clearance
 

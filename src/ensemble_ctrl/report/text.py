@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.checks import coverage_text
-from ensemble_ctrl.conflicts import unit_of_parts
+from ensemble_ctrl.conflicts import unit_of_parts, units_of_parts
 from ensemble_ctrl.duties import NOTHING_ASKED, NOTHING_AVOIDED, other_parts
 from ensemble_ctrl.ensemble import Ensemble
 from ensemble_ctrl.fleet import START_COLUMNS
+from ensemble_ctrl.plain import at_least
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.replay import Replay, ShareSeen
 from ensemble_ctrl.report.tried import tried
@@ -117,7 +118,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         rows += [("" if i else "tried", line) for i, line in enumerate(_wrapped(tried(d)))]
     if plan.status == "infeasible" or "suggestions" in d:
         rows += _suggested(d.get("suggestions", {}))
-    rows += proven(plan.certificate)
+    rows += proven(problem, plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
     rows += [("risk", text) for text in _at_risk(d.get("at_risk", {}))]
@@ -261,7 +262,7 @@ def conflict_text(c: Conflict) -> str:
     return f"{c.what} by {c.amount:.3g} {c.unit} ({member_text(c.parameters)}, t = {c.time:.2f} s)"
 
 
-def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
+def proven(problem: Problem, certificate: Certificate | None) -> list[tuple[str, str]]:
     """What holds for every parameter and every instant."""
     if certificate is None:
         return [("proven", "nothing for all parameters (no certificate was asked for)")]
@@ -270,28 +271,30 @@ def proven(certificate: Certificate | None) -> list[tuple[str, str]]:
         return [("proven", f"UNDECIDED: {c.reason}")]
     if c.empty:
         return [("proven", NOTHING_ASKED)]
+    units = units_of_parts(problem)
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
     scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
-    claims = [f"clearance >= {c.clearance:.4f} m"] if c.clearances else []
+    claims = [f"clearance >= {at_least(c.clearance)} m"] if c.clearances else []
     rest = min((b.proven for b in c.parts if b.share is None), default=None)
-    claims += [] if rest is None else [f"rest of the task >= {rest:.4f} m"]
+    unit = unit_of_parts(problem, other_parts(problem))
+    claims += [] if rest is None else [f"rest of the task >= {at_least(rest)} {unit}"]
     texts = [f"for {scope}: {', '.join(claims)}"] if claims else []
-    texts += [_proven_share(b) for b in c.parts if b.share is not None]
+    texts += [_proven_share(b, units.get(b.part, "m")) for b in c.parts if b.share is not None]
     if c.counter_example is not None:
         found = c.counter_example
         when = "" if found.time is None else f" at t = {found.time:.2f} s"
         who = member_text(found.parameters) if found.parameters or not c.ranges else "the fleet"
-        return [("proven", f"NO: {who} violates {found.what} by {found.amount:.3g} m{when}")]
+        return [("proven", f"NO: {who} violates {found.what} by {found.amount:.3g} {units.get(found.what, 'm')}{when}")]
     if c.proven != "yes":
         texts = [f"UNDECIDED {text.replace(': ', ': only ', 1)}" for text in texts]
     texts[-1] += f" ({c.seconds:.2f} s)"
     return [("" if i else "proven", text) for i, text in enumerate(texts)]
 
 
-def _proven_share(bound: TaskBound) -> str:
+def _proven_share(bound: TaskBound, unit: str) -> str:
     """What a share of the fleet does, the share in percent and rounded down."""
     share = percent(bound.share or 0.0, decimals=2)
-    return f"for {share} % of the fleet, every instant: their part of the task >= {bound.proven:.4f} m"
+    return f"for {share} % of the fleet, every instant: their part of the task >= {at_least(bound.proven)} {unit}"
 
 
 def percent(share: float, up: bool = False, decimals: int = 3) -> str:

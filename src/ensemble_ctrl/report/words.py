@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import floor, isfinite, log10
 
 from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.conflicts import units_of_parts
 from ensemble_ctrl.duties import NOTHING_ASKED
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.text import member_text, percent, unit_of
@@ -40,18 +41,20 @@ def certificate_words(problem: Problem, certificate: Certificate | None) -> Word
         return Words(lead, (), hint)
     if certificate.empty:
         return Words(f"{NOTHING_ASKED[0].upper()}{NOTHING_ASKED[1:]}.", (), LIMITS)
-    bounds = tuple(_bounds(certificate))
+    units = units_of_parts(problem)
+    bounds = tuple(_bounds(certificate, units))
     ranges, when = _ranges(certificate), f"at every instant of the {problem.duration:g} s"
     who = f"every robot{ranges}, {when}"
     if certificate.proven == "yes":
         return Words(f"Proven: {_claim(certificate, who, f'{ranges}, {when}')}.", bounds, LIMITS)
     if certificate.counter_example is not None:
         c = certificate.counter_example
+        amount = length(c.amount, units.get(c.what, "m"))
         moment = "" if c.time is None else f" at t = {c.time:.2f} s"
         if certificate.ranges and not c.parameters:
-            lead = f"Refuted: the fleet breaks {c.what} by {length(c.amount)}."
+            lead = f"Refuted: the fleet breaks {c.what} by {amount}."
             return Words(lead, bounds, "It is about the fleet as a whole, not about one robot.")
-        lead = f"Refuted: the robot with {member_text(c.parameters)} breaks {c.what} by {length(c.amount)}{moment}."
+        lead = f"Refuted: the robot with {member_text(c.parameters)} breaks {c.what} by {amount}{moment}."
         return Words(lead, bounds, "Replay that robot to see it: plan.replay(parameters=[...]).")
     if certificate.reason:
         return Words(f"Undecided: {certificate.reason}.", bounds, UNENCLOSED)
@@ -70,19 +73,20 @@ def _claim(certificate: Certificate, who: str, scope: str) -> str:
     return f"{some} of the robots{scope}, do what is asked of a share"
 
 
-def length(metres: float) -> str:
-    """A length with three digits, rounded down, in the unit that reads best.
+def length(value: float, of: str = "m") -> str:
+    """A number with three digits, rounded down; metres in the unit that reads best, others in theirs.
 
     Examples
     --------
-    >>> length(0.0104999), length(1.2399), length(-0.0021)
-    ('1.04 cm', '1.23 m', '-2.1 mm')
+    >>> length(0.0104999), length(1.2399), length(-0.0021), length(0.0425, "m/s")
+    ('1.04 cm', '1.23 m', '-2.1 mm', '0.0425 m/s')
     """
-    if not isfinite(metres) or metres == 0:
-        return f"{metres:g} m"
-    factor, unit = (1.0, "m") if abs(metres) >= 1 else (100.0, "cm") if abs(metres) >= 0.01 else (1000.0, "mm")
-    scale = 10.0 ** (2 - floor(log10(abs(factor * metres))))
-    return f"{floor(factor * metres * scale + 1e-9) / scale:.6g} {unit}"
+    if not isfinite(value) or value == 0:
+        return f"{value:g} {of}"
+    metres = [(1.0, "m"), (100.0, "cm"), (1000.0, "mm")]
+    factor, unit = metres[(abs(value) < 1) + (abs(value) < 0.01)] if of == "m" else (1.0, of)
+    scale = 10.0 ** (2 - floor(log10(abs(factor * value))))
+    return f"{floor(factor * value * scale + 1e-9) / scale:.6g} {unit}"
 
 
 def _ranges(certificate: Certificate) -> str:
@@ -91,7 +95,7 @@ def _ranges(certificate: Certificate) -> str:
     return " with " + ", ".join(texts) if texts else ""
 
 
-def _bounds(certificate: Certificate) -> Iterator[str]:
+def _bounds(certificate: Certificate, units: Mapping[str, str]) -> Iterator[str]:
     """The bounds, a sentence each."""
     for b in certificate.clearances:
         if b.sampled == float("inf"):
@@ -100,14 +104,15 @@ def _bounds(certificate: Certificate) -> Iterator[str]:
         if b.proven >= 0:
             yield f"{b.obstacle}: clearance at least {length(b.proven)} ({closest})."
         else:
-            yield f"{b.obstacle}: not shown to be kept out of; proven is {length(b.proven)} ({closest})."
+            yield f"{b.obstacle}: not shown to be avoided; proven is clearance at least {length(b.proven)} ({closest})."
     for part in certificate.parts:
+        proven = length(part.proven, units.get(part.part, "m"))
         if not part.covered:
             yield f"{part.part}: outside what the proof can bound."
         elif part.share is not None and part.proven >= 0:
             share = f"{percent(part.share, decimals=2)} %"
-            yield f"{part.part}: done by {share} of the fleet with at least {length(part.proven)} to spare."
+            yield f"{part.part}: done by {share} of the fleet with at least {proven} to spare."
         elif part.proven >= 0:
-            yield f"{part.part}: done with at least {length(part.proven)} to spare."
+            yield f"{part.part}: done with at least {proven} to spare."
         else:
-            yield f"{part.part}: not shown to be done; proven is {length(part.proven)}."
+            yield f"{part.part}: not shown to be done; proven is {proven}."

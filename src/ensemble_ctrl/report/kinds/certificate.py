@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,24 +26,25 @@ LEAST = 1e-4
 """Metres below which even that axis is linear."""
 
 
-def draw_certificate(name: str, certificate: Certificate, ax: Axes) -> Axes:
+def draw_certificate(name: str, certificate: Certificate, ax: Axes, units: Mapping[str, str]) -> Axes:
     """A row for each bound: proven for every member as a bar, the worst seen as a dot; the truth lies between them."""
-    rows = [(f"avoid({b.obstacle})", b.proven, b.sampled) for b in certificate.clearances]
-    rows += [(b.part, b.proven, b.sampled) for b in certificate.parts]
+    rows = [(f"avoid({b.obstacle})", b.proven, b.sampled, "m") for b in certificate.clearances]
+    rows += [(b.part, b.proven, b.sampled, units.get(b.part, "m")) for b in certificate.parts]
     rows = sorted((row for row in rows if np.isfinite(row[1])), key=lambda row: row[1])[:ROWS]
     places = np.arange(len(rows))
-    for place, (_, proven, seen) in zip(places, rows, strict=True):
+    for place, (_, proven, seen, unit) in zip(places, rows, strict=True):
         good = proven >= 0
         ax.barh(place, proven, height=0.5, color=LINES[0] if good else "white", edgecolor=LINES[0] if good else TWIN)
         if np.isfinite(seen):
             ax.plot(seen, place, "o", color="black", markersize=4)
-        ax.annotate(length(proven), (max(proven, seen if np.isfinite(seen) else proven, 0.0), place), (6, 0),
+        ax.annotate(length(proven, unit), (max(proven, seen if np.isfinite(seen) else proven, 0.0), place), (6, 0),
                     textcoords="offset points", va="center", fontsize="small")  # fmt: skip
     ax.axvline(0.0, color="black", linewidth=0.8)
-    ax.set_yticks(places, [literal(short(text, LONGEST)) for text, _, _ in rows])
+    ax.set_yticks(places, [literal(short(text, LONGEST)) for text, *_ in rows])
     ax.set_ylim(len(rows) - 0.4, -0.6)
-    ax.set(xlabel="proven (bar), worst seen (dot) [m]")
-    _scale(ax, np.array([value for _, *both in rows for value in both if np.isfinite(value)]))
+    unit = "m" if all(unit == "m" for *_, unit in rows) else "SI units"
+    ax.set(xlabel=f"proven (bar), worst seen (dot) [{unit}]")
+    _scale(ax, np.array([value for _, *both, _ in rows for value in both if np.isfinite(value)]))
     ax.grid(alpha=0.3, axis="x")
     ax.set_title(literal(f"{name}: proven: {certificate.proven}"))
     return ax
