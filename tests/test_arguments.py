@@ -259,3 +259,9 @@ verify: {members: 10}
 def test_the_message_names_the_argument(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ec.ProblemError, match=words):
         problem(**changes)
+
+
+def test_a_misspelt_name_of_the_package_is_guessed_at() -> None:
+    with pytest.raises(AttributeError) as caught:
+        ec.plann  # noqa: B018
+    assert (caught.value.name, caught.value.obj) == ("plann", ec)  # what Python's guess is made of

@@ -483,6 +483,12 @@ CASES = {
         "expected a polygon that does not cross itself, got self-intersection at (2.66667, 2.66667)",
         "repair the polygon first, as with shapely.make_valid, or in QGIS by Fix geometries",
     ),
+    "a circle": (
+        (O1, "{circle: [2, 2, 0.5]}"),
+        (11, 8, "obstacles.o1.circle"),
+        "unknown field",
+        "write a polygon whose sides lie around the circle",
+    ),
     "polygon whose halves cancel": (
         (O1, "{polygon: [[2, 2], [6, 4], [6, 2], [2, 4]]}"),
         (11, 17, "obstacles.o1.polygon"),

@@ -100,6 +100,10 @@ def findings_of(error: ValidationError, root: type[BaseModel] = ProblemFile) -> 
     return [_finding(detail, root, guess=place < MOST_LISTED) for place, detail in found]
 
 
+ROUND = dict.fromkeys(["circle", "disc", "disk"], "write a polygon whose sides lie around the circle")
+"""What to write in place of shapes that there are not."""
+
+
 def _finding(detail: Any, root: type[BaseModel], guess: bool) -> Finding:
     """One of pydantic's errors in our words, with a guess at what was meant."""
     path: Path = tuple(key for key in detail["loc"] if key != "[key]")
@@ -114,7 +118,11 @@ def _finding(detail: Any, root: type[BaseModel], guess: bool) -> Finding:
             return Finding(path, "this is required, but missing", hint)
         case "extra_forbidden":
             known = fields_at(path[:-1], root)
-            hint = (guess and suggestion(path[-1], known)) or f"known here: {', '.join(known)}"
+            hint = (
+                ROUND.get(str(path[-1]), "")
+                or (guess and suggestion(path[-1], known))
+                or f"known here: {', '.join(known)}"
+            )
             return Finding(path, "unknown field", hint, on_key=True)
         case "literal_error":
             known = re.findall(r"'([^']*)'", detail["ctx"]["expected"])
