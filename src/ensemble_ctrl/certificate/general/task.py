@@ -52,24 +52,23 @@ class Elements:
 
     @classmethod
     def of(cls, mesh: Mesh, duration: float, steps: int, parts: int) -> Elements:
-        """The elements of a mesh whose pieces cross no piece of the enclosure."""
+        """The elements of a mesh whose pieces cross no piece of the enclosure where a formula looks at them.
+
+        A step of which a formula looks at an end only is one piece of the mesh: its ends are where they are;
+        nothing is known of the interval.
+        """
         step = duration / steps
-        low = (mesh.begin - mesh.owner * step) / step * parts
-        high = low + mesh.length / step * parts
-        part = np.clip(np.floor((low + high) / 2).astype(np.int64), 0, parts - 1)
-        piece = mesh.owner * parts + part
-        low, high = 2 * (low - part) - 1, 2 * (high - part) - 1
-        after = mesh.owner >= steps  # after the end robots stand
-        piece, low, high = (
-            np.where(after, steps * parts - 1, piece),
-            np.where(after, 1.0, low),
-            np.where(after, 1.0, high),
-        )
-        begin, end = (np.empty(2 * len(piece) + 1) for _ in range(2))
-        begin[:-1:2], end[:-1:2], begin[1::2], end[1::2] = low, low, low, high
-        begin[-1] = end[-1] = high[-1]
-        owner = np.append(np.repeat(piece, 2), piece[-1])
-        return cls(owner, *outwards(begin, end))
+        low, size = (mesh.begin - mesh.owner * step) / step * parts, mesh.length / step * parts
+        owner = np.append(np.repeat(mesh.owner, 2), mesh.owner[-1])
+        begin = np.append(np.repeat(low, 2), low[-1] + size[-1])
+        end = begin.copy()
+        end[1::2] += size
+        part = np.clip(np.floor((begin + end) / 2).astype(np.int64), 0, parts - 1)
+        end = np.where(end - begin > 1.5, np.nan, end)
+        after = owner >= steps  # after the end robots stand
+        piece = np.where(after, steps * parts - 1, owner * parts + part)
+        begin, end = (np.where(after, 1.0, 2 * (share - part) - 1) for share in (begin, end))
+        return cls(piece, *outwards(begin, end))
 
     @cached_property
     def groups(self) -> list[tuple[float, float, Ints]]:
