@@ -25,9 +25,11 @@ from ensemble_ctrl.suggest import Suggestions, relaxations, suggest
 from ensemble_ctrl.suggest.relax import (
     longer_horizon,
     narrower,
+    reversing,
     rounded_up,
     smaller_robots,
     stretched,
+    turned,
     wider_bounds,
     without,
 )
@@ -89,12 +91,39 @@ def test_what_is_tried_depends_on_the_problem() -> None:
     assert "range" not in [way.name for way in relaxations(equal, hit, False)]
 
 
+CAR = SLOW.replace("model: unicycle", "model: bicycle\n  wheelbase: 0.3").replace(
+    "v: [-0.9, 0.9], omega: [-2, 2]", "v: [0, 0.9], delta: [-30 deg, 30 deg]"
+)
+
+
+def test_a_car_may_reverse_and_start_in_other_headings_before_an_obstacle_goes() -> None:
+    hit = [Conflict("avoid(block)", 0.1, {}, 2.0)]
+    names = [way.name for way in relaxations(load_text(CAR), hit, False)]
+    assert names == ["horizon", "range", "reversing", *3 * ["start heading"], "radius", "margin", "obstacle"]
+    back = load_text(CAR, "car", ["fleet.input_bounds.v=[-0.1, 0.9]"])
+    assert "reversing" not in [way.name for way in relaxations(back, hit, False)]
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_reversing_and_other_headings_say_the_same_as_their_overrides(axis: str) -> None:
+    problem = load_text(CAR, "car", ["fleet.start.heading=20 deg", f"fleet.start.heading_from={axis}"])
+    back = reversing(problem, 0.5)
+    np.testing.assert_allclose(back.problem.fleet.input_lower, [-0.45, np.deg2rad(-30)])
+    assert back.change == "reversing at up to 0.45 m/s in place of none"
+    round_about = turned(problem, 180)
+    assert np.cos(round_about.problem.fleet.heading - problem.fleet.heading) == pytest.approx(-1)
+    for relaxed in (back, round_about):
+        changed = load_text(dump(problem), "car", relaxed.overrides).fleet
+        np.testing.assert_allclose(changed.input_lower, relaxed.problem.fleet.input_lower)
+        assert changed.heading == pytest.approx(relaxed.problem.fleet.heading)
+
+
 def test_an_obstacle_that_the_task_names_can_not_be_left_out() -> None:
     assert without(slow('task="F[3, 4] in(goal) and G avoid(obstacles)"'), "block").problem.obstacles == {}
     with pytest.raises(ProblemError):
         without(slow(), "block")
     tried = suggest(slow("fleet.radius=0", "solve.margin=0"), RIGHT_THROUGH, seconds=0.0)
-    assert (tried.helps, tried.failed) == ((), ())
+    assert (tried.helps, tried.failed, tried.limited) == ((), (), True)
 
 
 def test_words_and_overrides_say_the_same() -> None:
@@ -207,7 +236,7 @@ def test_who_watches_can_stop_it() -> None:
         return True
 
     tried = suggest(slow(), RIGHT_THROUGH, progress=stop)
-    assert (tried.helps, tried.failed, told) == ((), (), ["suggest"])
+    assert (tried.helps, tried.failed, told, tried.limited) == ((), (), ["suggest"], False)
 
 
 def test_the_summary_says_it() -> None:
@@ -227,3 +256,5 @@ def test_the_summary_says_it() -> None:
         "             no plan even with equal members",
     ]
     assert isinstance(Suggestions().helps, tuple)
+    late = replace(plan, details={"suggestions": {"failed": ["equal members"], "seconds": 30.0, "limited": True}})
+    assert "             the 30 s for this were up: other changes were not tried" in summary_lines(late)

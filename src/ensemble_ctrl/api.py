@@ -403,6 +403,7 @@ def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
     found = plan.suggest(min(SECONDS, left), progress=progress)
     helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]
     tried = {"helps": helps, "failed": list(found.failed), "seconds": found.seconds}
+    tried |= {"limited": True} if found.limited else {}
     return replace(plan, details={**plan.details, "suggestions": tried})
 
 

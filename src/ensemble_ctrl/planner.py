@@ -48,6 +48,7 @@ from ensemble_ctrl.problem import OdeProblem, Problem
 Floats = NDArray[np.float64]
 T = TypeVar("T")
 Status = Literal["planned", "infeasible", "limit", "interrupted"]
+Curved = Literal["never", "after", "before"]
 Progress = Callable[[str, Iteration | None], bool]
 """Called with a phase and, during a solve, the iteration; returning True asks to stop."""
 
@@ -340,7 +341,7 @@ def _for_all(problem: OdeProblem, middle: Attempt, states: Floats, own: _Search)
     return shooting.second(problem, middle.controls, states, own, own.watch("solve"))
 
 
-def screen(problem: Problem, *, progress: Progress | None = None) -> Floats | None:
+def screen(problem: Problem, *, progress: Progress | None = None, curves: Curved = "never") -> Floats | None:
     """Controls that keep the program's constraints on the coarse grid at a low order, if any are found there.
 
     Parameters
@@ -348,6 +349,8 @@ def screen(problem: Problem, *, progress: Progress | None = None) -> Floats | No
     problem : Problem
     progress : callable, optional
         As for `solve`.
+    curves : {"never", "after", "before"}
+        Whether curves by OMPL are tried too: where no route leads to any, or before the routes.
 
     Returns
     -------
@@ -357,12 +360,21 @@ def screen(problem: Problem, *, progress: Progress | None = None) -> Floats | No
     -----
     *Guarantee*: none; it is a quick look before `solve`, which may find a plan where this finds none and the reverse.
     """
-    search = _Search(problem, progress, None)
-    solved = _coarse_all(
-        search, [seed.controls for seed in seeds(problem, coarse_steps(problem), problem.solve.routes)]
-    )
-    best = min(solved, key=_rank)
-    return best.controls if best.value.keeps(0.0) else None
+    search, steps = _Search(problem, progress, None), coarse_steps(problem)
+
+    def by_routes() -> list[Seed]:
+        return seeds(problem, steps, problem.solve.routes)
+
+    def by_curves() -> list[Seed]:
+        return _curves(search, BATCHES[0], steps) if ompl_paths.available() else []
+
+    ways = {"never": (by_routes,), "after": (by_routes, by_curves), "before": (by_curves, by_routes)}[curves]
+    for guessed in ways:
+        solved = _coarse_all(search, [seed.controls for seed in guessed()])
+        best = min(solved, key=_rank, default=None)
+        if best is not None and best.value.keeps(0.0):
+            return best.controls
+    return None
 
 
 def given(problem: Problem, guess: Floats, steps: int) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -22,6 +23,8 @@ from ensemble_ctrl.ocp.truncation import positions
 from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report import summary_lines
+from ensemble_ctrl.suggest import Suggestion, relaxations
+from ensemble_ctrl.suggest.search import _Search
 from ensemble_ctrl.systems import Unicycle
 
 Floats = NDArray[np.float64]
@@ -171,6 +174,16 @@ def test_a_car_in_a_dead_end_backs_out() -> None:
     assert kinds[:1] == ["route"]
     assert "curve" in kinds
     assert [route["kind"] for route in plan.details["routes"] if route["outcome"] == "kept"] == ["curve"]
+
+
+def test_a_car_in_a_dead_end_is_said_to_need_reversing() -> None:
+    pytest.importorskip("ompl")
+    stuck = load_text(DEAD_END, "dead_end", ["fleet.input_bounds.v=[0, 0.6]"])
+    (way,) = (way for way in relaxations(stuck, [], False) if way.name == "reversing")
+    found = _Search(time.perf_counter() + 60.0, 60.0, None).smallest(replace(way, strengths=(0.75,)))
+    assert isinstance(found, Suggestion)
+    assert found.change == "reversing at up to 0.45 m/s in place of none"
+    assert found.certificate.proven == "yes"
 
 
 def test_what_was_tried_and_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -144,8 +144,10 @@ def _suggested(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
             yield "", " ".join(f"--set {quote(change)}" for change in found["set"])
     if failed:
         yield from (("", line) for line in wrap(f"no plan even with {'; '.join(failed)}", WIDTH - 13))
+    if suggestions.get("limited"):
+        yield "", f"the {suggestions['seconds']:.0f} s for this were up: other changes were not tried"
     if not helps:
-        yield "try", "a longer horizon, higher input bounds, a narrower parameter range, or wider passages"
+        yield "try", "a longer horizon, higher input bounds, reversing, a narrower parameter range, or wider passages"
 
 
 def _fleet(problem: Problem) -> str:

@@ -1,4 +1,4 @@
-"""Ways to make a problem easier: more time, higher bounds, a narrower fleet, smaller robots, an obstacle less."""
+"""Ways to make a problem easier: more time, higher bounds, reversing, another start, a narrower fleet, and so on."""
 
 from __future__ import annotations
 
@@ -14,12 +14,17 @@ from ensemble_ctrl.constraints.stl.rewrite import rebuilt
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Beta, Interval, Law, TruncatedNormal
+from ensemble_ctrl.planner import Curved
 from ensemble_ctrl.problem import Problem
 
 GROWTH = (1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0)
 """Factors on the horizon, or on the input bounds."""
 SHARES = (0.9, 0.8, 0.65, 0.5, 0.35, 0.2, 0.1)
 """Shares of the parameters' ranges that are kept."""
+BACKWARDS = (0.25, 0.5, 1.0)
+"""Speeds backwards, as shares of that forwards."""
+TURNS = (90.0, -90.0, 180.0)
+"""Degrees by which the start is turned, for robots that can't turn on the spot."""
 SMALLER = (0.75, 0.5, 0.25, 0.0)
 """Shares of the robots' radius that are kept."""
 OBSTACLES = 3
@@ -50,7 +55,7 @@ class Relaxation:
 
     Attributes
     ----------
-    name : {"horizon", "input bounds", "range", "radius", "margin", "obstacle"}
+    name : {"horizon", "input bounds", "range", "reversing", "start heading", "radius", "margin", "obstacle"}
     strengths : tuple of float
         From the smallest change to the largest.
     at : callable
@@ -60,6 +65,12 @@ class Relaxation:
     name: str
     strengths: Sequence[float]
     at: Callable[[float], Relaxed]
+
+    @property
+    def curves(self) -> Curved:
+        """Whether what gets possible by it may be to drive a curve, and not along a route."""
+        ways: dict[str, Curved] = {"horizon": "after", "reversing": "before", "start heading": "before"}
+        return ways.get(self.name, "never")
 
 
 def relaxations(problem: Problem, conflicts: Sequence[Conflict], spread: bool) -> Iterator[Relaxation]:
@@ -80,6 +91,11 @@ def relaxations(problem: Problem, conflicts: Sequence[Conflict], spread: bool) -
     narrow = [Relaxation("range", SHARES, lambda s: narrower(problem, s))] if any(_narrows(fleet)) else []
     yield from narrow if spread else longer or [higher]
     yield from (longer or [higher]) if spread else narrow
+    if fleet.input_lower[0] >= 0 < fleet.input_upper[0]:
+        yield Relaxation("reversing", BACKWARDS, lambda s: reversing(problem, s))
+    if not (fleet.system.turns_in_place and fleet.input_lower[0] <= 0 <= fleet.input_upper[0]):
+        for turn in TURNS:
+            yield Relaxation("start heading", (turn,), lambda angle: turned(problem, angle))
     if fleet.radius > 0:
         yield Relaxation("radius", SMALLER, lambda s: smaller_robots(problem, s))
     if problem.solve.margin > 0:
@@ -119,6 +135,27 @@ def wider_bounds(problem: Problem, factor: float) -> Relaxed:
     change = f"input bounds {factor:g} times as wide: {', '.join(f'{name} {text}' for name, text, _ in rows)}"
     overrides = tuple(f"fleet.input_bounds.{name}={bounds}" for name, _, bounds in rows)
     return Relaxed(change, overrides, problem.with_(fleet=replace(fleet, input_lower=lower, input_upper=upper)))
+
+
+def reversing(problem: Problem, share: float) -> Relaxed:
+    """Driving backwards allowed, at a share of the speed forwards."""
+    fleet, system = problem.fleet, problem.fleet.system
+    name, unit, high = system.controls[0], system.control_units[0], float(fleet.input_upper[0])
+    low = -float(f"{share * high:.4g}")
+    change = f"reversing at up to {-low:g} {unit} in place of none"
+    lower = np.array([low, fleet.input_lower[1]])
+    changed = problem.with_(fleet=replace(fleet, input_lower=lower))
+    return Relaxed(change, (f"fleet.input_bounds.{name}={[low, high]}",), changed)
+
+
+def turned(problem: Problem, angle: float) -> Relaxed:
+    """The start turned by some degrees, counter-clockwise."""
+    fleet = problem.fleet
+    degrees = float(f"{(np.rad2deg(fleet.heading) + angle + 180) % 360 - 180:.6g}")
+    changed = problem.with_(fleet=replace(fleet, heading=float(np.deg2rad(degrees))))
+    own = float(f"{np.rad2deg(changed.fleet.own_heading):.6g}")
+    change = f"a start heading of {degrees:g} deg in place of {np.rad2deg(fleet.heading):.4g} deg"
+    return Relaxed(change, (f"fleet.start.heading={own:g} deg",), changed)
 
 
 def narrower(problem: Problem, share: float) -> Relaxed:

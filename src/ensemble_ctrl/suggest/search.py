@@ -66,11 +66,14 @@ class Suggestions:
         The largest changes of other kinds, for which no plan was found either.
     seconds : float
         Time taken.
+    limited : bool
+        Whether the time was up before everything was tried: that other changes do not help is then not known.
     """
 
     helps: tuple[Suggestion, ...] = ()
     failed: tuple[str, ...] = ()
     seconds: float = 0.0
+    limited: bool = False
 
 
 def suggest(
@@ -112,7 +115,7 @@ def suggest(
             break
         if found is not None:
             failed.append(found)
-    return Suggestions(tuple(helps), tuple(failed), seconds - search.left())
+    return Suggestions(tuple(helps), tuple(failed), seconds - search.left(), search.left() <= 0.1 and not helps)
 
 
 @dataclass(eq=False)
@@ -154,7 +157,8 @@ class _Search:
 
         def promising(k: int) -> bool:
             changed = changes[k] = way.at(way.strengths[k])
-            found = screen(_quick(changed.problem, self.left()), progress=self.watch(changed))
+            quick = _quick(changed.problem, self.left())
+            found = screen(quick, progress=self.watch(changed), curves=way.curves)
             if found is not None:
                 guesses[k] = found
             return found is not None
