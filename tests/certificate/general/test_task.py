@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import exp
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ class Growing(ec.OdeSystem):
 
     name, states, positions = "growing", ("x",), ("x",)
     controls, control_units, input_bounds = ("none",), ("1",), ((-1.0, 1.0),)
-    parameters: ClassVar[dict[str, float]] = {"rate": 1.0}
+    parameters: Mapping[str, float] = {"rate": 1.0}
 
     def xdot(self, x, u, psi):  # type: ignore[no-untyped-def]
         """The rate times the state."""
