@@ -122,6 +122,17 @@ def test_the_ladder_of_a_longer_limit_has_the_values_of_a_shorter_one(longest: f
     assert set(short) - {longest} <= set(long)
 
 
+def test_a_proven_guess_for_the_longest_is_the_plan_where_no_value_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    proven_one = planner.solve(load_text(STRAIGHT.replace("{at_most: 8 s}", "8 s")))
+    assert proven(proven_one)
+    nothing = planner.solve(load_text(BLOCK.replace("{at_most: 8 s}", "8 s")), progress=lambda *_: True)
+    monkeypatch.setattr(_Search, "_narrow", lambda *_: nothing)
+    found, soonest = solve(load_text(STRAIGHT), guess=proven_one.controls)
+    assert soonest is not None
+    assert soonest.value == 8.0
+    assert proven(found)
+
+
 def passing(text: str = BLOCK) -> Problem:
     """A check point on the way, to be passed early."""
     return load_text(

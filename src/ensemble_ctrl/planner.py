@@ -523,7 +523,8 @@ def _curves(search: _Search, batch: Sequence[Curves], steps: int) -> list[Seed]:
     def work(own: _Search, candidate: int) -> list[Seed]:
         return curved(problem, batch[candidate], steps, own.over)
 
-    found = [seed for seeds in search.side_by_side("curves", work, len(batch)) for seed in seeds or ()]
+    every = [seed for seeds in search.side_by_side("curves", work, len(batch)) for seed in seeds or ()]
+    found = list({(seed.name, round(seed.length, 6)): seed for seed in every}.values())
     ranks = [_rank(start(problem, seed.controls, coarse(problem))) for seed in found]
     ranked = sorted(range(len(found)), key=lambda i: ranks[i])
     shortest = sorted(range(len(found)), key=lambda i: found[i].length)

@@ -287,6 +287,8 @@ class _Search:
         lowest = bound(self.goal)
         value, controls = self._coarse(lowest, guess)
         last = self._narrow(value, controls, lowest)
+        if self.best is None and guess is not None and not self._over():  # it may be a plan as it is
+            last = self._tried(self.goal.most, guess, self.goal.most)
         if self.best is None:
             return last, None
         best = replace(
