@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import ensemble_ctrl as ec
 import ensemble_ctrl.planner as module
 from ensemble_ctrl.config import load, load_text
 from ensemble_ctrl.conflicts import conflicts
@@ -403,3 +404,43 @@ def test_a_program_that_takes_too_long_to_build_is_left_at_the_time_limit(monkey
     assert sum(solution.seconds.values()) < 60
     with pytest.raises(ChildProcessError):
         os.waitpid(-1, os.WNOHANG)
+
+
+def test_a_proof_and_a_replay_end_with_the_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each gets what is left, and a little more; a proof that is ended claims nothing, a replay is of fewer members."""
+
+    def endless(*_: object) -> None:
+        time.sleep(60)
+
+    monkeypatch.setattr(module, "certify", endless)
+    monkeypatch.setattr(module, "AFTERWARDS", 0.2)
+    monkeypatch.setattr(parallel, "GRACE", 0.1)
+    monkeypatch.setattr(parallel, "endable", lambda: True)
+    monkeypatch.setattr("ensemble_ctrl.replay.BLOCK", 1)
+    problem = load_text(SMALL)
+    late = problem.with_(
+        solve=replace(problem.solve, time_limit=3.0, routes=1), verify=replace(problem.verify, members=40_000)
+    )
+    found = ec.plan(late, check=False)
+    assert found.certificate is not None
+    assert (found.certificate.proven, found.certificate.reason) == ("undecided", "the time limit ended the proof")
+    assert found.certificate.parts == ()
+    assert found.replayed is not None
+    assert 0 < found.replayed.members < 40_000
+    assert found.status == "limit"
+    assert not found.verified
+
+
+def test_an_interruption_ends_a_proof(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "certify", lambda *_: time.sleep(60))
+    monkeypatch.setattr(parallel, "GRACE", 0.1)
+    monkeypatch.setattr(parallel, "SILENCE", 0.1)
+    monkeypatch.setattr(parallel, "endable", lambda: True)
+    problem = load_text(SMALL)
+    found = solve(
+        problem.with_(solve=replace(problem.solve, routes=1)),
+        progress=lambda phase, it: phase == "certify" and it is not None,
+    )
+    assert found.status == "interrupted"
+    assert found.certificate is not None
+    assert found.certificate.reason == "an interruption ended the proof"

@@ -248,3 +248,37 @@ def test_a_share_is_of_the_whole_fleet_and_not_of_a_block() -> None:
     run = replay(problem, straight, parameters=slow_first)
     assert run.satisfied == 1.0
     assert np.ptp(run.robustness) == 0.0
+
+
+def test_a_replay_that_is_ended_is_of_the_members_that_were_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "BLOCK", 10)
+    problem, controls, seen = five(), random_controls(), []
+
+    def watch(members: int) -> bool:
+        seen.append(members)
+        return len(seen) == 3
+
+    cut, whole = replay(problem, controls, members=1000, watch=watch), replay(problem, controls, members=1000)
+    assert seen[:3] == sorted(seen[:3])
+    assert seen[2] <= cut.members < whole.members == 1000
+    np.testing.assert_array_equal(cut.parameters, whole.parameters[: cut.members])
+    np.testing.assert_array_equal(cut.robustness, whole.robustness[: cut.members])
+
+
+def test_what_a_watcher_raises_ends_a_replay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "BLOCK", 1)
+    ran = []
+
+    def run(*given: Any) -> Any:
+        ran.append(1)
+        return before(*given)
+
+    before = module._run
+    monkeypatch.setattr(module, "_run", run)
+
+    def interrupted(_: int) -> bool:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(five(), random_controls(), members=2000, watch=interrupted)
+    assert len(ran) < 2000

@@ -8,6 +8,7 @@ from functools import cached_property
 from math import isfinite
 from os import PathLike
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -345,6 +346,7 @@ def plan(
     """
     from ensemble_ctrl.soonest import solve
 
+    began = perf_counter()
     if not isinstance(problem, Problem):
         problem = load(path_of("problem", problem, "a Problem, or the path of a file with one"))
     controls = guess.controls if isinstance(guess, Plan) else None if guess is None else numbers("guess", guess)
@@ -357,13 +359,34 @@ def plan(
     details = _details(solution) | ({} if soonest is None else {"soonest": asdict(soonest)})
     found = Plan(solution.problem, solution.controls, solution.status, details, None, solution.certificate)
     try:
-        found = replace(found, replayed=found.replay())
+        found = _replayed(found, began, progress)
     except RunawayError:
         known = {name: what for name, what in details.items() if name not in asdict(solution.attempt.value)}
         found = replace(found, status="infeasible" if found.status == "planned" else found.status, details=known)
     if check and not (found.status == "planned" and found.verified):
         raise SolveError(failure_message(found), found)
     return found
+
+
+def _replayed(found: Plan, began: float, progress: Progress | None) -> Plan:
+    """The plan with its replay, as far as that gets in what is left of the time, but at least in `AFTERWARDS`.
+
+    After a wish to stop, that is all there is. A plan that fewer members ran than were asked for is not finished.
+    """
+    from ensemble_ctrl.ocp.solvers import AT_WORK
+    from ensemble_ctrl.planner import AFTERWARDS
+
+    ends, stopped = max(began + found.problem.solve.time_limit, perf_counter() + AFTERWARDS), False
+
+    def watch(_: int) -> bool:
+        nonlocal stopped, ends
+        if not stopped and progress is not None and progress("replay", AT_WORK):
+            stopped, ends = True, min(ends, perf_counter() + AFTERWARDS)
+        return perf_counter() > ends
+
+    run = replay(found.problem, found.controls, watch=watch)
+    cut = run.members < found.problem.verify.members and found.status == "planned"
+    return replace(found, replayed=run, status="interrupted" if cut and stopped else "limit" if cut else found.status)
 
 
 def failure_message(plan: Plan) -> str:

@@ -24,7 +24,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate import Certificate, certify
+from ensemble_ctrl.certificate import Certificate, certify, unproven
 from ensemble_ctrl.checks import building_seconds, spoken
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.robustness import Temporal
@@ -41,7 +41,7 @@ from ensemble_ctrl.ocp.seeds import Seed, seeds
 from ensemble_ctrl.ocp.shooting import search as shooting
 from ensemble_ctrl.ocp.shooting.guess import guesses
 from ensemble_ctrl.ocp.shooting.traced import require_traceable
-from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Watch
+from ensemble_ctrl.ocp.solvers import AT_WORK, IpoptOptions, Iteration, Watch
 from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
 from ensemble_ctrl.problem import OdeProblem, Problem
 
@@ -62,6 +62,10 @@ CURVES = 3
 """Curved guesses of a batch that are solved."""
 CLOSE = 0.05
 """Metres by which an attempt may violate its task for tightening, or a finer solve, to be worth while."""
+AFTERWARDS = 5.0
+"""Seconds that a proof, and a replay, may take however little of the time limit is left."""
+TOO_LATE, STOPPED = "the time limit ended the proof", "an interruption ended the proof"
+"""Why a proof was not finished."""
 TAIL_LIMIT = 1e-3
 """Metres of truncation error beyond which one more moment is carried."""
 
@@ -172,6 +176,20 @@ class _Search:
         """The result of one piece of work, in the same way."""
         return self.side_by_side(phase, lambda own, _: work(own), 1)[0]
 
+    def certified(self, controls: Floats) -> Certificate:
+        """What is proven of controls on the problem's grid in what is left of the time, and at least `AFTERWARDS`.
+
+        A proof is made in a process that can be ended, where there is one.
+        """
+        ends = time.perf_counter() + max(self.left(), AFTERWARDS)
+
+        def tell(_: Iteration) -> bool:
+            self.stopped = self.stopped or (self.progress is not None and self.progress("certify", AT_WORK))
+            return self.stopped
+
+        proof = parallel.alone(lambda _: certify(self.problem, controls), tell, lambda: ends - time.perf_counter())
+        return proof or unproven(self.problem, controls, STOPPED if self.stopped else TOO_LATE)
+
     def told(self, found: Round) -> None:
         """Say how a round of facets ended."""
         if self.progress is not None:
@@ -230,7 +248,7 @@ def solve(
                 break
     best = tries.best
     final, certificate = best.attempt, best.certificate
-    if guess is not None and (proven := _as_given(problem, guess, best)):
+    if guess is not None and (proven := _as_given(search, guess, best)):
         final, certificate = proven.attempt, proven.certificate
     seconds["solve"] = time.perf_counter() - search.began - seconds["guess"] - best.certify_seconds
     if problem.verify.certificate:
@@ -537,14 +555,15 @@ def _is_good(problem: Problem, end: _Finished) -> bool:
     return keeps and end.attempt.value.excess <= 0
 
 
-def _as_given(problem: Problem, guess: Floats, found: _Finished) -> _Finished | None:
+def _as_given(search: _Search, guess: Floats, found: _Finished) -> _Finished | None:
     """The guess as it is, if it is proven and what was found from it is not, or costs more."""
+    problem = search.problem
     controls = _refined(given(problem, guess, problem.steps), problem.steps)
     attempt = replace(start(problem, controls, choose(problem, controls)), status="solved", message="as given")
     better = not _is_proven(found.certificate) or attempt.value.cost < found.attempt.value.cost
     if not problem.verify.certificate or not better or attempt.value.excess > 0:
         return None
-    certificate = certify(problem, controls)
+    certificate = search.certified(controls)
     return _Finished(attempt, certificate, (), 0.0) if _is_proven(certificate) else None
 
 
@@ -566,7 +585,7 @@ def _certified(
     `tightened` solves from an attempt with a problem of more margin; None or the same attempt where there is no time.
     """
     problem, work = search.problem, []
-    certificate = certify(problem, _refined(attempt.controls, problem.steps))
+    certificate = search.certified(_refined(attempt.controls, problem.steps))
     for _ in range(CERTIFY_ROUNDS):
         if certificate.proven == "yes" or not attempt.value.keeps(-CLOSE) or search.over():
             break
@@ -578,10 +597,8 @@ def _certified(
         if tighter is None or tighter is attempt:
             break
         work.append(tighter)
-        again = certify(search.problem, _refined(tighter.controls, problem.steps))
-        if again.proven == "yes" or min(again.clearance, again.robustness) > min(
-            certificate.clearance, certificate.robustness
-        ):
+        again = search.certified(_refined(tighter.controls, problem.steps))
+        if again.proven == "yes" or _least(again) > _least(certificate):
             attempt, certificate = tighter, again
     return attempt, certificate, work
 
@@ -616,7 +633,12 @@ def _no_less_proven(new: Certificate | None, old: Certificate | None) -> bool:
     """Whether a certificate says at least as much as another."""
     if new is None or old is None or new.proven == "yes":
         return True
-    return old.proven != "yes" and min(new.clearance, new.robustness) >= min(old.clearance, old.robustness)
+    return old.proven != "yes" and _least(new) >= _least(old)
+
+
+def _least(certificate: Certificate) -> float:
+    """The smallest bound in it; minus infinity where nothing could be said."""
+    return -np.inf if certificate.reason else min(certificate.clearance, certificate.robustness)
 
 
 def _fine(search: _Search, found: Attempt, problem: Problem) -> Attempt:

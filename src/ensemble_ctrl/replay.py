@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +28,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.values import expect, whole
 
 Floats = NDArray[np.float64]
+T = TypeVar("T")
 
 BLOCK = 1000
 """Members in one block, at 160 steps: the arrays of a block stay in the processor's cache."""
@@ -179,6 +181,7 @@ def replay(
     parameters: ArrayLike | Sequence[Mapping[str, float]] | None = None,
     substeps: int | None = None,
     seed: int | None = None,
+    watch: Callable[[int], bool] | None = None,
 ) -> Replay:
     """Run `controls` on sampled members.
 
@@ -197,6 +200,8 @@ def replay(
         Times looked at in each step for obstacles; default `problem.verify.substeps`.
     seed : int, optional
         Seed of the draw; default `problem.solve.seed`.
+    watch : callable, optional
+        Called after each block with the number of members run so far; returning True ends the replay with these.
 
     Returns
     -------
@@ -220,8 +225,8 @@ def replay(
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
     size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
-    with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
-        results = list(pool.map(lambda block: _run(problem, controls, block, substeps), blocks))
+    results = _watched(blocks, lambda block: _run(problem, controls, block, substeps), watch)
+    drawn = drawn[: sum(map(len, blocks[: len(results)]))]
     robustness = np.concatenate([r for r, _, _, _ in results])
     inside = np.concatenate([i for _, i, _, _ in results], axis=1)
     clearances = tuple(
@@ -273,6 +278,26 @@ def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
     corners = problem.fleet.corners[:members]
     rest = problem.fleet.sample(members - len(corners), problem.solve.seed if seed is None else seed)
     return np.concatenate([corners, rest])
+
+
+def _watched(blocks: Sequence[Floats], run: Callable[[Floats], T], watch: Callable[[int], bool] | None) -> list[T]:
+    """The results of the blocks in order, of all or of the first ones: until `watch` says that it is enough."""
+    ended, done = threading.Event(), 0
+    results: list[T] = []
+    with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
+        try:
+            for block, result in zip(
+                blocks, pool.map(lambda b: None if ended.is_set() else run(b), blocks), strict=True
+            ):
+                if result is None:
+                    break
+                results.append(result)
+                done += len(block)
+                if watch is not None and watch(done):
+                    ended.set()
+        finally:
+            ended.set()  # an exception, as of Ctrl-C, does not wait for the blocks to come
+    return results
 
 
 def _run(

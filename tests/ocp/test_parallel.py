@@ -93,13 +93,17 @@ def test_a_killed_process_has_no_result_and_the_others_go_on(number: signal.Sign
     ("end", "message"),
     [
         (lambda: os.kill(os.getpid(), signal.SIGKILL), "was ended by SIGKILL; was there too little memory?"),
-        (lambda: os.kill(os.getpid(), signal.SIGTERM), "was ended by SIGTERM$"),
+        (lambda: os.kill(os.getpid(), signal.SIGHUP), "was ended by SIGHUP$"),
         (lambda: os._exit(0), "ended without a result$"),
     ],
 )
 def test_how_the_only_process_ended_is_said_at_once(end: Callable[[], None], message: str) -> None:
     with pytest.raises(WorkerError, match=message):
         parallel.alone(lambda _: end(), go_on, plenty)
+
+
+def test_a_group_that_is_asked_to_stop_is_no_error() -> None:
+    assert parallel.alone(lambda _: os.kill(os.getpid(), signal.SIGTERM), go_on, plenty) is None
 
 
 def test_one_that_raises_has_no_result_and_the_others_go_on() -> None:

@@ -4,7 +4,7 @@
 constraints or transcription.
 """
 
-from ensemble_ctrl.certificate.certify import Certificate, CounterExample, certify
+from ensemble_ctrl.certificate.certify import Certificate, CounterExample, certify, unproven
 from ensemble_ctrl.certificate.clearance import Bound
 from ensemble_ctrl.certificate.record import EFFORT, as_data, claim, differences
 from ensemble_ctrl.certificate.task import TaskBound
@@ -19,6 +19,7 @@ __all__ = [
     "certify",
     "claim",
     "differences",
+    "unproven",
 ]
 
 TRUSTED = tuple(

@@ -178,6 +178,13 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     )
 
 
+def unproven(problem: Problem, controls: Floats, reason: str) -> Certificate:
+    """The certificate of a proof that was not finished: nothing is claimed of the fleet's own ranges."""
+    laws = dict(problem.fleet.parameters)
+    ranges = {name: (law.lower, law.upper) for name, law in laws.items()}
+    return Certificate("undecided", (), (), None, ranges, 0, 0.0, fingerprint(problem, controls, laws), reason)
+
+
 def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
     """The fleet's ranges, some of them replaced."""
     if ranges is not None and not isinstance(ranges, Mapping):

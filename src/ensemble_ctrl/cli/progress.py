@@ -135,6 +135,8 @@ def rewritable(stream: TextIO) -> bool:
 
 def _how_far(iteration: Iteration) -> str:
     """An iteration of IPOPT, or how far Bonmin is, in words."""
+    if iteration.count < 0:
+        return "at work"
     if iteration.bound is None and iteration.violation == inf:
         return "building the program"
     if iteration.bound is None:

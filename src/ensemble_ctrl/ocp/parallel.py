@@ -256,7 +256,7 @@ class _Pool(Generic[T]):
             elif kind == "ended":
                 del self.children[child.pipe]
                 number = child.ended()
-                if not child.answered:
+                if not child.answered and number != signal.SIGTERM:  # which a group of processes is asked to stop by
                     found.errors[child.candidate] = WorkerError(_how_it_ended(number))
 
     def _start(self, candidate: int) -> None:

@@ -65,6 +65,8 @@ class Iteration:
 
 BUILDING = Iteration(0, math.inf, math.inf)
 """Before the first iteration, while the program is being built."""
+AT_WORK = Iteration(-1, math.inf, math.inf)
+"""Of work without iterations, as a proof or a replay."""
 Watch = Callable[[Iteration], bool]
 """Called after each iteration; returning True stops the solve at the last iterate."""
 
