@@ -125,6 +125,18 @@ class Boxes:
         """The polynomials in the middle of each box, shape (boxes, quantities)."""
         return np.asarray(np.einsum("bqtp,t,p->bq", self.c, self.basis.middle_time, self.basis.middle_cell))
 
+    def members(self, s: Floats) -> Floats:
+        """The parameters of one member of each box, shape of `centre`; `s` is -1 to 1 in each with a width."""
+        found = self.centre.copy()
+        found[:, self.wide] += s * self.half[:, self.wide]
+        return found
+
+    def at(self, tau: Floats, s: Floats) -> Floats:
+        """The polynomials at one time and member of each box, shape (boxes, quantities), right to some roundings."""
+        times = np.cos(np.arccos(tau)[:, None] * np.arange(self.basis.times))
+        terms = np.cos(np.arccos(s)[:, None, :] * self.basis.exponents).prod(axis=2)
+        return np.asarray(np.einsum("bqtp,bt,bp->bq", self.c, times, terms))
+
     def sizes(self) -> Floats:
         """How much time and each parameter move the quantities, shape (boxes, 1 + parameters)."""
         size = np.abs(self.c)

@@ -8,7 +8,7 @@ that moves them most, until the bound is tight.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -33,6 +33,8 @@ NUMBERS = 20_000_000
 """Coefficients of all boxes looked at for one obstacle before the search for a better bound ends."""
 ROUNDS = 60
 """Largest number of halvings of one box."""
+DESCENTS = 3
+"""Rounds of the search for the closest place of a box."""
 BLOCK = 4_000_000
 """Numbers held at a time for the nearest edges."""
 SMALLEST = 1e-9
@@ -50,6 +52,8 @@ class Prover:
         The position in the states.
     names : sequence of str
         The parameters.
+    lower, upper : ndarray, shape (parameters,)
+        Their ranges.
     duration : float
         Seconds.
     steps : int
@@ -64,6 +68,8 @@ class Prover:
     enclosure: Enclosure
     rows: Floats
     names: Sequence[str]
+    lower: Floats
+    upper: Floats
     duration: float
     steps: int
     boxes: int = field(default=0)
@@ -134,27 +140,70 @@ class Prover:
         middle = c[:, :, 0, 0]
         away = np.linalg.norm(size - np.abs(middle) + pad, axis=1) * UP
         low = obstacle.distance(middle) - away - rounding
-        for normal in self._directions(obstacle, middle):
+        closest = self._closest(boxes, c, obstacle)
+        for normal in self._directions(obstacle, middle, closest, c, boxes):
             along = np.einsum("bd,bdtp->btp", normal, c)
             first = along[:, 0, 0].copy()
             along[:, 0, 0] = 0.0
             spread = (np.abs(along).sum(axis=(1, 2)) + (np.abs(normal) * pad).sum(axis=1)) * UP
             gap = first - spread - (normal @ obstacle.vertices.T).max(axis=1) - 4 * rounding
             low = np.maximum(low, gap - 8 * UNIT * np.abs(gap))
-        seen = obstacle.distance(boxes.middle() - place) + np.linalg.norm(pad, axis=1) + rounding
-        k = int(np.where(np.isnan(seen), np.inf, seen).argmin())
-        if seen[k] < best.sampled:
-            member = dict(zip(self.names, boxes.centre[k].tolist(), strict=True))
-            best = Bound(best.obstacle, best.proven, float(seen[k]), member, float(self._times(boxes)[0][k]))
+        away = np.linalg.norm(pad, axis=1) + 2 * rounding
+        for ends in (np.zeros_like(closest), closest):
+            best = self._seen(boxes, obstacle, motion, ends, away, best)
         return np.where(np.isnan(low), -np.inf, low), best
 
-    def _directions(self, obstacle: Obstacle, points: Floats) -> list[Floats]:
-        """Directions of length one from an obstacle to points: the best facet's, and that from its nearest place."""
+    def _linear(self, boxes: Boxes, c: Floats) -> Floats:
+        """The linear terms in time and in each parameter, shape (boxes, d, 1 + parameters)."""
+        lines = [c[:, :, 0, boxes.basis.line(k)] for k in range(len(boxes.wide))]
+        return np.stack([c[:, :, 1, 0], *lines], axis=2)
+
+    def _closest(self, boxes: Boxes, c: Floats, obstacle: Obstacle) -> Floats:
+        """About where in each box members are closest to an obstacle, -1 to 1 in time and each parameter.
+
+        By descent along one coordinate after the other of the linear part; any answer gives a true bound.
+        """
+        arms = self._linear(boxes, c)
+        square = np.maximum((arms**2).sum(axis=1), 1e-300)
+        found = np.zeros((len(boxes), arms.shape[2]))
+        place = c[:, :, 0, 0].copy()
+        for _ in range(DESCENTS):
+            target = _nearest(obstacle.edges, place)
+            for k in range(arms.shape[2]):
+                step = ((place - target) * arms[:, :, k]).sum(axis=1) / square[:, k]
+                new = np.clip(found[:, k] - step, -1.0, 1.0)
+                place += arms[:, :, k] * (new - found[:, k])[:, None]
+                found[:, k] = new
+        return found
+
+    def _seen(
+        self, boxes: Boxes, obstacle: Obstacle, motion: Motion | None, ends: Floats, away: Floats, best: Bound
+    ) -> Bound:
+        """The smallest distance of one member of each box, with the whole radius in its favour, if below the best."""
+        begin, end = self._times(boxes)[1:]
+        times = (begin + end) / 2 + ends[:, 0] * (end - begin) / 2
+        moved = 0.0 if motion is None else motion.at(times)
+        seen = obstacle.distance(boxes.at(ends[:, 0], ends[:, 1:]) - moved) + away
+        k = int(np.where(np.isnan(seen), np.inf, seen).argmin())
+        if not seen[k] < best.sampled:
+            return best
+        member = np.clip(boxes.where(np.array([k])).members(ends[[k], 1:])[0], self.lower, self.upper).tolist()
+        return Bound(
+            best.obstacle, best.proven, float(seen[k]), dict(zip(self.names, member, strict=True)), float(times[k])
+        )
+
+    def _directions(
+        self, obstacle: Obstacle, middle: Floats, closest: Floats, c: Floats, boxes: Boxes
+    ) -> Iterator[Floats]:
+        """Directions of length one away from an obstacle: its best facets', and those from its nearest places."""
         G, h = obstacle.unit_rows()
-        facet = G[(points @ G.T - h).argmax(axis=1)]
-        apart = points - _nearest(obstacle.edges, points)
-        length = np.linalg.norm(apart, axis=1, keepdims=True)
-        return [facet, np.where(length > 1e-9, apart / np.where(length > 1e-9, length, 1.0), facet)]
+        for points in (middle, middle + np.einsum("bdk,bk->bd", self._linear(boxes, c), closest)):
+            facet = G[(points @ G.T - h).argmax(axis=1)]
+            apart = points - _nearest(obstacle.edges, points)
+            length = np.linalg.norm(apart, axis=1, keepdims=True)
+            outside = (points @ G.T > h).any(axis=1)[:, None] & (length > 1e-9)
+            yield facet
+            yield np.where(outside, apart / np.where(outside, length, 1.0), facet)
 
     def _times(self, boxes: Boxes) -> tuple[Floats, Floats, Floats]:
         """The middle, the beginning and the end of each box in seconds."""

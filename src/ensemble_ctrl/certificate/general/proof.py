@@ -78,8 +78,8 @@ class GeneralProof:
     def _prover(self) -> Prover:
         """The search for the least clearance."""
         fleet = self.problem.fleet
-        rows = np.eye(len(fleet.states))[fleet.place_columns]
-        return Prover(self.enclosure, rows, fleet.names, self.problem.duration, len(self.controls))
+        rows, begin = np.eye(len(fleet.states))[fleet.place_columns], self._start
+        return Prover(self.enclosure, rows, fleet.names, begin.lower, begin.upper, self.problem.duration, len(self.controls))
 
     @property
     def boxes(self) -> int:

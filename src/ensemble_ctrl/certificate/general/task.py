@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+CORNERS = 6
+"""Parameters whose ends are tried in all combinations for a low value."""
 NUMBERS = 200_000_000
 """Coefficients of all cells looked at before the search for a better bound ends."""
 
@@ -216,12 +219,19 @@ class Cells:
         c, pad = (part.reshape(*shape, *part.shape[1:]) for part in (self.boxes.c, self.boxes.pad))
         return Signals(self.boxes.basis, c, pad, self.states, elements, False, found)
 
-    def middles(self, elements: Elements) -> Signals:
-        """Upper bounds over elements for the member in the middle of each cell."""
-        all_ = self.signals(elements)
-        basis = self.boxes.basis
-        pad = (all_.pad + 16 * UNIT * np.abs(all_.c).sum(axis=(3, 4))) * UP
-        return replace(all_, basis=Basis(basis.times, ()), c=all_.c @ basis.middle_cell[:, None], pad=pad, upper=True)
+    def members(self, elements: Elements, cells: Ints, s: Floats) -> Signals:
+        """Upper bounds over elements for one member of each of some cells; `s` is -1 to 1 in each parameter."""
+        all_, basis = self.signals(elements), self.boxes.basis
+        terms = np.cos(np.arccos(s)[:, None, :] * basis.exponents).prod(axis=2)
+        c = np.einsum("mkqtp,mp->mkqt", all_.c[cells], terms)[..., None]
+        pad = (all_.pad[cells] + 64 * UNIT * np.abs(all_.c[cells]).sum(axis=(3, 4))) * UP
+        return replace(all_, basis=Basis(basis.times, ()), c=c, pad=pad, upper=True)
+
+    def parameters(self, cells: Ints, s: Floats) -> Floats:
+        """The parameters of the same members, shape (members, parameters)."""
+        found = self.centre[cells].copy()
+        found[:, self.boxes.wide] += s * self.half[cells][:, self.boxes.wide]
+        return found
 
     def halved(self, open_: NDArray[np.bool_], together: bool) -> Cells:
         """The open cells in two along the parameter that moves the states most; all alike if `together`."""
@@ -248,19 +258,24 @@ def bound_task(
     *Guarantee*: `proven` is never above the robustness of any member in dense time.
     """
     cells = Cells.of(enclosure, all_states, states)
-    proven, sampled, spent, tried = np.inf, np.inf, 0, False
+    proven, sampled, target, spent, tried = np.inf, np.inf, np.inf, 0, False
     member: Mapping[str, float] = {}
     while True:
         spent += cells.boxes.c.size
         found = masses(fleet, cells.centre, cells.half) if fleet_wide else None
         low = schedule.value(cells.signals(elements, found))
-        above = replace(cells.signals(elements, found), upper=True) if fleet_wide else cells.middles(elements)
-        seen = schedule.value(above)
-        if seen.min() < sampled:
-            sampled = float(seen.min())
-            centre = cells.centre[int(seen.argmin())].tolist()
-            member = {} if fleet_wide else dict(zip(fleet.names, centre, strict=True))
-        open_ = low < sampled - TIGHT
+        if fleet_wide:
+            sampled = min(sampled, float(schedule.value(replace(cells.signals(elements, found), upper=True)).min()))
+        else:
+            where = _tried(low, len(enclosure.wide))
+            some = cells.members(elements, *where)
+            seen = schedule.value(some)
+            target = min(target, float(schedule.value(replace(some, upper=False)).min()))
+            if seen.min() < sampled:
+                sampled = float(seen.min())
+                worst = np.clip(cells.parameters(*where)[int(seen.argmin())], *_ends(fleet))
+                member = dict(zip(fleet.names, worst.tolist(), strict=True))
+        open_ = low < target - TIGHT
         if fleet_wide:
             proven = max(proven, float(low.max())) if tried else float(low.max())
             open_ = np.full(len(low), proven < 0 <= sampled)
@@ -272,3 +287,17 @@ def bound_task(
     if not fleet_wide:
         proven = min(proven, float(low.min()))
     return TaskBound("", proven, sampled, dict(member))
+
+
+def _tried(low: Floats, parameters: int) -> tuple[Ints, Floats]:
+    """Members to look at: the middles of all cells, and the corners of the one with the lowest bound."""
+    corners = np.array(list(product((-1.0, 1.0), repeat=min(parameters, CORNERS)))).reshape(-1, min(parameters, CORNERS))
+    corners = np.pad(corners, ((0, 0), (0, parameters - corners.shape[1])))
+    cells = np.concatenate([np.arange(len(low)), np.full(len(corners), int(low.argmin()))])
+    return cells, np.concatenate([np.zeros((len(low), parameters)), corners])
+
+
+def _ends(fleet: Ensemble) -> tuple[Floats, Floats]:
+    """The ranges of the parameters."""
+    laws = list(fleet.parameters.values())
+    return np.array([law.lower for law in laws]), np.array([law.upper for law in laws])
