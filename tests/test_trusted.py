@@ -17,7 +17,7 @@ LINES = 2_900
 """Lines of code that have to be right: neither blank, nor comments, nor docstrings."""
 OF_PROOF = 1_300
 """Those of them in `ensemble_ctrl.certificate`."""
-OF_GENERAL = 1_400
+OF_GENERAL = 1_450
 """Lines of code that have to be right in addition, for systems that are not robots on arcs."""
 UNPROVEN = "ensemble_ctrl.certificate.general.picard"
 """Polynomials near the true states, of which nothing is assumed: how far they are is proven afterwards."""

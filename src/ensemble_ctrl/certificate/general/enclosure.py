@@ -46,7 +46,9 @@ ASSUMED = (1e-7, 1e-5, 1e-3, 1e-1)
 WANTED = 2e-7
 """Radius, relative likewise, below which pieces are not made smaller."""
 WORK = 600_000_000
-"""Work of all pieces together, about in operations, before the search for a better radius ends."""
+"""Work of all pieces together, about in operations, before the search for an enclosure ends."""
+BETTER = 60_000_000
+"""The same for a better radius than that of an enclosure that was found."""
 MOST_PARTS = 16
 """Most pieces of time in one step of control."""
 
@@ -135,7 +137,7 @@ def enclose(system: OdeSystem, start: Start, controls: Floats, duration: float) 
     pieces = Pieces(system, start, np.asarray(controls, dtype=float), duration, basis, wide, np.ones(len(wide), int), 1)
     best: Enclosure | None = None
     reason: Unenclosed | None = None
-    while (pieces.work <= WORK and pieces.parts <= MOST_PARTS) or (best is None and reason is None):
+    while pieces.work <= (WORK if best is None else BETTER) and pieces.parts <= MOST_PARTS:
         try:
             found = pieces.enclosure()
         except NotSmooth:
@@ -150,7 +152,7 @@ def enclose(system: OdeSystem, start: Start, controls: Floats, duration: float) 
             break
         pieces = pieces.finer()
     if best is None:
-        raise reason or Unenclosed("the enclosure takes more work than is allowed")
+        raise reason or Unenclosed(f"{pieces.work:.0e} operations would be needed, more than the {WORK:.0e} allowed")
     return best
 
 

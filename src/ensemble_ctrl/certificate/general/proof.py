@@ -79,7 +79,9 @@ class GeneralProof:
         """The search for the least clearance."""
         fleet = self.problem.fleet
         rows, begin = np.eye(len(fleet.states))[fleet.place_columns], self._start
-        return Prover(self.enclosure, rows, fleet.names, begin.lower, begin.upper, self.problem.duration, len(self.controls))
+        return Prover(
+            self.enclosure, rows, fleet.names, begin.lower, begin.upper, self.problem.duration, len(self.controls)
+        )
 
     @property
     def boxes(self) -> int:
