@@ -201,7 +201,7 @@ class Prover:
             facet = G[(points @ G.T - h).argmax(axis=1)]
             apart = points - _nearest(obstacle.edges, points)
             length = np.linalg.norm(apart, axis=1, keepdims=True)
-            outside = np.asarray(points @ G.T > h).any(axis=1)[:, None] & (length > 1e-9)
+            outside = ((points @ G.T - h).max(axis=1, keepdims=True) > 0) & (length > 1e-9)
             yield facet
             yield np.where(outside, apart / np.where(outside, length, 1.0), facet)
 
