@@ -32,7 +32,7 @@ TRUSTED = tuple(
             *("_rows", "_sides", "cover", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
         ),
         "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
-        "": ("duties", "errors", "readonly", "values"),
+        "": ("duties", "errors", "plain", "readonly", "values"),
     }.items()
     for module in modules
 )

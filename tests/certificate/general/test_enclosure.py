@@ -209,7 +209,19 @@ class Kink(Runaway):
         return [psi["k"] if np.all(x[0] < 0.5) else -psi["k"]]
 
 
-@pytest.mark.parametrize("system", [Runaway(), Pole(), Kink()], ids=lambda s: s.name)
+class Catching(Runaway):
+    """Compares a state, and does something else where that is refused."""
+
+    name = "catching"
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
+        try:
+            return [psi["k"] if x[0] < 0.5 else -psi["k"]]
+        except Exception:
+            return [psi["k"]]
+
+
+@pytest.mark.parametrize("system", [Runaway(), Pole(), Kink(), Catching()], ids=lambda s: s.name)
 def test_what_can_not_be_enclosed_is_said(system: OdeSystem) -> None:
     """A system that escapes, divides by zero on the way or branches on a state ends in an error, not in bounds."""
     begin = start(system, {"k": (0.9, 1.1)}, [0.9 if system.name == "runaway" else 0.0])

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.errors import NotSmooth, Unenclosed
+from ensemble_ctrl.certificate.errors import NotSmooth, Unenclosed, take_refusal
 from ensemble_ctrl.certificate.general.basis import UNIT, UP, Basis
 from ensemble_ctrl.certificate.general.gradients import Gradient, down, up
 from ensemble_ctrl.certificate.general.growth import Jacobian, radii
@@ -350,6 +350,7 @@ class Pieces:
     def _right_side(self, x: Sequence[Any], u: Sequence[Any], psi: Mapping[str, Any]) -> list[Any]:
         """The system's own right-hand side on numbers of any kind."""
         known = {name: psi[name] for name in self.system.parameters}
+        take_refusal()
         try:
             with np.errstate(all="ignore"):
                 rates = list(self.system.xdot(list(x), list(u), known))
@@ -357,6 +358,8 @@ class Pieces:
             raise
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             raise NotSmooth(f"the right-hand side can't be evaluated on intervals: {error}") from error
+        if (refused := take_refusal()) is not None:  # the right-hand side has caught it
+            raise refused
         kind = type(x[0])
         return [rate if isinstance(rate, kind) else x[0] * 0.0 + rate for rate in rates]
 
