@@ -13,11 +13,11 @@ from ensemble_ctrl.certificate import GENERAL, HANDED, TRUSTED
 from test_architecture import imports
 
 ROOT = Path(ensemble_ctrl.__file__).parents[1]
-LINES = 2_900
+LINES = 3_050
 """Lines of code that have to be right: neither blank, nor comments, nor docstrings."""
-OF_PROOF = 1_300
+OF_PROOF = 1_350
 """Those of them in `ensemble_ctrl.certificate`."""
-OF_GENERAL = 1_450
+OF_GENERAL = 1_500
 """Lines of code that have to be right in addition, for systems that are not robots on arcs."""
 UNPROVEN = "ensemble_ctrl.certificate.general.picard"
 """Polynomials near the true states, of which nothing is assumed: how far they are is proven afterwards."""
