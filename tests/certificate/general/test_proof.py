@@ -54,8 +54,8 @@ def test_both_enclosures_hold_each_other(name: str) -> None:
     arcs, general = ec.certify(problem, controls), ec.certify(twin(problem), controls)
     assert general.reason == ""
     assert len(arcs.clearances) == len(general.clearances) > 0
-    pairs = [(b.proven, b.sampled) for b in (*arcs.clearances, *arcs.parts)]
-    others = [(b.proven, b.sampled) for b in (*general.clearances, *general.parts)]
+    pairs = [(b.proven, b.sampled) for b in arcs.clearances] + [(b.proven, b.sampled) for b in arcs.parts]
+    others = [(b.proven, b.sampled) for b in general.clearances] + [(b.proven, b.sampled) for b in general.parts]
     for (proven, sampled), (proven_too, sampled_too) in zip(pairs, others, strict=True):
         assert proven <= sampled_too + 1e-9
         assert proven_too <= sampled + 1e-9
