@@ -113,7 +113,8 @@ def test_one_of_two_parameters_can_be_widened() -> None:
     )
     answer = widest(small, tolerance=0.05, parameter="start_y")
     assert answer.interval is not None
-    assert 0.35 < answer.interval.half_width <= 0.5
+    # members may be in the goal one after the other: it is 1 m high, and they drive at most 1 m in the window's second
+    assert 0.35 < answer.interval.half_width <= 1.0
     assert answer.plan is not None
     assert answer.plan.problem.fleet.parameters["traction"] == Interval(0.95, 1.05)
 

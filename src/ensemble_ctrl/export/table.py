@@ -21,10 +21,10 @@ Floats = NDArray[np.float64]
 def columns(problem: Problem, controls: Floats, members: Members) -> dict[str, Floats]:
     """The columns of the table by their names with units, each of one length.
 
-    The last row, at the end of the horizon, is there only for members; its commands are NaN, since no step begins then.
+    Times are in whole nanoseconds. The last row, at the end of the horizon, is there only for members; its commands are NaN, since no step begins then.
     """
     system, rows = problem.fleet.system, len(controls) + bool(members.parameters)
-    found = {"t [s]": problem.times[:rows]}
+    found = {"t [s]": problem.times[:rows].round(9)}
     for name, unit, values in zip(system.controls, system.control_units, controls.T, strict=True):
         found[f"{name} [{unit}]"] = np.concatenate([values, np.full(rows - len(values), np.nan)])
     for name, values in zip(members.names, members.values, strict=True):

@@ -84,7 +84,7 @@ def length(value: float, of: str = "m") -> str:
     if not isfinite(value) or value == 0:
         return f"{value:g} {of}"
     metres = [(1.0, "m"), (100.0, "cm"), (1000.0, "mm")]
-    factor, unit = metres[(abs(value) < 1) + (abs(value) < 0.01)] if of == "m" else (1.0, of)
+    factor, unit = metres[int(abs(value) < 1) + int(abs(value) < 0.01)] if of == "m" else (1.0, of)
     scale = 10.0 ** (2 - floor(log10(abs(factor * value))))
     return f"{floor(factor * value * scale + 1e-9) / scale:.6g} {unit}"
 

@@ -291,10 +291,9 @@ def bound_task(
 
 def _tried(low: Floats, parameters: int) -> tuple[Ints, Floats]:
     """Members to look at: the middles of all cells, and the corners of the one with the lowest bound."""
-    corners = np.array(list(product((-1.0, 1.0), repeat=min(parameters, CORNERS)))).reshape(
-        -1, min(parameters, CORNERS)
-    )
-    corners = np.pad(corners, ((0, 0), (0, parameters - corners.shape[1])))
+    count = min(parameters, CORNERS)
+    corners = np.array(list(product((-1.0, 1.0), repeat=count))).reshape(2**count, count)
+    corners = np.pad(corners, ((0, 0), (0, parameters - count)))
     cells = np.concatenate([np.arange(len(low)), np.full(len(corners), int(low.argmin()))])
     return cells, np.concatenate([np.zeros((len(low), parameters)), corners])
 
