@@ -21,7 +21,8 @@ Floats = NDArray[np.float64]
 def columns(problem: Problem, controls: Floats, members: Members) -> dict[str, Floats]:
     """The columns of the table by their names with units, each of one length.
 
-    Times are in whole nanoseconds. The last row, at the end of the horizon, is there only for members; its commands are NaN, since no step begins then.
+    Times are in whole nanoseconds. The last row, at the end of the horizon, is there only for members; its commands are
+    NaN, since no step begins then.
     """
     system, rows = problem.fleet.system, len(controls) + bool(members.parameters)
     found = {"t [s]": problem.times[:rows].round(9)}
