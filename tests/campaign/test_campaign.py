@@ -9,7 +9,7 @@ import pytest
 
 from ensemble_ctrl.certificate.enclosure import Flow
 
-from .cases import of_family
+from .cases import make, of_family
 from .judge import judge
 from .membership import excluded
 from .model import Floats
@@ -69,3 +69,9 @@ def test_membership_without_drift_and_slips_is_found_out(monkeypatch: pytest.Mon
 
     monkeypatch.setattr("ensemble_ctrl.receding.membership.departure", none)
     assert any(list(excluded(SEED, index)) for index in range(100))
+
+
+@pytest.mark.parametrize(("seed", "index"), [(0, 8056)])
+def test_cases_that_were_judged_wrongly_once(seed: int, index: int) -> None:
+    """A share was refuted by obstacles that were grown by the radius with sharp corners."""
+    assert judge(make(seed, index)).faults == ()

@@ -308,6 +308,10 @@ def _share(problem: Problem, controls: Floats, laws: Mapping[str, Law], fleet: F
     if best is not None and best.proven >= 0:
         return best
     found = part_bound(problem, controls, laws, chance.part, fleet)  # members that need not be side by side
+    if found.sampled < 0 and problem.fleet.radius > 0:
+        # predicates grow obstacles by the radius with sharp corners: what is refuted is refuted without it
+        bare = problem.with_(fleet=replace(problem.fleet, radius=0.0))
+        found = replace(found, sampled=part_bound(bare, controls, laws, chance.part, fleet).sampled)
     if best is not None and best.proven >= found.proven:
         return replace(best, sampled=found.sampled)
     return replace(found, share=chance.part.p) if found.proven >= 0 else found

@@ -200,7 +200,8 @@ class Judge:
         begin, end = shift + self.scene.duty[0], shift + self.scene.duty[1]
         clear = self.clearance(world, track, began, max(begin, began), end)
         self.hold(clear >= -TOLERANCE, "collides", f"{name} under {step.proof} at step {step.begin}", clear)
-        self.hold(step.clearance <= clear + TOLERANCE, "clearance", f"{name} at {step.begin}: {step.clearance}", clear)
+        later = self.clearance(world, track, began, max(begin, began, step.begin * self.scene.step), end)
+        self.hold(step.clearance <= later + TOLERANCE, "clearance", f"{name} at {step.begin}: {step.clearance}", later)
         if step.proof != "whole":
             return
         for part in self.scene.parts:
