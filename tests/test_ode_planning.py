@@ -282,3 +282,36 @@ solve: {max_iterations: 30}
         "tried: 1 route\n"
     )
     assert not list((tmp_path / "out").glob("*.png"))
+
+
+ESCAPE = """
+import ensemble_ctrl as ec
+
+class Escape(ec.OdeSystem):
+    name, states, positions = "escape", ("x", "y"), ("x", "y")
+    controls, control_units, input_bounds = ("push",), ("m/s",), ((-1.0, 1.0),)
+    parameters = {"k": 1.0}
+
+    def xdot(self, x, u, psi):
+        return [psi["k"] * x[0] ** 2 + u[0], 0 * x[1]]
+"""
+
+
+def test_commands_under_which_a_state_runs_away_are_judged_all_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "escape.py").write_text(ESCAPE)
+    (tmp_path / "problem.yaml").write_text(
+        "name: escape\n"
+        "fleet: {model: {python: escape.py:Escape}, parameters: {k: {range: [0.9, 1.1]}}, start: {position: [1, 0]}}\n"
+        "horizon: {duration: 2 s, steps: 10}\n"
+        "task: G x >= -1\n"
+    )
+    (tmp_path / "controls.csv").write_text("t [s],push [m/s]\n" + "".join(f"{k / 5},0\n" for k in range(10)))
+    assert invoke(["verify", str(tmp_path), "--trust", "--members", "20"]) == 4
+    said = capsys.readouterr().out
+    assert "UNDECIDED: x runs away or is no number" in said
+    assert "replay     x leaves all bounds at t = " in said
+    ec.Plan(ec.load(tmp_path / "problem.yaml", trust=True), np.zeros((10, 1)), "planned").save(tmp_path / "plan.npz")
+    assert invoke(["show", str(tmp_path), "--trust"]) == 3
+    assert "violated   x leaves all bounds at t = " in capsys.readouterr().out

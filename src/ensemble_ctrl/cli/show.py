@@ -8,6 +8,7 @@ from pathlib import Path
 from ensemble_ctrl.api import Plan, checked
 from ensemble_ctrl.cli.run import exit_code
 from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.errors import RunawayError
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.report import summary_lines
 from ensemble_ctrl.results import summary, to_json
@@ -35,4 +36,8 @@ def judged(path: Path, members: int | None = None, substeps: int | None = None) 
     )
     problem = saved.problem.with_(verify=wanted)
     certificate = saved.certify() if verify.certificate else None
-    return checked(saved, replay(problem, saved.controls), certificate)
+    try:
+        run = replay(problem, saved.controls)
+    except RunawayError:  # said as what it violates
+        return replace(checked(saved, None, certificate), status="infeasible")
+    return checked(saved, run, certificate)

@@ -19,7 +19,7 @@ from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.config import dump, load
 from ensemble_ctrl.conflicts import unit_of_parts
 from ensemble_ctrl.duties import other_parts
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.errors import ProblemError, RunawayError
 from ensemble_ctrl.files import read_regular
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planfile import MOST_BYTES
@@ -42,11 +42,12 @@ class Verified:
     asked: bool
     beyond: Beyond | None
     ignore_bounds: bool
+    runaway: str = ""
 
     @property
     def good(self) -> bool:
         """Whether the plan is proven, no replayed member violates it, it keeps its bounds, and its files agree."""
-        replayed = self.run is None or not self.run.violating.any()
+        replayed = not self.runaway and (self.run is None or not self.run.violating.any())
         kept = self.ignore_bounds or self.beyond is None
         return self.certificate.proven == "yes" and replayed and kept and not self.tampered
 
@@ -58,10 +59,14 @@ def verify_plan(
     plan = read_plan(path)
     ranges = dict(_range(text, plan) for text in asked)
     certificate = plan.certify(ranges)
-    run = _replayed(plan, ranges, members) if members else None
+    run, runaway = None, ""
+    try:
+        run = _replayed(plan, ranges, members) if members else None
+    except RunawayError as error:
+        runaway = error.what
     tampered = () if asked else tuple(_disagreements(path, plan, certificate))
     beyond = beyond_bounds(plan.problem, plan.controls)
-    found = Verified(plan, certificate, run, tampered, bool(asked), beyond, ignore_bounds)
+    found = Verified(plan, certificate, run, tampered, bool(asked), beyond, ignore_bounds, runaway)
     code = codes.OK if found.good else codes.NOT_VERIFIED
     if as_json:
         say(to_json(_as_data(found, code)))
@@ -186,6 +191,7 @@ def _lines(found: Verified) -> list[str]:
         head += f", but beyond the {found.beyond.bounds} bounds at t = {found.beyond.time:g} s"
     agree = "agree with each other and with the proof"
     rows = [*proven(problem, found.certificate), *measured(found.run, unit_of_parts(problem, other_parts(problem)))]
+    rows += [("replay", found.runaway)] if found.runaway else []
     if found.beyond is not None:
         rows.append(("bounds", f"{found.beyond}{' (ignored)' if found.ignore_bounds else ''}"))
     rows += [("files", "DISAGREE, see below" if found.tampered else agree)] if not found.asked else []
@@ -201,6 +207,7 @@ def _as_data(found: Verified, code: int) -> dict[str, Any]:
         "verified": found.good,
         "certificate": as_data(found.certificate),
         "replay": None if found.run is None else replay_summary(found.run),
+        "runs_away": found.runaway or None,
         "beyond_bounds": None if found.beyond is None else asdict(found.beyond),
         "tampered": list(found.tampered),
         "exit_code": code,
