@@ -645,7 +645,7 @@ class Receding:
         """With a receding horizon, let the grid begin at the last measurement; what is new at its end is to stand."""
         shift = self._now()[0]
         if self.options.horizon == "receding" and shift > 0:
-            self.plan = np.concatenate([self.plan[shift:], np.zeros((shift, 2))])
+            self.plan = np.concatenate([self.plan[shift:], np.zeros((min(shift, len(self.plan)), 2))])
             self.base += shift
             lasting = all(duty.begin <= 0 and duty.end >= self.problem.duration for duty in duties(self.problem))
             self._evidence = self._evidence.of_a_period() if lasting else NOTHING

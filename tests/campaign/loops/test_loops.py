@@ -25,6 +25,14 @@ def test_what_loops_say_is_so() -> None:
         assert judged is None or judged.faults == (), f"loop 7:{index}"
 
 
+def test_a_measurement_after_more_than_a_horizon_stops_the_robot() -> None:
+    """The plan that is left keeps its length, whatever the horizon has moved by."""
+    judged = run.one(0, 1710).judged
+    assert judged is not None
+    assert judged.faults == ()
+    assert judged.ending == "stopped"
+
+
 @pytest.mark.parametrize("name", QUICK)
 def test_a_loop_with_its_margin_taken_out_is_caught(name: str) -> None:
     assert run.caught(name, 0, 12) is not None
