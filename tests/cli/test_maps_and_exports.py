@@ -51,6 +51,7 @@ def test_a_map_is_printed_without_a_file(command: Command, yard: Path) -> None:
         (["yard.geojson", "-o", "none/a.yaml"], "error: none/a.yaml: can't be written (No such file or directory)\n"),
         (["yard.geojson", "--tolerance", "1 s"], "error: --tolerance: expected a length in m, cm, mm or km, got '1 s', "
          "which is a time\n"),
+        (["yard.geojson", "--unknown", "maybe"], "error: --unknown: expected occupied or free, got 'maybe'\n"),
         (["small.yaml"], "small.yaml: error: resolution: expected a finite number above 0, got nothing\n    hint: for "
          "example  image: office.pgm, resolution: 0.05, origin: [-10, -10, 0]\n1 error in small.yaml\n"),
     ],

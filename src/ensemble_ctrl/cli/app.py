@@ -8,7 +8,7 @@ from contextlib import suppress
 from contextvars import copy_context
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -417,8 +417,12 @@ def import_map(
         ),
     ] = None,
     unknown: Annotated[
-        Literal["occupied", "free"] | None,
-        typer.Option(help="What cells of a grid are that no scan has seen [default: occupied].", metavar="WHAT"),
+        str | None,
+        typer.Option(
+            help="What cells of a grid are that no scan has seen: occupied or free [default: occupied].",
+            metavar="WHAT",
+            autocompletion=completion.unknown_cells,
+        ),
     ] = None,
     section: Annotated[bool, typer.Option("--section", help="Only the obstacles and regions.")] = False,
     overwrite: Replace = False,

@@ -42,6 +42,11 @@ def export_formats(incomplete: str) -> list[str]:
     return _starting(incomplete, ("csv", "json", "geojson", "rosbag"))
 
 
+def unknown_cells(incomplete: str) -> list[str]:
+    """What unknown cells of an occupancy grid can count as."""
+    return _starting(incomplete, ("occupied", "free"))
+
+
 def keys(incomplete: str) -> list[str]:
     """Dotted keys of a problem file, with the ``=`` that follows them."""
     from ensemble_ctrl.config.schema import ProblemFile

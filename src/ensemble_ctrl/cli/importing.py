@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast, get_args
 
 from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.cli.streams import complain, say
@@ -10,7 +11,7 @@ from ensemble_ctrl.config import import_map
 from ensemble_ctrl.config.imported import counted_pieces
 from ensemble_ctrl.config.occupancy import Unknown
 from ensemble_ctrl.config.wrong import Wrong
-from ensemble_ctrl.errors import EnsembleError
+from ensemble_ctrl.errors import EnsembleError, shortened
 from ensemble_ctrl.folder import write_text
 
 
@@ -18,7 +19,7 @@ def import_file(
     source: Path,
     output: Path | None,
     tolerance: str | None,
-    unknown: Unknown | None,
+    unknown: str | None,
     section: bool,
     overwrite: bool,
 ) -> None:
@@ -27,9 +28,9 @@ def import_file(
     Raises
     ------
     EnsembleError
-        If the map or the tolerance is not what was wanted, or the file is there already.
+        If the map, the tolerance or what unknown cells are is not what was wanted, or the file is there already.
     """
-    found = import_map(source, None if tolerance is None else _length(tolerance), unknown)
+    found = import_map(source, None if tolerance is None else _length(tolerance), _unknown(unknown))
     for note in found.notes:
         complain(f"{source}: warning: {note}")
     text = found.section if section else found.problem
@@ -48,3 +49,13 @@ def _length(text: str) -> float:
         return quantity("length", 0)(text)
     except Wrong as error:
         raise EnsembleError(f"--tolerance: {error.message}") from None
+
+
+def _unknown(text: str | None) -> Unknown | None:
+    """What unknown cells are, as typed."""
+    for known in get_args(Unknown):
+        if text == known:
+            return cast(Unknown, known)
+    if text is not None:
+        raise EnsembleError(f"--unknown: expected occupied or free, got {shortened(repr(text))}")
+    return None
