@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import ensemble_ctrl
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 MADE = ("_build", "_generated", "tutorials", "jupyter_execute")
 PAGES = [page for page in sorted(DOCS.rglob("*.md")) if not set(page.relative_to(DOCS).parts) & set(MADE)]

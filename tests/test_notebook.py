@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import ensemble_ctrl
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[1]
 PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if ">>>" in page.read_text(encoding="utf-8")]
 EXAMPLES = sorted((ROOT / "examples").glob("*.ipynb"))
 TUTORIALS = sorted((ROOT / "examples").glob("[0-9]_*.py"))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import ensemble_ctrl
 from ensemble_ctrl.certificate import GENERAL, HANDED, TRUSTED
-from test_architecture import imports
+from tests.test_architecture import imports
 
 ROOT = Path(ensemble_ctrl.__file__).parents[1]
 LINES = 3_050

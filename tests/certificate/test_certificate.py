@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,9 +33,10 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.systems import Unicycle
+from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
-CONFIG = Path(__file__).parents[2] / "configs" / "five_obstacles.yaml"
+CONFIG = CONFIGS / "five_obstacles.yaml"
 SLOW = settings(max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(max_examples=1000, deadline=None)
 

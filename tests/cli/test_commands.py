@@ -14,6 +14,7 @@ import pytest
 import ensemble_ctrl as ec
 from ensemble_ctrl.cli.app import app
 from ensemble_ctrl.results import LIBRARIES
+from tests.paths import CONFIGS
 
 from .conftest import Command
 from .tools import SMALL, environment
@@ -224,8 +225,7 @@ def test_examples(command: Command, place: Path) -> None:
     titles = [line.split(maxsplit=1)[1] for line in listed.out.splitlines()]
     assert max(map(len, titles)) <= 120, "first sentences, none of them cut off"
     assert titles[names.index("minimum_time")].endswith("as soon as the slowest robot can")
-    configs = Path(__file__).parents[2] / "configs"
-    assert names == sorted(path.stem for path in configs.rglob("*.yaml"))
+    assert names == sorted(path.stem for path in CONFIGS.rglob("*.yaml"))
     assert ec.load_text(command("examples", "five_obstacles").out).name == "five_obstacles"
     for name in names:
         assert command("examples", name).out.startswith("# ")

@@ -10,11 +10,10 @@ import pytest
 
 from ensemble_ctrl.cli.init import schema_text, starter_text
 from ensemble_ctrl.config import read_text
+from tests.paths import CONFIGS
 
 from .conftest import Command
 from .tools import COMMAND, environment, left
-
-CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def test_init_writes_a_problem_that_is_planned_and_proven(command: Command, place: Path) -> None:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.paths import SOURCES
+
 SMALL = """\
 # One obstacle on a short way.
 name: small
@@ -44,7 +46,6 @@ verify: {members: 200}
 """
 
 COMMAND = [sys.executable, "-m", "ensemble_ctrl.cli"]
-SOURCES = Path(__file__).parents[2] / "src"
 
 
 @dataclass(frozen=True)

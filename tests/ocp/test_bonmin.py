@@ -19,6 +19,7 @@ import pytest
 import ensemble_ctrl.ocp.bonmin as module
 from ensemble_ctrl.ocp.bonmin import BonminOptions, Branching, MixedOutcome, bonmin, progress_of
 from ensemble_ctrl.ocp.program import Block, Program, assemble
+from tests.paths import ROOT
 
 N = 40
 """Switches of the slow problem."""
@@ -175,8 +176,8 @@ def test_no_child_outlives_its_parent(number: signal.Signals, tmp_path: Path) ->
     script.write_text(
         textwrap.dedent(f"""
         import sys
-        sys.path.insert(0, {str(Path(__file__).parents[1])!r})
-        from ocp.test_bonmin import BonminOptions, run, slow
+        sys.path.insert(0, {str(ROOT)!r})
+        from tests.ocp.test_bonmin import BonminOptions, run, slow
         print("begun", flush=True)
         run(slow(), options=BonminOptions(time_limit=60.0), watch=lambda now: print("running", flush=True))
         """)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,9 @@ from ensemble_ctrl.ocp.truncation import Truncation, choose, points, positions, 
 from ensemble_ctrl.planner import Solution, solve
 from ensemble_ctrl.problem import Guarantee, Problem
 from ensemble_ctrl.replay import replay
+from tests.paths import CONFIGS
 
-CONFIG = Path(__file__).parents[2] / "configs" / "one_obstacles.yaml"
+CONFIG = CONFIGS / "one_obstacles.yaml"
 RNG = np.random.default_rng(6)
 LAWS: dict[str, Law] = {
     "Beta": Beta(0.9, 1.1, 2, 5),

@@ -16,7 +16,7 @@ import pytest
 from ensemble_ctrl.errors import WorkerError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch
-from processes import children
+from tests.processes import children
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
 SOURCES = Path(parallel.__file__).parents[2]

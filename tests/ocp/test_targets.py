@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -26,10 +25,11 @@ from ensemble_ctrl.planner import Solution, solve
 from ensemble_ctrl.problem import Objective, Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, Target, wasserstein
+from tests.paths import CONFIGS
 
 from .problems import five
 
-CONFIGS = Path(__file__).parents[2] / "configs" / "targets"
+FILES = CONFIGS / "targets"
 TARGETS: dict[str, Target] = {
     "line": Formation("traction", np.array([0.9, 1.1]), np.array([[6.2, 5.3], [6.8, 5.7]])),
     "bend": Formation("traction", np.array([0.8, 1.0, 1.2]), np.array([[6, 5], [6.5, 5.5], [6, 6]])),
@@ -102,17 +102,17 @@ def test_wasserstein_is_that_of_normal_laws(seed: int) -> None:
 @cache
 def solution(name: str) -> Solution:
     """The plan of a problem file, made once."""
-    return solve(load(CONFIGS / f"{name}.yaml"))
+    return solve(load(FILES / f"{name}.yaml"))
 
 
 def test_every_file_is_here() -> None:
-    assert sorted(path.stem for path in CONFIGS.glob("*.yaml")) == ["gather", "line"]
+    assert sorted(path.stem for path in FILES.glob("*.yaml")) == ["gather", "line"]
 
 
 @pytest.mark.parametrize("name", ["gather", "line"])
 def test_a_config_is_planned_proven_and_close_to_its_target(name: str) -> None:
     found = solution(name)
-    assert read(CONFIGS / f"{name}.yaml").warnings == ()
+    assert read(FILES / f"{name}.yaml").warnings == ()
     assert found.certificate is not None
     assert (found.status, found.certificate.proven) == ("planned", "yes")
     close = arrival(found.problem, found.controls)

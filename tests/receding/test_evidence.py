@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import count
-from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -19,13 +18,14 @@ from ensemble_ctrl.receding.driver import Outcome, drive
 from ensemble_ctrl.receding.loop import Receding
 from ensemble_ctrl.receding.measurement import Measurement
 from ensemble_ctrl.receding.simulated import SimulatedRobot
+from tests.paths import CONFIGS
 
 from .problems import SHORT, clearance, options, plan, robot
 from .test_loop import disturbed, events
 from .test_sets import problem_of, straight
 
 Floats = NDArray[np.float64]
-CONFIGS = Path(__file__).parents[2] / "configs" / "online"
+FILES = CONFIGS / "online"
 START = Measurement(0.0, 0.0, 0.0, 0.0)
 
 
@@ -176,7 +176,7 @@ def test_a_task_of_obstacles_alone_can_be_planned_for() -> None:
 
 def test_a_loop_of_a_file_runs_as_the_file_says(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Receding, "_prepare", lambda self: None)
-    problem = ec.load(str(CONFIGS / "three_robots_online.yaml"))
+    problem = ec.load(str(FILES / "three_robots_online.yaml"))
     loop = Receding(problem, controls=np.zeros((160, 2)))
     assert (loop.options.deadline, tuple(loop.robots)) == (0.8, ("ada", "ben", "cleo"))
     own = Receding(problem, options(deadline=0.3), np.zeros((160, 2)), robots=("one",))

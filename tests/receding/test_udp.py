@@ -15,8 +15,9 @@ from typing import Any
 import pytest
 
 import ensemble_ctrl
+from tests.paths import ROOT
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "udp_robot.py"
+EXAMPLE = ROOT / "examples" / "udp_robot.py"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(ensemble_ctrl.__file__).parents[1]), "OMP_NUM_THREADS": "1"}
 
 

@@ -18,13 +18,14 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.receding.driver import Outcome, drive
 from ensemble_ctrl.receding.loop import Receding
 from ensemble_ctrl.receding.settings import OnlineSettings
+from tests.paths import CONFIGS
 
 from .judge import Judge, Judged, finite, number
 from .robot import Adversary
 from .scene import Part, Scene
 from .world import Ran, World, world_of
 
-FOLDER = Path(__file__).parents[3] / "configs" / "online"
+FOLDER = CONFIGS / "online"
 FILES = tuple(sorted(FOLDER.glob("*.yaml")))
 
 

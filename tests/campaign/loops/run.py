@@ -14,6 +14,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tests.paths import ROOT
+
 from .configs import FILES, judge_file
 from .controls import CONTROLS
 from .judge import Judged, judge
@@ -22,7 +24,7 @@ from .swarms import judge_swarm
 from .tables import rewrite
 
 RESULTS = Path(__file__).parent / "results.json"
-PAGE = Path(__file__).parents[3] / "docs" / "online_proof.md"
+PAGE = ROOT / "docs" / "online_proof.md"
 CHUNK = 10
 SWARM = 20
 """One loop in so many is a swarm."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,9 +16,9 @@ from ensemble_ctrl.constraints import Obstacle, Solid
 from ensemble_ctrl.duties import duties
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.systems.arrays import cos, sin
+from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
-CONFIGS = Path(__file__).parents[3] / "configs"
 
 
 class Robot(ec.OdeSystem):

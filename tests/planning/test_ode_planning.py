@@ -24,9 +24,9 @@ from ensemble_ctrl.folder import ResultsFolder
 from ensemble_ctrl.receding.loop import Receding
 from ensemble_ctrl.replay import replay, states
 from ensemble_ctrl.report import summary_lines
+from tests.paths import ROOT
 
 Floats = NDArray[np.float64]
-ROOT = Path(__file__).parents[1]
 QUADROTOR = ROOT / "configs" / "systems" / "quadrotor_delivery.yaml"
 MASSES = ROOT / "configs" / "systems" / "unknown_mass.yaml"
 OWN = ROOT / "examples" / "own_system.py"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tracemalloc
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -21,9 +20,10 @@ from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay, trajectories
 from ensemble_ctrl.systems import Unicycle
+from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
-CONFIG = Path(__file__).parents[1] / "configs" / "five_obstacles.yaml"
+CONFIG = CONFIGS / "five_obstacles.yaml"
 
 
 @cache

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,8 +18,9 @@ from ensemble_ctrl.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.widening import widest
+from tests.paths import CONFIGS
 
-CONFIGS = Path(__file__).parents[1] / "configs" / "fleets"
+FILES = CONFIGS / "fleets"
 COSTS = {
     "bicycle": 0.41,
     "cells": 4.10,
@@ -35,7 +35,7 @@ fleets = pytest.mark.parametrize("name", sorted(COSTS))
 @cache
 def problem(name: str) -> Problem:
     """The problem of a file."""
-    return load(CONFIGS / f"{name}.yaml")
+    return load(FILES / f"{name}.yaml")
 
 
 @cache
@@ -45,13 +45,13 @@ def solution(name: str) -> Solution:
 
 
 def test_every_file_is_here() -> None:
-    assert sorted(path.stem for path in CONFIGS.glob("*.yaml")) == sorted(COSTS)
+    assert sorted(path.stem for path in FILES.glob("*.yaml")) == sorted(COSTS)
 
 
 @fleets
 def test_it_is_planned_and_proven_for_every_member(name: str) -> None:
     found = solution(name)
-    assert read(CONFIGS / f"{name}.yaml").warnings == ()
+    assert read(FILES / f"{name}.yaml").warnings == ()
     assert found.status == "planned"
     assert found.certificate is not None
     assert found.certificate.proven == "yes"

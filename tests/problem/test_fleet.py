@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval, Law, Samples
 from ensemble_ctrl.ocp.truncation import choose
 from ensemble_ctrl.systems import Unicycle
+from tests.paths import CONFIGS
 
 
 def fleet(axis: Any = "x", **parameters: tuple[float, float]) -> Fleet:
@@ -139,7 +139,7 @@ def test_means_and_squares_of_a_truncation_are_over_the_cloud() -> None:
 
 def five_with(fleet: Fleet) -> ec.Problem:
     """A map for a fleet."""
-    problem = ec.load(Path(__file__).parents[1] / "configs" / "five_obstacles.yaml")
+    problem = ec.load(CONFIGS / "five_obstacles.yaml")
     return problem.with_(fleet=fleet, order=None)
 
 

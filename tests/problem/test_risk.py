@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,9 +23,10 @@ from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Objective, Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.risk import Loss, Risk, value_at_risk
+from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
-CONFIGS = Path(__file__).parents[1] / "configs" / "risk"
+FILES = CONFIGS / "risk"
 GATE = """
 fleet:
   model: unicycle
@@ -138,7 +138,7 @@ def test_each_command_has_a_weight() -> None:
 
 @pytest.mark.parametrize("name", ["cvar_terminal", "cvar_clearance", "share"])
 def test_configs_load_without_a_warning_and_are_written_again(name: str) -> None:
-    loaded = read(CONFIGS / f"{name}.yaml")
+    loaded = read(FILES / f"{name}.yaml")
     assert loaded.warnings == ()
     assert load_text(dump(loaded.problem)).objective.cvar == loaded.problem.objective.cvar
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,8 +17,9 @@ from ensemble_ctrl.ocp.seeds import Seed, seeds
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay, trajectories
 from ensemble_ctrl.soonest import TOLERANCE, Duration, Passage, _Search, bound, goal_of, solve
+from tests.paths import CONFIGS
 
-CONFIGS = Path(__file__).parents[1] / "configs" / "time"
+FILES = CONFIGS / "time"
 STRAIGHT = """
 fleet:
   model: unicycle
@@ -170,7 +170,7 @@ def test_a_plan_tells_what_was_found() -> None:
 
 @pytest.mark.parametrize("name", ["minimum_time", "earliest_passage"])
 def test_configs_load_without_a_warning_and_are_written_again(name: str) -> None:
-    loaded = read(CONFIGS / f"{name}.yaml")
+    loaded = read(FILES / f"{name}.yaml")
     assert loaded.warnings == ()
     again = load_text(dump(loaded.problem))
     assert (again.least_duration, again.duration) == (loaded.problem.least_duration, loaded.problem.duration)
@@ -197,7 +197,7 @@ def test_mistakes_are_told(old: str, new: str, wanted: str) -> None:
 
 
 def test_the_deadline_of_a_passage_reads_like_a_time() -> None:
-    problem = load(CONFIGS / "earliest_passage.yaml")
+    problem = load(FILES / "earliest_passage.yaml")
     goal = goal_of(problem)
     assert isinstance(goal, Passage)
     texts = [str(goal.at(k * problem.step).task) for k in range(20, problem.steps)]
@@ -206,7 +206,7 @@ def test_the_deadline_of_a_passage_reads_like_a_time() -> None:
 
 def test_bounds_from_python_are_checked() -> None:
     with pytest.raises(ProblemError, match="expected at_least from 0 s up to at_most, 8 s, got 9 s"):
-        load(CONFIGS / "minimum_time.yaml").with_(duration=8.0, least_duration=9.0)
+        load(FILES / "minimum_time.yaml").with_(duration=8.0, least_duration=9.0)
 
 
 INSTANT = STRAIGHT.replace("at_most: 8 s}, steps: 20", "at_most: 5.3 s}, steps: 7").replace(

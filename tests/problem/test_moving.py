@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -24,9 +22,10 @@ from ensemble_ctrl.planner import solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay, trajectories
 from ensemble_ctrl.systems import Unicycle
+from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
-CONFIG = Path(__file__).parents[1] / "configs" / "moving" / "crossing.yaml"
+CONFIG = CONFIGS / "moving" / "crossing.yaml"
 seeds = st.integers(0, 2**31)
 MANY = settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 

@@ -28,8 +28,9 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.report import summary_lines
 from ensemble_ctrl.results import summary, to_json
+from tests.paths import CONFIGS
 
-CONFIG = Path(__file__).parents[1] / "configs" / "minlp" / "three_obstacles_minlp.yaml"
+CONFIG = CONFIGS / "minlp" / "three_obstacles_minlp.yaml"
 SMALL = """
 name: small
 fleet:

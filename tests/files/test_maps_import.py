@@ -29,6 +29,7 @@ from ensemble_ctrl.constraints.polygon import is_convex
 from ensemble_ctrl.errors import ConfigError, ProblemError
 from ensemble_ctrl.planner import solve
 from ensemble_ctrl.replay import replay
+from tests.paths import CONFIGS
 
 NANOMETRE = 1e-9
 FINE = {"resolution": 0.5, "origin": [0.0, 0.0, 0.0]}
@@ -577,7 +578,7 @@ def test_hostile_images_are_refused(tmp_path: Path, case: tuple[str, bytes, str]
 
 
 def test_the_yard_takes_its_features_from_one_file() -> None:
-    loaded = read(Path(__file__).parents[1] / "configs" / "maps" / "yard.yaml")
+    loaded = read(CONFIGS / "maps" / "yard.yaml")
     assert loaded.warnings == ()
     pieces = {name: len(found) for name, found in loaded.problem.obstacles.items()}
     assert pieces == {"house": 2, "greenhouse": 4, "hedge": pieces["hedge"], "trees": 2}
@@ -586,7 +587,7 @@ def test_the_yard_takes_its_features_from_one_file() -> None:
 
 
 def test_the_office_is_planned_and_proven() -> None:
-    problem = load(Path(__file__).parents[1] / "configs" / "maps" / "office.yaml")
+    problem = load(CONFIGS / "maps" / "office.yaml")
     assert 20 <= len(problem.pieces) <= 40
     found = solve(problem)
     assert found.status == "planned"

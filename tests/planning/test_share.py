@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,9 +26,10 @@ from ensemble_ctrl.replay import replay
 from ensemble_ctrl.report.text import measured, proven
 from ensemble_ctrl.report.words import certificate_words
 from ensemble_ctrl.systems import Unicycle
+from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
-CONFIG = Path(__file__).parents[1] / "configs" / "risk" / "share.yaml"
+CONFIG = CONFIGS / "risk" / "share.yaml"
 MANY = settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 seeds = st.integers(0, 2**31)
 SIGNPOST = """

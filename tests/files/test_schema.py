@@ -14,10 +14,10 @@ from ensemble_ctrl.arguments.units import WANTED, pattern, quantity
 from ensemble_ctrl.cli.init import schema_text
 from ensemble_ctrl.config import load, schema
 from ensemble_ctrl.config.wrong import Wrong
+from tests.paths import ROOT
 
 jsonschema = pytest.importorskip("jsonschema")
 
-ROOT = Path(__file__).parents[1]
 STORED = ROOT / "schema" / "problem.schema.json"
 CONFIGS = sorted((ROOT / "configs").rglob("*.yaml"))
 FIVE = ROOT / "configs" / "five_obstacles.yaml"

@@ -23,8 +23,9 @@ from ensemble_ctrl.config.wrong import Wrong
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.errors import ConfigError
 from ensemble_ctrl.problem import Problem, ReportOptions, SolveOptions, VerifyOptions
+from tests.paths import CONFIGS
 
-FIVE = Path(__file__).parents[1] / "configs" / "five_obstacles.yaml"
+FIVE = CONFIGS / "five_obstacles.yaml"
 GOOD = """\
 name: small
 fleet:

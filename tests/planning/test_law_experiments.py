@@ -13,8 +13,9 @@ from ensemble_ctrl.cli.verify import _replayed
 from ensemble_ctrl.config import read
 from ensemble_ctrl.moments import Beta, Interval, Samples
 from ensemble_ctrl.problem import Problem
+from tests.paths import CONFIGS
 
-CONFIGS = Path(__file__).parents[1] / "configs" / "laws"
+FILES = CONFIGS / "laws"
 NAMES = ["beta", "measured"]
 experiments = pytest.mark.parametrize("name", NAMES)
 
@@ -22,7 +23,7 @@ experiments = pytest.mark.parametrize("name", NAMES)
 @cache
 def problem(name: str) -> Problem:
     """The problem of a file, which has no warnings."""
-    loaded = read(CONFIGS / f"{name}.yaml")
+    loaded = read(FILES / f"{name}.yaml")
     assert loaded.warnings == ()
     return loaded.problem
 
@@ -34,7 +35,7 @@ def planned(name: str) -> Plan:
 
 
 def test_every_file_is_an_experiment_here() -> None:
-    assert sorted(path.stem for path in CONFIGS.glob("*.yaml")) == NAMES
+    assert sorted(path.stem for path in FILES.glob("*.yaml")) == NAMES
 
 
 def test_what_the_files_say() -> None:
@@ -43,7 +44,7 @@ def test_what_the_files_say() -> None:
     assert isinstance(law, Samples)
     assert len(law.values) == 60
     assert 0.9 < law.lower < 0.95 < 1.0 < law.upper < 1.1
-    table = np.loadtxt(CONFIGS / "measured.csv", delimiter=",", skiprows=2)
+    table = np.loadtxt(FILES / "measured.csv", delimiter=",", skiprows=2)
     np.testing.assert_array_equal(law.values, np.sort(table[:, 1]))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +13,8 @@ from ensemble_ctrl.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.twin import unconstrained
+from tests.paths import CONFIGS
 
-CONFIGS = Path(__file__).parents[1] / "configs"
 PRINTED = json.loads((CONFIGS.parent / "docs" / "_static" / "gallery" / "facts.json").read_text(encoding="utf-8"))
 """What the gallery prints of each problem."""
 COSTS = {path.stem: PRINTED[path.stem]["cost"] for path in CONFIGS.glob("*.yaml")}

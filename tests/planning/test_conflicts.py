@@ -6,7 +6,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,8 +24,9 @@ from ensemble_ctrl.replay import replay
 from ensemble_ctrl.report.text import conflict_text, measured, proven
 from ensemble_ctrl.report.words import certificate_words
 from ensemble_ctrl.systems import OdeSystem
+from tests.paths import CONFIGS
 
-CONFIG = Path(__file__).parents[1] / "configs" / "five_obstacles.yaml"
+CONFIG = CONFIGS / "five_obstacles.yaml"
 FORWARD = np.zeros((160, 2))
 FORWARD[:, 0] = np.sqrt(2) * 4 / 16  # the nominal robot drives from (1, 1) to (5, 5) along the diagonal
 

@@ -30,10 +30,11 @@ from ensemble_ctrl.planner import Solution, coarse_steps, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import replay
 from ensemble_ctrl.systems import Unicycle
-from processes import children
+from tests.paths import CONFIGS
+from tests.processes import children
 
 Floats = NDArray[np.float64]
-CONFIG = Path(__file__).parents[1] / "configs" / "five_obstacles.yaml"
+CONFIG = CONFIGS / "five_obstacles.yaml"
 SMALL = """
 name: small
 fleet:
