@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,20 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from ensemble_ctrl.api import Plan
 from ensemble_ctrl.config import load_text
 from ensemble_ctrl.config.geojson import shapes_of
+from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.errors import EnsembleError, ProblemError, UnsupportedError
 from ensemble_ctrl.export.tube import areas
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.ode_fleet import OdeFleet
+from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.replay import states, trajectories
+from ensemble_ctrl.systems import OdeSystem, PlanarQuadrotor
+from report.plans import ode_made
 
 Floats = NDArray[np.float64]
 
@@ -63,8 +71,8 @@ def test_every_member_is_in_the_tube_at_every_time_looked_at(fleet: str) -> None
         paths = trajectories(plan.problem, plan.controls, members, substeps=7)
         for k, area in enumerate(areas(plan.problem, plan.controls)):
             during = paths[:, 7 * k : 7 * k + 8].reshape(-1, 2)
-            shapely.prepare(area)
-            assert shapely.covers(area, shapely.points(during)).all()
+            shapely.prepare(area.outline)
+            assert shapely.covers(area.outline, shapely.points(during)).all()
 
 
 @pytest.mark.parametrize("fleet", ["one traction", "place alone", "bicycle"])
@@ -74,7 +82,7 @@ def test_the_tube_is_not_much_larger_than_the_fleet(fleet: str) -> None:
     paths = trajectories(plan.problem, plan.controls, members, substeps=8)
     for k, area in enumerate(areas(plan.problem, plan.controls)):
         during = shapely.MultiPoint(paths[:, 8 * k : 8 * k + 9].reshape(-1, 2)).convex_hull.buffer(0.02)
-        assert area.difference(during).area < 1e-9
+        assert area.outline.difference(during).area < 1e-9
 
 
 def test_the_tube_as_geojson_has_a_feature_for_each_step_and_one_for_all(tmp_path: Path) -> None:
@@ -87,6 +95,44 @@ def test_the_tube_as_geojson_has_a_feature_for_each_step_and_one_for_all(tmp_pat
     assert all(step.is_valid and whole.covers(step) for step in steps)
     assert data["features"][3]["properties"]["t_end"] == pytest.approx(0.75)
     assert data["features"][0]["properties"]["parameters"] == {"traction": [0.8, 1.2]}
+
+
+@pytest.mark.parametrize("kind", ["plane", "space", "line"])
+def test_members_of_other_systems_are_in_the_tube_between_its_heights(kind: str, tmp_path: Path) -> None:
+    plan = ode_made(kind)
+    fleet, count = plan.problem.fleet, len(plan.problem.fleet.places)
+    paths = trajectories(plan.problem, plan.controls, np.concatenate([fleet.sample(100, 1), fleet.corners]), 7)
+    data = json.loads(plan.export(tmp_path / "tube.geojson").read_text())
+    whole, *steps = data["features"]
+    assert whole["properties"]["axes"] == list(fleet.places[:2])
+    assert len(steps) == plan.problem.steps
+    for k, feature in enumerate(steps):
+        during, facts = paths[:, 7 * k : 7 * k + 8].reshape(-1, count), feature["properties"]
+        area = shapely.geometry.shape(feature["geometry"])
+        flat = np.column_stack([during, np.zeros(len(during))]) if count == 1 else during[:, :2]
+        near = shapely.MultiPoint(flat).convex_hull.buffer(0.02)
+        assert shapely.covers(area, shapely.points(flat)).all()
+        assert area.difference(near).area < 1e-9
+        assert shapely.geometry.shape(whole["geometry"]).covers(area)
+        if count == 3:
+            assert facts["z_min"] <= during[:, 2].min() <= facts["z_min"] + 0.02
+            assert facts["z_max"] - 0.02 <= during[:, 2].max() <= facts["z_max"]
+            assert whole["properties"]["z_min"] <= facts["z_min"] < facts["z_max"] <= whole["properties"]["z_max"]
+        else:
+            assert not {"z_min", "z_max", "x_min", "y_min"} & set(facts)
+
+
+def test_a_system_without_enclosure_has_no_tube(tmp_path: Path) -> None:
+    class Escaping(OdeSystem):
+        name, states, positions = "escaping", ("x",), ("x",)
+        controls, control_units, input_bounds = ("u",), ("1",), ((-1.0, 1.0),)
+
+        def xdot(self, x: Any, u: Any, psi: Any) -> list[Any]:
+            return [x[0] ** 2 + u[0]]
+
+    problem = OdeProblem("out", OdeFleet(Escaping(), {}, {"x": 1.0}), 2.0, 10, parse("G x >= -1"))
+    with pytest.raises(UnsupportedError, match=r"geojson: nothing is proven of where the fleet is: .*runs away"):
+        Plan(problem, np.zeros((10, 1)), "planned").export(tmp_path / "tube.geojson")
 
 
 # --- tables and JSON
@@ -176,9 +222,6 @@ def test_other_systems_have_their_own_states(tmp_path: Path) -> None:
         assert member["x"][-1] == pytest.approx(acceleration * 2**2 / 2)
     header = plan.export(tmp_path / "plan.csv", members=1).read_text().splitlines()[0]
     assert header.startswith("t [s],fx [N],fy [N],x [m] (mass=1),y [m] (mass=1)")
-    for form in ("geojson", "rosbag"):
-        with pytest.raises(UnsupportedError, match="robots on arcs, got one of the double_integrator"):
-            plan.export(tmp_path / "none", form)
 
 
 # --- ROS 2 bags
@@ -225,6 +268,40 @@ def test_a_bicycle_gets_steering_angles(tmp_path: Path) -> None:
     messages = bag_of(plan.export(tmp_path / "plan", "rosbag", members=0))
     sent = [[m.drive.speed, m.drive.steering_angle] for _, m in messages["/ackermann_cmd"]]
     np.testing.assert_allclose(sent[:-1], plan.controls, rtol=1e-6)
+
+
+def test_a_bag_of_robots_in_space_has_their_places_and_attitudes(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    plan = ode_made("space")
+    controls = plan.controls + np.array([0.0, 0.02, 0.05, 0.01])
+    messages = bag_of(replace(plan, controls=controls).export(tmp_path / "plan", "rosbag", members=2))
+    assert set(messages) == {"/commands", "/member_0/path", "/member_1/path"}
+    sent = messages["/commands"]
+    assert [t for t, _ in sent] == [100_000_000 * k for k in range(11)]
+    assert {m.layout.dim[0].label for _, m in sent} == {"thrust, tau_x, tau_y, tau_z"}
+    assert isinstance(plan.problem, OdeProblem)
+    rest = plan.problem.fleet.rest(plan.problem.fleet.center)
+    np.testing.assert_array_equal([m.data for _, m in sent], [*controls.tolist(), rest])
+    for k, member in enumerate(plan.problem.fleet.spread(2)):
+        wanted = states(plan.problem, controls, member[None])[0]
+        poses = [stamped.pose for stamped in messages[f"/member_{k}/path"][0][1].poses]
+        np.testing.assert_allclose([[p.position.x, p.position.y, p.position.z] for p in poses], wanted[:, :3])
+        turns = np.array([[p.orientation.w, p.orientation.x, p.orientation.y, p.orientation.z] for p in poses])
+        np.testing.assert_allclose(turns, wanted[:, 6:10], atol=1e-7)
+        assert np.abs(turns[-1, 1:]).min() > 1e-4
+
+
+def test_a_bag_of_a_vertical_plane_is_along_its_axes_and_thrust_is_along_the_robot_s_z(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    fleet = OdeFleet(PlanarQuadrotor(), {"mass": Interval(0.9, 1.1)}, {"z": 2.0, "tilt": 0.3})
+    problem = OdeProblem("out", fleet, 1.0, 4, parse("G z >= 0"))
+    plan = Plan(problem, np.tile([9.81, 0.01], (4, 1)), "planned")
+    [(_, path)] = bag_of(plan.export(tmp_path / "plan", "rosbag", members=1))["/member_0/path"]
+    pose, tilt = path.poses[0].pose, 0.3
+    assert (pose.position.x, pose.position.y, pose.position.z) == (0.0, 0.0, 2.0)
+    q = pose.orientation
+    along = Rotation.from_quat([q.x, q.y, q.z, q.w]).apply([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(along, [-np.sin(tilt), 0.0, np.cos(tilt)], atol=1e-12)
 
 
 def test_bags_replace_only_bags(tmp_path: Path) -> None:

@@ -156,8 +156,6 @@ def test_what_needs_a_proof_or_arcs_says_so_at_once(capsys: pytest.CaptureFixtur
     assert invoke(["compare", str(MASSES), "-q"]) == 2
     assert "compare: expected robots on arcs" in capsys.readouterr().err
     problem = ec.load(MASSES)
-    with pytest.raises(ec.UnsupportedError, match="export csv or json instead"):
-        export(problem, np.zeros((40, 2)), None, "geojson")
     with pytest.raises(ec.UnsupportedError, match="a loop drives robots on arcs"):
         Receding(problem)
 

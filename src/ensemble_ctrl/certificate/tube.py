@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import CELLS
 from ensemble_ctrl.certificate.enclosure import Flow, Ints, Track, first_cells, signs_of
+from ensemble_ctrl.certificate.general.proof import GeneralProof
+from ensemble_ctrl.certificate.general.tube import hulls
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import Problem
 
@@ -26,7 +29,7 @@ class Tube:
 
     Attributes
     ----------
-    points : ndarray, shape (steps, cells, points, 2)
+    points : ndarray, shape (steps, cells, points, d)
         Metres.
     radius : ndarray, shape (steps, cells)
         Metres.
@@ -52,7 +55,14 @@ def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = 
         Broadcast commands.
     ranges : mapping of str to Law, optional
         The laws of all parameters, instead of the fleet's.
+
+    Raises
+    ------
+    Unenclosed
+        For a system that is defined by an ODE, if it has no enclosure.
     """
+    if problem.fleet.enclosure == "general":
+        return general(problem, controls, ranges or problem.fleet.parameters)
     whole = Flow.of(problem, controls, ranges)
     flow, shift = whole.bent(), whole.shift()
     each = CELLS.get(len(flow.lower), 2)
@@ -63,6 +73,13 @@ def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = 
     corners = shift * signs_of(2) if shift.any() else np.zeros((1, 2))
     points = (found.points[..., None, :] + corners).reshape(*found.points.shape[:2], -1, 2)
     return Tube(points, found.radius + whole.rounding())
+
+
+def general(problem: Any, controls: Floats, ranges: Mapping[str, Law], slices: int = 1, timed: float = 0.0) -> Tube:
+    """The tube of a system that is defined by an ODE; `slices` and `timed` as for `hulls`."""
+    rows = np.eye(len(problem.fleet.states))[problem.fleet.place_columns]
+    enclosure = GeneralProof(problem, controls, ranges).enclosure
+    return Tube(*hulls(enclosure, rows, len(controls), slices, timed))
 
 
 def enclosed(flow: Flow, each: int | Ints) -> Tube:

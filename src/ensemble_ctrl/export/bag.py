@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.errors import UnsupportedError
 from ensemble_ctrl.export.members import Members
 from ensemble_ctrl.files import read_regular
-from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem import OdeProblem, Problem
 
 Floats = NDArray[np.float64]
 
@@ -20,7 +22,7 @@ FRAME = "map"
 METADATA, MOST_METADATA = "metadata.yaml", 1_000_000
 MARK = ("written_by", "ensemble-plan export")
 """What tells a bag of ours from one that was recorded."""
-COMMAND, DRIVE = "/cmd_vel", "/ackermann_cmd"
+COMMAND, DRIVE, COMMANDS = "/cmd_vel", "/ackermann_cmd", "/commands"
 PATH = "/member_{}/path"
 _ACKERMANN = "ackermann_msgs/msg/AckermannDrive"
 _DEFINITIONS = {
@@ -52,8 +54,10 @@ def write_bag(path: Path, problem: Problem, controls: Floats, members: Members) 
     Notes
     -----
     A unicycle's commands are ``geometry_msgs/TwistStamped`` on ``/cmd_vel``, a bicycle's
-    ``ackermann_msgs/AckermannDriveStamped`` on ``/ackermann_cmd``, whose numbers have single precision. Paths are
-    ``nav_msgs/Path`` on ``/member_0/path`` and so on, in the frame ``map``, at time 0. Times count from 0.
+    ``ackermann_msgs/AckermannDriveStamped`` on ``/ackermann_cmd``, whose numbers have single precision. Those of other
+    systems are ``std_msgs/Float64MultiArray`` on ``/commands``, with the names in the label; the last one is the
+    command at rest of the member in the middle of the ranges. Paths are ``nav_msgs/Path`` on ``/member_0/path`` and so
+    on, in the frame ``map``, at time 0. Times count from 0.
     """
     try:
         from rosbags.rosbag2 import Writer
@@ -71,14 +75,49 @@ def write_bag(path: Path, problem: Problem, controls: Floats, members: Members) 
             connection = writer.add_connection(name, kind, typestore=store)
             return lambda t, message: writer.write(connection, _nanoseconds(t), store.serialize_cdr(message, kind))
 
-        for k, states in enumerate(members.values):
+        poses = _poses(problem, members)
+        for k, (places, turns) in enumerate(poses):
             send = topic(PATH.format(k), "nav_msgs/msg/Path")
-            send(0.0, messages.path(problem.times, states))
-        steers = problem.fleet.system.controls[1] == "delta"
-        make = messages.drive if steers else messages.twist
-        send = topic(DRIVE if steers else COMMAND, make(0.0, 0.0, 0.0).__msgtype__)
-        for t, (speed, turn) in zip(problem.times, [*controls.tolist(), (0.0, 0.0)], strict=True):
-            send(t, make(t, speed, turn))
+            send(0.0, messages.path(problem.times, places, turns))
+        name, make = _commands(problem, messages)
+        sent = [make(t, *u) for t, u in zip(problem.times, [*controls.tolist(), _last(problem)], strict=True)]
+        send = topic(name, sent[0].__msgtype__)
+        for t, message in zip(problem.times, sent, strict=True):
+            send(t, message)
+
+
+def _commands(problem: Problem, messages: _Messages) -> tuple[str, Callable[..., Any]]:
+    """The topic of the commands, and what makes a message of a time and a command."""
+    controls = problem.fleet.system.controls
+    if isinstance(problem, OdeProblem):
+        return COMMANDS, partial(messages.numbers, ", ".join(controls))
+    return (DRIVE, messages.drive) if controls[1] == "delta" else (COMMAND, messages.twist)
+
+
+def _last(problem: Problem) -> list[float]:
+    """What is sent at the end."""
+    if isinstance(problem, OdeProblem):
+        return [float(value) for value in problem.fleet.rest(problem.fleet.center)]
+    return [0.0, 0.0]
+
+
+def _poses(problem: Problem, members: Members) -> list[tuple[Floats, Floats]]:
+    """Places, shape (times, 3), and quaternions (x, y, z, w), shape (times, 4), of each member.
+
+    A position that is named x, y or z is along that axis; others are along the axes that are left, in order.
+    """
+    values = members.values
+    places = np.zeros((*values.shape[:2], 3))
+    if not isinstance(problem, OdeProblem):
+        places[..., :2], half = values[..., :2], values[..., 2] / 2
+        turns = np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=-1)
+        return list(zip(places, turns, strict=True))
+    fleet = problem.fleet
+    left = [k for k, axis in enumerate("xyz") if axis not in fleet.places]
+    for name in fleet.places:
+        axis = "xyz".index(name) if name in tuple("xyz") else left.pop(0)
+        places[..., axis] = values[..., fleet.states.index(name)]
+    return [(place, fleet.system.attitude(x.T).T) for place, x in zip(places, values, strict=True)]
 
 
 def is_own_bag(path: Path) -> bool:
@@ -114,18 +153,25 @@ class _Messages:
         drive = self._of(_ACKERMANN, *(np.float32(x) for x in (steering, 0.0, speed, 0.0, 0.0)))
         return self._of(f"{_ACKERMANN}Stamped", self._header(t), drive)
 
-    def path(self, times: Floats, states: Floats) -> Any:
+    def numbers(self, label: str, t: float, *values: float) -> Any:
+        """Any numbers, with their names as the label of the one dimension."""
+        count = len(values)
+        dimension = self._of("std_msgs/msg/MultiArrayDimension", label, count, count)
+        layout = self._of("std_msgs/msg/MultiArrayLayout", [dimension], 0)
+        return self._of("std_msgs/msg/Float64MultiArray", layout, np.array(values))
+
+    def path(self, times: Floats, places: Floats, turns: Floats) -> Any:
         """The poses of one member at the grid times."""
         poses = [
-            self._of("geometry_msgs/msg/PoseStamped", self._header(t), self._pose(x, y, heading))
-            for t, (x, y, heading) in zip(times.tolist(), states.tolist(), strict=True)
+            self._of("geometry_msgs/msg/PoseStamped", self._header(t), self._pose(place, turn))
+            for t, place, turn in zip(times.tolist(), places.tolist(), turns.tolist(), strict=True)
         ]
         return self._of("nav_msgs/msg/Path", self._header(0.0), poses)
 
-    def _pose(self, x: float, y: float, heading: float) -> Any:
-        """A place in the plane with a heading."""
-        turn = self._of("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2))
-        return self._of("geometry_msgs/msg/Pose", self._of("geometry_msgs/msg/Point", x, y, 0.0), turn)
+    def _pose(self, place: list[float], turn: list[float]) -> Any:
+        """A place with an attitude."""
+        point = self._of("geometry_msgs/msg/Point", *place)
+        return self._of("geometry_msgs/msg/Pose", point, self._of("geometry_msgs/msg/Quaternion", *turn))
 
     def _vector(self, x: float, y: float = 0.0, z: float = 0.0) -> Any:
         """Three numbers."""

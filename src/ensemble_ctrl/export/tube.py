@@ -1,14 +1,21 @@
-"""The fleet's certified tube as GeoJSON: for each step an area that holds every member during it."""
+"""The fleet's certified tube as GeoJSON: for each step an area that holds every member during it.
+
+Of robots in space it is the area seen from above, with the lowest and the highest place; of robots on a line, a line.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import cos, pi
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.tube import tube
+from ensemble_ctrl.errors import UnsupportedError
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -19,47 +26,84 @@ GRID = 1e-6
 """Metres to which corners are rounded; areas are grown by more than that before."""
 
 
-def areas(problem: Problem, controls: Floats) -> list[Any]:
-    """A shapely area for each step.
+@dataclass(frozen=True, eq=False)
+class Area:
+    """Where the fleet is during some time.
+
+    Attributes
+    ----------
+    outline : shapely.Geometry
+        In the first two coordinates, metres.
+    heights : tuple of float
+        The lowest and the highest value of the third one; empty where there is none.
+    """
+
+    outline: Any
+    heights: tuple[float, ...] = ()
+
+
+def areas(problem: Problem, controls: Floats) -> list[Area]:
+    """The area of each step.
+
+    Raises
+    ------
+    UnsupportedError
+        For a system that is defined by an ODE, if the certificate has no enclosure of it.
 
     Notes
     -----
     *Guarantee*: every member of the exact model, with any parameters in the fleet's ranges, has its middle in the area
-    of a step at every instant of it; rounding included.
+    of a step, between its heights, at every instant of it; rounding included.
     """
     import shapely
 
-    found = tube(problem, controls)
-    hulls = shapely.convex_hull(shapely.multipoints(found.points))
+    try:
+        found = tube(problem, controls)
+    except Unenclosed as error:
+        raise UnsupportedError(f"geojson: nothing is proven of where the fleet is: {error}") from None
+    low, high = ((found.points + way * found.radius[..., None, None]) for way in (-1, 1))
+    low, high = low.min(axis=(1, 2)) - 2 * GRID, high.max(axis=(1, 2)) + 2 * GRID
+    if low.shape[1] == 1:
+        lines = (shapely.LineString([(a, 0.0), (b, 0.0)]) for a, b in zip(low[:, 0], high[:, 0], strict=True))
+        return [Area(shapely.set_precision(line, GRID)) for line in lines]
+    hulls = shapely.convex_hull(shapely.multipoints(found.points[..., :2]))
     grown = shapely.buffer(hulls, (found.radius + 2 * GRID) / cos(pi / (4 * QUARTER)), quad_segs=QUARTER)
-    steps = [shapely.union_all(cells) for cells in np.atleast_2d(grown)]
-    return [shapely.set_precision(area, GRID) for area in steps]
+    shapes = [shapely.set_precision(shapely.union_all(cells), GRID) for cells in np.atleast_2d(grown)]
+    ends = np.stack([low, high], axis=1)[..., 2:].reshape(len(low), -1).tolist()
+    return [Area(shape, tuple(heights)) for shape, heights in zip(shapes, ends, strict=True)]
 
 
 def to_geojson(problem: Problem, controls: Floats) -> dict[str, Any]:
     """Features: the area that the fleet covers altogether, then that of each step with its times."""
     import shapely
 
-    steps = areas(problem, controls)
-    whole = shapely.set_precision(shapely.union_all(steps).buffer(2 * GRID, quad_segs=1), GRID)
+    steps, places = areas(problem, controls), problem.fleet.places
+    union = shapely.union_all([area.outline for area in steps])
+    grown = shapely.line_merge(union) if len(places) == 1 else union.buffer(2 * GRID, quad_segs=1)
+    whole = shapely.set_precision(grown, GRID)
+    heights = np.array([area.heights for area in steps])
+    all_ = Area(whole, (float(heights[:, 0].min()), float(heights[:, 1].max())) if len(places) == 3 else ())
+    where = "area" if len(places) < 3 else f"area, {places[2]} between its ends,"
     facts = {
         "parameters": {name: [law.lower, law.upper] for name, law in problem.fleet.parameters.items()},
         "radius": problem.fleet.radius,
-        "meaning": "the middle of every robot that follows the model is in this area from t_begin to t_end; metres",
+        "axes": list(places[:2]),
+        "meaning": f"the middle of every robot that follows the model is in this {where} from t_begin to t_end; metres",
     }
     ends = problem.times.tolist()
-    features = [_feature("fleet", whole, {"t_begin": 0.0, "t_end": problem.duration, **facts})]
+    features = [_feature("fleet", all_, places, {"t_begin": 0.0, "t_end": problem.duration, **facts})]
     for k, area in enumerate(steps):
-        features.append(_feature(f"step {k}", area, {"t_begin": ends[k], "t_end": ends[k + 1]}))
+        features.append(_feature(f"step {k}", area, places, {"t_begin": ends[k], "t_end": ends[k + 1]}))
     return {"type": "FeatureCollection", "name": problem.name, "features": features}
 
 
-def _feature(name: str, area: Any, facts: dict[str, Any]) -> dict[str, Any]:
+def _feature(name: str, area: Area, places: Sequence[str], facts: dict[str, Any]) -> dict[str, Any]:
     """One feature; outlines counter-clockwise."""
     import shapely
 
+    heights = dict(zip([f"{places[-1]}_min", f"{places[-1]}_max"], area.heights, strict=False))
     return {
         "type": "Feature",
-        "properties": {"name": name, **facts},
-        "geometry": shapely.geometry.mapping(shapely.orient_polygons(area)),
+        "properties": {"name": name, **facts, **heights},
+        "geometry": shapely.geometry.mapping(shapely.orient_polygons(area.outline)),
     }

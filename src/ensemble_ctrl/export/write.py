@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate, as_data
 from ensemble_ctrl.config import to_data
-from ensemble_ctrl.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.export.members import Members, sampled
 from ensemble_ctrl.export.table import to_csv
 from ensemble_ctrl.export.tube import to_geojson
 from ensemble_ctrl.folder import FolderError, whole_folder, write_text
 from ensemble_ctrl.plain import to_json
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
@@ -62,8 +62,7 @@ def export(
     ProblemError
         For an unknown form or a number of members out of range.
     UnsupportedError
-        For ``rosbag`` without the library ``rosbags``; for ``geojson`` and ``rosbag`` of fleets that follow a
-        differential equation: nothing is proven of where they are, and their commands are no standard messages.
+        For ``rosbag`` without the library ``rosbags``; for ``geojson`` of a system that has no enclosure.
     FolderError
         If the path is taken or can't be written.
     """
@@ -72,9 +71,6 @@ def export(
     count = MEMBERS[form] if members is None else members
     if not 0 <= count <= MOST_MEMBERS:
         raise ProblemError(f"members: expected a number from 0 to {MOST_MEMBERS}, got {count}")
-    if isinstance(problem, OdeProblem) and form in ("geojson", "rosbag"):
-        wanted = f"expected a plan of robots on arcs, got one of the {problem.fleet.system.name}"
-        raise UnsupportedError(f"{form}: {wanted}; export csv or json instead")
     shown = sampled(problem, controls, count)
     if form == "rosbag":
         _bag(problem, controls, shown, path, overwrite)

@@ -26,7 +26,7 @@ from ensemble_ctrl.report.pagemap import map_and_motion
 from ensemble_ctrl.report.palette import hexadecimal, viridis
 from ensemble_ctrl.report.series import by_parameter, distance_label, over_time
 from ensemble_ctrl.report.text import PlanLike, parameter_label, summary_rows, unit_of, verdict
-from ensemble_ctrl.report.tube import Ribbon, tube
+from ensemble_ctrl.report.tube import tubes
 from ensemble_ctrl.report.view import conflict_places
 from ensemble_ctrl.report.words import certificate_words
 
@@ -56,12 +56,12 @@ def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any]
         HTML that loads nothing.
     """
     problem, controls = plan.problem, plan.controls
-    ribbons = tube(problem, controls)
+    ribbons = tubes(problem, controls)
     marks = conflict_places(plan)
     drawing, motion = map_and_motion(problem, controls, ribbons, marks)
     style, script = (_asset(f"page.{kind}") for kind in ("css", "js"))
     sections = [
-        _section("Map", _map(problem, drawing, ribbons, bool(marks)), "wide"),
+        _section("Map", _map(problem, drawing, bool(ribbons), bool(marks)), "wide"),
         _section("Certificate", _certificate(plan), "narrow"),
         _section("Controls", _controls(problem, controls), "half"),
         _section("Robustness over time", _robustness(problem, controls), "half"),
@@ -110,7 +110,7 @@ def _verdict_class(plan: PlanLike) -> str:
     return "good" if plan.status == "planned" and run is not None and certificate is not None else "open"
 
 
-def _map(problem: Problem, drawing: str, ribbons: Sequence[Ribbon], marked: bool) -> str:
+def _map(problem: Problem, drawing: str, proven: bool, marked: bool) -> str:
     """The map, the player, what the colours mean and what the areas are."""
     player = (
         '<div class="player"><button id="play" type="button">Play</button>'
@@ -124,7 +124,7 @@ def _map(problem: Problem, drawing: str, ribbons: Sequence[Ribbon], marked: bool
         note = "The position over time. Lines: some robots; dots: where they are at the time shown."
     if count == 3:
         note = f"From above and from the side; dotted: obstacles beside the ways. {note}"
-    if ribbons:
+    if proven:
         note = f"Shaded: where every robot is proven to be (its centre), at some time of the plan. {note}"
     note += " Red rings: where the task fails worst." if marked else ""
     return f'<div class="maps">{drawing}</div>{player}{_scale(problem)}<p class="note">{note}</p>'

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -15,7 +15,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.replay import trajectories
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
-from ensemble_ctrl.report.scene import Scene, scenes
+from ensemble_ctrl.report.scene import Scene, View, scenes
 from ensemble_ctrl.report.text import conflict_text
 from ensemble_ctrl.report.tube import Ribbon
 from ensemble_ctrl.report.view import Canvas, some
@@ -37,7 +37,7 @@ FRAMES = 200
 def map_and_motion(
     problem: Problem,
     controls: Floats,
-    ribbons: Sequence[Ribbon],
+    tubes: Mapping[View | None, Sequence[Ribbon]],
     marks: Sequence[tuple[Conflict, Floats]] = (),
 ) -> tuple[str, str]:
     """The map as ``<svg>`` elements, one for each view, and what moves on them as JSON for the page's script.
@@ -48,8 +48,8 @@ def map_and_motion(
         Whose map.
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
-    ribbons : sequence of Ribbon
-        The tube, if there is one.
+    tubes : mapping of (int, int) or None to sequence of Ribbon
+        The tube in each view, if there is one.
     marks : sequence of (Conflict, ndarray of shape (d,))
         What goes wrong, and where.
     """
@@ -58,10 +58,11 @@ def map_and_motion(
     shown = some(paths.shape[1], POINTS)
     times = np.linspace(0.0, problem.duration, paths.shape[1])[shown]
     colours = [hexadecimal(c) for c in viridis(shades(problem.fleet, members))]
-    areas = [outline for ribbon in ribbons for outline in ribbon.outlines]
     drawings, tracks, offsets = [], [], dict[str, Any]()
     keep = some(len(shown), FRAMES)
     for scene in scenes(problem, paths):
+        ribbons = tubes.get(scene.view, ())
+        areas = [outline for ribbon in ribbons for outline in ribbon.outlines]
         canvas = scene.canvas(WIDTH - MARGIN[0], MARGIN[0], more=areas)
         ways = scene.paths[:, shown]
         drawings.append(_svg(scene, canvas, ways, colours, ribbons, marks))

@@ -9,14 +9,17 @@ import shapely
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import Flow
-from ensemble_ctrl.certificate.tube import enclosed
+from ensemble_ctrl.certificate.errors import Unenclosed
+from ensemble_ctrl.certificate.tube import enclosed, general
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.systems import ArcSystem
+from ensemble_ctrl.report.scene import VIEWS, View
 
 Floats = NDArray[np.float64]
 
 SLICES = 12
-"""Slices of the first parameter's range."""
+"""Slices of the first parameter's range, for robots on arcs."""
+GENERAL_SLICES = 16
+"""The same for other systems, whose cells are halved: a power of two."""
 CELLS = {1: 1, 2: 4, 3: 3}
 """Cells of each of the other parameters, for so many parameters in all; else 2."""
 PIECES = 100
@@ -41,8 +44,8 @@ class Ribbon:
     outlines: tuple[Floats, ...]
 
 
-def tube(problem: Problem, controls: Floats) -> tuple[Ribbon, ...]:
-    """Areas that hold the centres of all members at all times, a slice of the first parameter each.
+def tubes(problem: Problem, controls: Floats) -> dict[View | None, tuple[Ribbon, ...]]:
+    """Areas that hold the centres of all members at all times, a slice of the first parameter each, for each view.
 
     Parameters
     ----------
@@ -53,25 +56,44 @@ def tube(problem: Problem, controls: Floats) -> tuple[Ribbon, ...]:
 
     Returns
     -------
-    tuple of Ribbon
-        Empty for systems that do not move on arcs: they have no enclosure.
+    dict of (int, int) or None to tuple of Ribbon
+        By the views of `ensemble_ctrl.report.scene.VIEWS`; empty for systems of which there is no enclosure.
 
     Notes
     -----
     *Guarantee*: every member of the exact model is inside its slice's area at every instant. A piece of time of a slice
-    is the convex hull of the enclosures of `ensemble_ctrl.certificate.enclosure`, so the areas are larger than what the
-    fleet needs; how much closer the certificate comes by splitting is not shown. The robots' radius is not in it.
+    is the convex hull of the certificate's enclosures, so the areas are larger than what the fleet needs; how much
+    closer the certificate comes by splitting is not shown. The robots' radius is not in it.
     """
-    if not isinstance(problem.fleet.system, ArcSystem):
-        return ()
+    if problem.fleet.enclosure == "arcs":
+        return {VIEWS[2][0]: _ribbons(*_of_arcs(problem, controls))}
+    views = VIEWS.get(len(problem.fleet.places), (None,))
+    slices = GENERAL_SLICES if problem.fleet.names and problem.fleet.upper[0] > problem.fleet.lower[0] else 1
+    timed = problem.step if views == (None,) else 0.0
+    try:
+        found = general(problem, controls, problem.fleet.parameters, slices, timed)
+    except Unenclosed:
+        return {}
+    shown = {view: found.points if view is None else found.points[..., list(view)] for view in views}
+    return {view: _ribbons(points, found.radius, slices) for view, points in shown.items()}
+
+
+def _of_arcs(problem: Problem, controls: Floats) -> tuple[Floats, Floats, int]:
+    """The tube of robots on arcs as points, radii and slices."""
     flow = Flow.of(problem, controls)
     count = len(flow.lower)
     each = np.array([SLICES, *[CELLS.get(count, 2)] * (count - 1)][:count], dtype=int)
     slices = SLICES if count and flow.upper[0] > flow.lower[0] else 1
-    found, pieces = enclosed(flow, each), _pieces(flow.steps)
-    points = found.points[pieces].swapaxes(1, 2)  # pieces, cells, steps in one, corners, 2
+    found = enclosed(flow, each)
+    return found.points, found.radius + flow.rounding(), slices
+
+
+def _ribbons(points: Floats, radius: Floats, slices: int) -> tuple[Ribbon, ...]:
+    """Areas from points (steps, cells, corners, 2) and radii (steps, cells), cells in the order of slices."""
+    pieces = _pieces(len(points))
+    points = points[pieces].swapaxes(1, 2)  # pieces, cells, steps in one, corners, 2
     points = points.reshape(len(pieces), slices, -1, 2).swapaxes(0, 1)
-    radius = found.radius[pieces].max(axis=1).reshape(len(pieces), slices, -1).max(axis=2).T + flow.rounding()
+    radius = radius[pieces].max(axis=1).reshape(len(pieces), slices, -1).max(axis=2).T
     hulls = shapely.convex_hull(shapely.multipoints(points))
     grown = shapely.buffer(hulls, radius, join_style="mitre", cap_style="square")
     tolerance = SMOOTH * max(float(np.ptp(points.reshape(-1, 2), axis=0).max()), 1e-6)

@@ -109,6 +109,19 @@ class OdeSystem:
         """States that do not start at zero unless a fleet says so, such as the scalar part of a quaternion."""
         return {}
 
+    def attitude(self, x: Floats) -> Floats:
+        """How a robot is turned, as unit quaternions (x, y, z, w) for programs that draw it; not turned at all here.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n_x, times)
+
+        Returns
+        -------
+        ndarray, shape (4, times)
+        """
+        return np.array([0.0, 0.0, 0.0, 1.0])[:, None] * np.ones(x.shape[1])
+
     def settings(self) -> Mapping[str, Any]:
         """Numbers that all members share and that a problem file may give, by name; written back into problem files."""
         return {}

@@ -10,7 +10,7 @@ import numpy as np
 
 from ensemble_ctrl.errors import ProblemError
 from ensemble_ctrl.systems.arrays import cos, sin
-from ensemble_ctrl.systems.ode import OdeSystem
+from ensemble_ctrl.systems.ode import Floats, OdeSystem
 from ensemble_ctrl.systems.quadrotor import GRAVITY
 
 
@@ -70,6 +70,11 @@ class PlanarQuadrotor(OdeSystem):
     def rest(self, psi: Mapping[str, float]) -> Sequence[float]:
         """The thrust of a hover."""
         return [GRAVITY * psi["mass"], 0.0]
+
+    def attitude(self, x: Floats) -> Floats:
+        """Turned by the tilt, from z to -x."""
+        half, none = x[4] / 2, np.zeros_like(x[4])
+        return np.stack([none, -np.sin(half), none, np.cos(half)])
 
     def settings(self) -> Mapping[str, Any]:
         """The moment of inertia."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.systems.ode import OdeSystem
+from ensemble_ctrl.systems.ode import Floats, OdeSystem
 
 GRAVITY = 9.81
 """m/s^2."""
@@ -102,6 +102,12 @@ class Quadrotor(OdeSystem):
     def start(self) -> Mapping[str, float]:
         """Level."""
         return {"qw": 1.0}
+
+    def attitude(self, x: Floats) -> Floats:
+        """The states' quaternion, its length divided out."""
+        w, *vector = x[6:10]
+        turn = np.stack([*vector, w])
+        return np.asarray(turn / np.linalg.norm(turn, axis=0))
 
     def settings(self) -> Mapping[str, Any]:
         """Mass, inertia and the payload's arm."""
