@@ -27,7 +27,7 @@ from ensemble_ctrl.ode_fleet import OdeFleet
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.replay import states, trajectories
 from ensemble_ctrl.systems import OdeSystem, PlanarQuadrotor
-from report.plans import ode_made
+from tests.report.plans import ode_made
 
 Floats = NDArray[np.float64]
 
