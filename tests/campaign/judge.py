@@ -12,7 +12,7 @@ from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.errors import ProblemError
 
 from . import laws, subject
-from .model import Case, Floats, Long, Node, conjuncts
+from .model import Case, Floats, Long, Node
 from .oracle import Duty, Oracle, duties_of, needed, needed_parts, reads_fleet, reads_only_fleet
 
 SPARE = 1e-3
@@ -187,7 +187,7 @@ def _share_faults(oracle: Oracle, part: Node, proven: float, share: float | None
     for count in (32, 512):
         rows, weights = laws.drawn(oracle.case, count)
         values = oracle.member_values(part[2], rows)
-        slack = float(oracle.slack) + max(oracle.missed(inner) for inner in _others(oracle, part[2]))
+        slack = float(oracle.slack + oracle.knots[1])
         found = float(weights[values + slack >= proven].sum())
         wanted = max(part[1], share or 0.0)
         if found >= wanted - (1e-9 if exact else _scatter(oracle, count)):
@@ -211,8 +211,3 @@ def _refuted_share(oracle: Oracle, part: Node, sampled: float) -> Iterator[Fault
 def _scatter(oracle: Oracle, count: int) -> float:
     """By how much a share of so many drawn members may miss that of the fleet."""
     return 3.0 / math.sqrt(count) / (1 if len(oracle.case.laws) > 1 else 3)
-
-
-def _others(oracle: Oracle, part: Node) -> list[Node]:
-    """Parts of a share that have a robustness; something harmless if there are none."""
-    return [node for node in conjuncts(part) if not duties_of(oracle.case, node)] or [("pred", 1.0, 0.0, 0.0)]

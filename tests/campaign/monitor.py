@@ -160,13 +160,17 @@ def until_rest(f: Signal, g: Signal) -> Signal:
 
 
 def until_window(f: Signal, g: Signal, a: np.longdouble, b: np.longdouble) -> Signal:
-    """``f U[a,b] g``: the right side within the window, and the left up to one that may come later."""
+    """``f U[a,b] g``: the right side within the window, and the left up to one that may come later.
+
+    It ends where the window still fits: the left side is read up to its end, too.
+    """
     later = until_rest(f, g)
     shifted = later.t >= a
     t = np.unique(np.append(later.t[shifted] - a, Long(0)))
     delayed = Signal(t, later.at(t + a))
     held = -eventually(-f, Long(0), a)
-    return combined([eventually(g, a, b), held, delayed], smallest=True)
+    whole = combined([eventually(g, a, b), held, delayed], smallest=True)
+    return whole.until(max(f.t[-1] - b, Long(0)))
 
 
 def ranked(signals: Sequence[Signal], weights: Longs, share: float) -> Signal:

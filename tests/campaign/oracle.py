@@ -24,6 +24,8 @@ FINE = 1e-7
 KNOTS = 120
 GRID = 9
 """Members looked at first in a range, for one parameter."""
+THIRDS = 110
+"""Times that a chord is cut by a third, until what is left of it is a rounding."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,8 @@ class Oracle:
         begin, end = Long(duty.begin), min(Long(duty.end), self.motion.grid[-1])
         times = self._times(begin, end)
         rows = self.members if near is None else np.concatenate([self.members, near])
-        best, member, time = self._closest(duty, rows, times)
+        _, when = self.lowest_on_chords(duty, rows, times)
+        best, member, time = self._closest(duty, rows, np.unique(np.concatenate([times, when])))
         span, width = (end - begin) / max(len(times) - 1, 1), 1.0 / GRID
         for _ in range(6):
             near_times = np.unique(np.clip(time + span * np.linspace(-1, 1, 9).astype(Long), begin, end))
@@ -163,9 +166,34 @@ class Oracle:
 
     def distances(self, duty: Duty, rows: Floats, times: Longs) -> Longs:
         """Distance of members at some times, shape (members, times), metres."""
-        seen = self.motion.paths(rows, times) - self._displaced(duty.name, times)
+        seen = self._seen(duty, rows, times)
         pieces = [signed_distance(corners_of(piece), seen) for piece in duty.pieces]
         return np.asarray(np.minimum.reduce(pieces) - Long(duty.radius))
+
+    def lowest_on_chords(self, duty: Duty, rows: Floats, times: Longs) -> tuple[Longs, Longs]:
+        """The smallest distance of each member on the chords between its places at some times, and when it is there.
+
+        The distance from a convex polygon is convex along a chord, so that cutting off the higher third finds it.
+        """
+        seen = self._seen(duty, rows, times)
+        least, when = np.full(len(rows), np.inf, Long), np.full(len(rows), times[0])
+        for corners in map(corners_of, duty.pieces):
+            value = signed_distance(corners, seen)
+            way = np.hypot(*np.moveaxis(np.diff(seen, axis=1), -1, 0))
+            # a chord's ends are further than its middle by half its length at most
+            i, j = np.nonzero((value[:, :-1] + value[:, 1:] - way) / 2 < value.min(axis=1, keepdims=True))
+            share, low = _lowest_between(corners, seen[i, j], seen[i, j + 1])
+            k = value.argmin(axis=1)
+            i, low = np.append(np.arange(len(rows)), i), np.append(value.min(axis=1), low)
+            at = np.append(times[k], times[j] + share * (times[j + 1] - times[j]))
+            for n in np.argsort(-low, kind="stable"):
+                if low[n] < least[i[n]]:
+                    least[i[n]], when[i[n]] = low[n], at[n]
+        return least - Long(duty.radius), when
+
+    def _seen(self, duty: Duty, rows: Floats, times: Longs) -> Longs:
+        """Places of members at some times from what a duty keeps out of, shape (members, times, 2)."""
+        return np.asarray(self.motion.paths(rows, times) - self._displaced(duty.name, times))
 
     def _displaced(self, name: str, times: Longs) -> Longs:
         """How far an obstacle has moved."""
@@ -212,13 +240,16 @@ class Oracle:
         return best
 
     def member_values(self, part: Node, rows: Floats) -> Floats:
-        """How well members do what a share of the fleet has to: distances for duties, robustness for the rest."""
+        """How well members do what a share of the fleet has to: distances for duties, robustness for the rest.
+
+        Both on chords, which may leave the arcs by the second of `knots`.
+        """
         values = np.full(len(rows), np.inf)
         for inner in conjuncts(part):
             kept = duties_of(self.case, inner)
             for duty in kept:
                 times = self._times(Long(duty.begin), min(Long(duty.end), self.motion.grid[-1]))
-                values = np.minimum(values, self.distances(duty, rows, times).min(axis=1).astype(float))
+                values = np.minimum(values, self.lowest_on_chords(duty, rows, times)[0].astype(float))
             if not kept:
                 values = np.minimum(values, self.robustness(inner, rows))
         return values
@@ -278,6 +309,21 @@ class Oracle:
         """The mean place of the fleet at the knots."""
         rows, weights = laws.rule(self.case)
         return np.asarray((weights[:, None, None] * self.motion.paths(rows, self.knots[0])).sum(axis=0))
+
+
+def _lowest_between(corners: Longs, begin: Longs, end: Longs) -> tuple[Longs, Longs]:
+    """Where from 0 to 1 a chord is closest to a convex polygon, and its distance there; for each chord."""
+    low, high = np.zeros(len(begin), Long), np.ones(len(begin), Long)
+
+    def distance(share: Longs) -> Longs:
+        return signed_distance(corners, begin + share[:, None] * (end - begin))
+
+    for _ in range(THIRDS if len(begin) else 0):
+        left, right = (Long(2) * low + high) / Long(3), (low + Long(2) * high) / Long(3)
+        falls = distance(left) > distance(right)
+        low, high = np.where(falls, left, low), np.where(falls, high, right)
+    middle = np.asarray((low + high) / Long(2))
+    return middle, distance(middle)
 
 
 def reads_fleet(node: Node) -> bool:

@@ -14,7 +14,7 @@ from .judge import judge
 from .laws import drawn, points, quantiles
 from .model import Case, Law, Long, Longs, ends_of, text
 from .monitor import Signal
-from .oracle import Oracle
+from .oracle import Duty, Oracle
 from .shapes import corners_of, signed_distance
 
 LAWS: tuple[Law, ...] = (
@@ -122,6 +122,33 @@ def test_the_monitor_agrees_with_dense_sampling(seed: int) -> None:
         outer = times[times <= time + 1]
         inner = [f.at(np.append(fine[(fine > t + low) & (fine < t + high)], [t + low, t + high])).min() for t in outer]
         agrees(twice, np.array(inner), near=3 * near)
+
+
+def test_an_until_ends_where_its_window_still_fits() -> None:
+    left, right = (Signal(np.array([0, end], dtype=Long), np.zeros(2, Long)) for end in (6, 8))
+    assert monitor.until_window(left, right, Long(1), Long(3)).t[-1] == 3
+    assert monitor.until_window(right, left, Long(1), Long(3)).t[-1] == 3
+    assert monitor.until_rest(left, right).t[-1] == 6
+    # x = t, and the left side is 9.5 - (t + 1): 2.5 at t = 6, the last at which the window fits; -0.5 at t = 9
+    task = ("G", None, None, ("U", 0.0, 3.0, ("F", 1.0, 1.0, ("pred", -1.0, 0.0, 9.5)), ("pred", 1.0, 0.0, 99.0)))
+    assert Oracle(case_of(task=task)).worst(task) == pytest.approx(2.5, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_driven_through_between_times_is_seen(seed: int) -> None:
+    case = of_family("shares", np.random.default_rng(seed))
+    sides = tuple((float(x), float(y)) for x, y in np.random.default_rng(seed).uniform(-1, 1, (3, 2)))
+    oracle, duty = Oracle(case), Duty("o", (sides, ((3.0, 0.0), (4.0, 0.0), (3.0, 1.0))), 0.1, 0.0, case.duration)
+    times = oracle._times(Long(0), Long(case.duration))
+    found, when = oracle.lowest_on_chords(duty, oracle.members, times)
+    fine = np.linspace(0, case.duration, 20_001).astype(Long)
+    wanted = oracle.distances(duty, oracle.members, fine).min(axis=1)
+    speed = float(np.abs(np.array(case.controls)[:, 0]).max()) * float(np.abs(oracle.ends).max())
+    error = float(oracle.knots[1]) + 1e-12
+    assert (found <= wanted + error).all()
+    assert (found >= wanted - error - speed * case.duration / 20_000).all()
+    there = np.diagonal(oracle.distances(duty, oracle.members, when)).astype(float)
+    assert np.abs(there - found.astype(float)).max() <= error
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law[0])
