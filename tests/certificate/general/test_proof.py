@@ -120,10 +120,14 @@ def test_a_yes_holds_for_members_and_a_no_is_one(task: str, push: float) -> None
 @pytest.mark.parametrize(("task", "verdict"), [
     ("share(0.5, F[2.9, 3] x >= 2.2)", "yes"), ("share(0.9, F[2.9, 3] x >= 2.5)", "no"),
     ("mean(F[2.9, 3] x >= 2.2)", "yes"), ("mean(G[0, 3] x <= 1)", "no"),
+    ("mean(F[2.9, 3] x >= 9) or G[2.9, 3] x >= 2", "no"), ("mean(F[2.9, 3] x >= 9) or G[2.9, 3] x >= 1.7", "yes"),
 ])  # fmt: skip
 def test_shares_and_means(task: str, verdict: str) -> None:
-    """With x = 0.25 t^2 / mass at 3 s from 1.9 to 2.8: a half of the fleet is beyond 2.25."""
-    assert ec.certify(masses(task), np.full((15, 2), [0.5, 0.0])).proven == verdict
+    """With x = 0.25 t^2 / mass at 3 s from 1.9 to 2.8: a half of the fleet is beyond 2.25, all beyond 1.75 at 2.9 s."""
+    found = ec.certify(masses(task), np.full((15, 2), [0.5, 0.0]))
+    assert found.proven == verdict
+    if "x >= 1.7" in task:
+        assert found.robustness <= 0.25 * 2.9**2 / 1.2 - 1.7
 
 
 def test_solids_in_space() -> None:

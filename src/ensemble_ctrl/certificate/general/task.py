@@ -277,7 +277,7 @@ def bound_task(
                 member = dict(zip(fleet.names, worst.tolist(), strict=True))
         open_ = low < target - TIGHT
         if fleet_wide:
-            proven = max(proven, float(low.max())) if tried else float(low.max())
+            proven = max(proven, float(low.min())) if tried else float(low.min())
             open_ = np.full(len(low), proven < 0 <= sampled)
         else:
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
