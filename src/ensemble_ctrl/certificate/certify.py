@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.clearance import Bound, Prover
+from ensemble_ctrl.certificate.clearance import Bound, Prover, nearest_piece
 from ensemble_ctrl.certificate.enclosure import Flow, Ranged
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.fingerprint import fingerprint
@@ -263,13 +263,7 @@ PROOFS: dict[str, Callable[[Any, Floats, Mapping[str, Law]], Proof]] = {"arcs": 
 
 def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
     """The worst piece of one duty."""
-    spans = Spans.of(duty.begin, duty.end, problem.duration, prover.flow.steps)
-    found: list[Bound] = []
-    for piece in sorted(duty.pieces, key=lambda piece: prover.nearness(piece, spans, duty.motion)):
-        enough = min((b.sampled for b in found), default=np.inf)
-        found.append(prover.bound(duty.name, piece, spans, duty.radius, duty.motion, enough=enough))
-    worst = min(found, key=lambda b: b.sampled)
-    return Bound(duty.name, min(b.proven for b in found), worst.sampled, worst.parameters, worst.time)
+    return nearest_piece(prover, duty, Spans.of(duty.begin, duty.end, problem.duration, prover.flow.steps))
 
 
 def part_bound(

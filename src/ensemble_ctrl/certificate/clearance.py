@@ -9,9 +9,9 @@ size, until the bound is tight.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from ensemble_ctrl.constraints.exact import hull
 from ensemble_ctrl.constraints.obstacle import Obstacle
 
 if TYPE_CHECKING:
+    from ensemble_ctrl.duties import Duty
     from ensemble_ctrl.ensemble import Member
     from ensemble_ctrl.motion import Motion
 
@@ -87,6 +88,35 @@ class Bound:
     sampled: float
     parameters: Member
     time: float
+
+
+class Search(Protocol):
+    """What finds the clearance of a fleet from one convex piece."""
+
+    def nearness(self, obstacle: Any, spans: Spans, motion: Motion | None = None) -> float:
+        """About the smallest distance, metres."""
+
+    def bound(
+        self,
+        name: str,
+        obstacle: Any,
+        spans: Spans,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        enough: float = np.inf,
+    ) -> Bound:
+        """Proven and sampled clearance; what is proven to be further away than `enough` isn't looked at closely."""
+
+
+def nearest_piece(search: Search, duty: Duty, spans: Spans) -> Bound:
+    """The worst piece of one duty; those that look nearest come first, so that the others need only be far enough."""
+    found: list[Bound] = []
+    for piece in sorted(duty.pieces, key=lambda piece: search.nearness(piece, spans, duty.motion)):
+        enough = min((b.sampled for b in found), default=np.inf)
+        found.append(search.bound(duty.name, piece, spans, duty.radius, duty.motion, enough=enough))
+    worst = min(found, key=lambda b: b.sampled)
+    return replace(worst, proven=min(b.proven for b in found))
 
 
 @dataclass(eq=False)

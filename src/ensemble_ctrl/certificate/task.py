@@ -7,12 +7,12 @@ evaluating the formula on lower bounds, which `Schedule` does exactly, gives a l
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 from math import ceil, floor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -253,38 +253,119 @@ def bound_task(
     return replace(bound, part=str(formula))
 
 
+class Cells(Protocol):
+    """Parts of the parameters' box, with bounds of one formula on each."""
+
+    @property
+    def centre(self) -> Floats:
+        """Middles, shape (cells, parameters)."""
+
+    @property
+    def half(self) -> Floats:
+        """Half widths, shape (cells, parameters)."""
+
+    @property
+    def cost(self) -> float:
+        """What a look at all of them takes."""
+
+    def low(self, mass: Masses | None) -> Floats:
+        """Lower bounds for all members of each; `mass` for a formula that reads the fleet."""
+
+    def middle(self, mass: Masses | None) -> Floats:
+        """The same if every member were in the middle of its cell."""
+
+    def high(self, mass: Masses) -> Floats:
+        """Upper bounds of a formula that reads the fleet."""
+
+    def tried(self, low: Floats) -> tuple[float, float, Member]:
+        """Lower and upper bounds of the worst of some members, and that member."""
+
+    def halved(self, open_: NDArray[np.bool_], together: bool) -> Cells:
+        """The open ones in two each, or all of them along the same side; the others are left out."""
+
+
+def refined(cells: Cells, fleet: Ensemble, fleet_wide: bool, most: float) -> TaskBound:
+    """The bound by cells that are halved until each meets the worst member seen, or `most` is spent.
+
+    Notes
+    -----
+    *Guarantee*: `proven` is at most the smallest lower bound of cells that make up the whole box.
+    """
+    proven, sampled, target, spent = np.inf, np.inf, np.inf, 0.0
+    member: Member = {}
+    whole = -np.inf
+    while True:
+        spent += cells.cost
+        mass = masses(fleet, cells.centre, cells.half) if fleet_wide else None
+        low = cells.low(mass)
+        low = np.where(np.isnan(low), -np.inf, low)
+        if mass is not None:
+            sampled, target = min(sampled, float(cells.high(mass).min())), float(cells.middle(mass).min())
+            whole = max(whole, float(low.min()))
+            open_ = np.full(len(cells.centre), bool((low < target - TIGHT).any()) and sampled >= 0)
+        else:
+            goal, seen, worst = cells.tried(low)
+            target = min(target, goal)
+            if seen < sampled:
+                sampled, member = seen, worst
+            open_ = low < target - TIGHT
+            proven = min(proven, float(low[~open_].min(initial=np.inf)))
+        if spent > most or not open_.any():
+            return TaskBound("", whole if fleet_wide else min(proven, float(low.min())), sampled, member)
+        cells = cells.halved(open_, fleet_wide)
+
+
+@dataclass(frozen=True, eq=False)
+class FlowCells:
+    """Cells of robots on arcs; never halved along `whole_sides`."""
+
+    flow: Flow
+    schedule: Schedule
+    names: Sequence[str]
+    whole_sides: NDArray[np.bool_]
+    centre: Floats
+    half: Floats
+
+    @property
+    def cost(self) -> float:
+        """How many there are."""
+        return len(self.centre)
+
+    def low(self, mass: Masses | None) -> Floats:
+        """Lower bounds for all members of each."""
+        return _evaluate(self.flow, self.schedule, self.centre, self.half, False, mass)
+
+    def middle(self, mass: Masses | None) -> Floats:
+        """Those of members in the middle of the sides that are halved."""
+        return _evaluate(self.flow, self.schedule, self.centre, self.half * self.whole_sides, False, mass)
+
+    def high(self, mass: Masses) -> Floats:
+        """Upper bounds of a formula that reads the fleet."""
+        return _evaluate(self.flow, self.schedule, self.centre, self.half, True, mass)
+
+    def tried(self, low: Floats) -> tuple[float, float, Member]:
+        """The middles, and the worst of them moved to the ends of the sides that stay whole."""
+        value = self.middle(None)
+        seen = _with_ends(self.flow, self.centre, value, self.whole_sides)
+        high = _evaluate(self.flow, self.schedule, seen, np.zeros_like(seen), True)
+        worst = dict(zip(self.names, seen[high.argmin()].tolist(), strict=True))
+        return float(value.min()), float(high.min()), worst
+
+    def halved(self, open_: NDArray[np.bool_], together: bool) -> FlowCells:
+        """The open ones in two each."""
+        centre, half = _halved(self.flow, self.centre[open_], self.half[open_], ~self.whole_sides, together)
+        return replace(self, centre=centre, half=half)
+
+
 def _refined(
     flow: Flow, schedule: Schedule, fleet: Fleet, fleet_wide: bool, whole_sides: NDArray[np.bool_], cells: int
 ) -> TaskBound:
-    """The bound by cells that are halved until each meets its centre's value; never along `whole_sides`."""
+    """The bound by cells of the flow's parameters, but for those of `whole_sides`."""
     count = int((~whole_sides).sum())
     each = cells or CELLS.get(count, 2)
     centres, half = first_cells(flow.lower, flow.upper, np.where(whole_sides, 1, each))
-    proven, sampled, target, total = np.inf, np.inf, np.inf, 0
-    member: Member = {}
-    while len(centres):
-        total += len(centres)
-        mass = masses(fleet, centres, half) if fleet_wide else None
-        low, centre = (_evaluate(flow, schedule, centres, h, False, mass) for h in (half, half * whole_sides))
-        if fleet_wide:
-            sampled = min(sampled, float(_evaluate(flow, schedule, centres, half, True, mass).min()))
-        else:
-            seen = _with_ends(flow, centres, centre, whole_sides)
-            best = _evaluate(flow, schedule, seen, np.zeros_like(seen), True)
-            if best.min() < sampled:
-                sampled, member = float(best.min()), dict(zip(fleet.names, seen[best.argmin()].tolist(), strict=True))
-        target = float(centre.min()) if fleet_wide else min(target, float(centre.min()))
-        open_ = low < target - TIGHT
-        if fleet_wide:
-            proven = float(low.min())
-            open_ = np.full(len(low), bool(open_.any()) and sampled >= 0)
-        else:
-            proven = min(proven, float(low[~open_].min(initial=np.inf)))
-        if total > MAX_CELLS.get(count, MANY_CELLS) or not open_.any():
-            proven = min(proven, float(low.min()))
-            break
-        centres, half = _halved(flow, centres[open_], half[open_], ~whole_sides, fleet_wide)
-    return TaskBound("", proven, sampled, member)
+    first = FlowCells(flow, schedule, fleet.names, whole_sides, centres, half)
+    return refined(first, fleet, fleet_wide, MAX_CELLS.get(count, MANY_CELLS))
 
 
 def _with_ends(flow: Flow, centres: Floats, value: Floats, whole_sides: NDArray[np.bool_]) -> Floats:

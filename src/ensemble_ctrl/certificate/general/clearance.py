@@ -75,7 +75,14 @@ class Prover:
     boxes: int = field(default=0)
 
     def bound(
-        self, name: str, obstacle: Obstacle, spans: Spans, radius: float, motion: Motion | None, enough: float
+        self,
+        name: str,
+        obstacle: Obstacle,
+        spans: Spans,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        enough: float = np.inf,
     ) -> Bound:
         """Proven and sampled clearance of every member from an obstacle, which may move, during some time.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.clearance import Bound
+from ensemble_ctrl.certificate.clearance import Bound, nearest_piece
 from ensemble_ctrl.certificate.general.clearance import Prover
 from ensemble_ctrl.certificate.general.enclosure import Enclosure, Start, enclose
 from ensemble_ctrl.certificate.general.task import Elements, bound_task
@@ -91,12 +91,7 @@ class GeneralProof:
     def clearance(self, duty: Duty) -> Bound:
         """The worst piece of one duty."""
         spans = Spans.of(duty.begin, duty.end, self.problem.duration, len(self.controls))
-        found: list[Bound] = []
-        for piece in sorted(duty.pieces, key=lambda piece: self._prover.nearness(piece, spans, duty.motion)):
-            enough = min((b.sampled for b in found), default=np.inf)
-            found.append(self._prover.bound(duty.name, piece, spans, duty.radius, duty.motion, enough))
-        worst = min(found, key=lambda b: b.sampled)
-        return replace(worst, proven=min(b.proven for b in found))
+        return nearest_piece(self._prover, duty, spans)
 
     def part(self, part: Formula) -> TaskBound:
         """The bound of one part of the task, on finer time where the pieces' bounds stand in the way."""
@@ -110,8 +105,7 @@ class GeneralProof:
                 break
             elements = Elements.of(schedule.mesh, duration, steps, parts)
             fleet = weighed(self.problem, self.laws)
-            states_of = self.problem.fleet.states
-            bound = bound_task(self.enclosure, states_of, schedule, elements, states, fleet, reads_fleet(part))
+            bound = bound_task(self.enclosure, schedule, elements, states, fleet, reads_fleet(part))
             if bound.proven >= 0 or bound.sampled < 0:
                 break
         return replace(bound, part=str(part))

@@ -6,7 +6,6 @@ radius.  `Schedule` evaluates the formula on such bounds exactly, as it does for
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -20,12 +19,12 @@ from ensemble_ctrl.certificate.general.boxes import Boxes, outwards
 from ensemble_ctrl.certificate.general.enclosure import Enclosure
 from ensemble_ctrl.certificate.instants import Mesh
 from ensemble_ctrl.certificate.schedule import Bounds, Schedule
-from ensemble_ctrl.certificate.task import MASS_ERROR, TIGHT, Masses, TaskBound, masses
+from ensemble_ctrl.certificate.task import MASS_ERROR, Masses, TaskBound, refined
 from ensemble_ctrl.constraints.stl.formula import Share
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.ensemble import Ensemble
+    from ensemble_ctrl.ensemble import Ensemble, Member
 
 
 Floats = NDArray[np.float64]
@@ -33,7 +32,7 @@ Ints = NDArray[np.int64]
 
 CORNERS = 6
 """Parameters whose ends are tried in all combinations for a low value."""
-NUMBERS = 200_000_000
+NUMBERS = 100_000_000
 """Coefficients of all cells looked at before the search for a better bound ends."""
 
 
@@ -184,24 +183,26 @@ class MeanSignals:
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
+class TubeCells:
     """Cells of parameters with the polynomials of the states that a formula reads."""
 
     boxes: Boxes
     pieces: int
     states: tuple[str, ...]
+    schedule: Schedule
+    elements: Elements
+    fleet: Ensemble
 
     @classmethod
-    def of(cls, enclosure: Enclosure, all_states: tuple[str, ...], states: tuple[str, ...]) -> Cells:
+    def of(
+        cls, enclosure: Enclosure, states: tuple[str, ...], schedule: Schedule, elements: Elements, fleet: Ensemble
+    ) -> TubeCells:
         """All cells of an enclosure; boxes of one cell are next to each other."""
-        rows = np.eye(len(all_states))[[all_states.index(name) for name in states]].reshape(len(states), -1)
+        rows = np.eye(len(fleet.states))[[fleet.states.index(name) for name in states]].reshape(len(states), -1)
         count, cells = enclosure.c.shape[0], len(enclosure.centre)
-        piece = np.arange(count)
-        boxes = Boxes.of(enclosure, rows, piece, -np.ones(count), np.ones(count))
-        return cls(boxes.where(np.arange(count * cells).reshape(count, cells).T.ravel()), count, states)
-
-    def __len__(self) -> int:
-        return len(self.boxes) // self.pieces
+        boxes = Boxes.of(enclosure, rows, np.arange(count), -np.ones(count), np.ones(count))
+        boxes = boxes.where(np.arange(count * cells).reshape(count, cells).T.ravel())
+        return cls(boxes, count, states, schedule, elements, fleet)
 
     @property
     def centre(self) -> Floats:
@@ -213,38 +214,64 @@ class Cells:
         """Half widths, shape (cells, parameters)."""
         return self.boxes.half[:: self.pieces]
 
-    def signals(self, elements: Elements, found: Masses | None = None) -> Signals:
-        """Lower bounds over elements for all members of each cell."""
-        shape = len(self), self.pieces
-        c, pad = (part.reshape(*shape, *part.shape[1:]) for part in (self.boxes.c, self.boxes.pad))
-        return Signals(self.boxes.basis, c, pad, self.states, elements, False, found)
+    @property
+    def cost(self) -> float:
+        """Coefficients of all of them."""
+        return self.boxes.c.size
 
-    def members(self, elements: Elements, cells: Ints, s: Floats) -> Signals:
-        """Upper bounds over elements for one member of each of some cells; `s` is -1 to 1 in each parameter."""
-        all_, basis = self.signals(elements), self.boxes.basis
-        terms = np.cos(np.arccos(s)[:, None, :] * basis.exponents).prod(axis=2)
-        c = np.einsum("mkqtp,mp->mkqt", all_.c[cells], terms)[..., None]
-        pad = (all_.pad[cells] + 64 * UNIT * np.abs(all_.c[cells]).sum(axis=(3, 4))) * UP
-        return replace(all_, basis=Basis(basis.times, ()), c=c, pad=pad, upper=True)
+    def low(self, mass: Masses | None) -> Floats:
+        """Lower bounds for all members of each."""
+        return self.schedule.value(self._signals(mass))
 
-    def parameters(self, cells: Ints, s: Floats) -> Floats:
-        """The parameters of the same members, shape (members, parameters)."""
-        found = self.centre[cells].copy()
-        found[:, self.boxes.wide] += s * self.half[cells][:, self.boxes.wide]
-        return found
+    def middle(self, mass: Masses | None) -> Floats:
+        """Those of members in the middle."""
+        every = np.arange(len(self.centre))
+        return self.schedule.value(
+            replace(self._members(every, np.zeros((len(every), len(self.boxes.wide)))), masses=mass)
+        )
 
-    def halved(self, open_: NDArray[np.bool_], together: bool) -> Cells:
+    def high(self, mass: Masses) -> Floats:
+        """Upper bounds of a formula that reads the fleet."""
+        return self.schedule.value(replace(self._signals(mass), upper=True))
+
+    def tried(self, low: Floats) -> tuple[float, float, Member]:
+        """The middles of all cells, and the corners of the one with the lowest bound."""
+        count = min(len(self.boxes.wide), CORNERS)
+        corners = np.array(list(product((-1.0, 1.0), repeat=count))).reshape(2**count, count)
+        corners = np.pad(corners, ((0, 0), (0, len(self.boxes.wide) - count)))
+        cells = np.concatenate([np.arange(len(low)), np.full(len(corners), int(low.argmin()))])
+        s = np.concatenate([np.zeros((len(low), corners.shape[1])), corners])
+        some = self._members(cells, s)
+        least, most = self.schedule.value(some), self.schedule.value(replace(some, upper=True))
+        worst = self.centre[cells[most.argmin()]].copy()
+        worst[self.boxes.wide] += s[most.argmin()] * self.half[cells[most.argmin()]][self.boxes.wide]
+        worst = np.clip(worst, *_ends(self.fleet))
+        return float(least.min()), float(most.min()), dict(zip(self.fleet.names, worst.tolist(), strict=True))
+
+    def halved(self, open_: NDArray[np.bool_], together: bool) -> TubeCells:
         """The open cells in two along the parameter that moves the states most; all alike if `together`."""
         some = self.boxes.where(np.repeat(open_, self.pieces))
         sizes = some.sizes()[:, 1:].reshape(-1, self.pieces, len(some.wide)).max(axis=1)
         side = np.full(len(sizes), sizes.max(axis=0).argmax()) if together else sizes.argmax(axis=1)
-        found = some.halved(np.repeat(side + 1, self.pieces))
-        return replace(self, boxes=found)
+        return replace(self, boxes=some.halved(np.repeat(side + 1, self.pieces)))
+
+    def _signals(self, found: Masses | None = None) -> Signals:
+        """Lower bounds over elements for all members of each cell."""
+        shape = len(self.centre), self.pieces
+        c, pad = (part.reshape(*shape, *part.shape[1:]) for part in (self.boxes.c, self.boxes.pad))
+        return Signals(self.boxes.basis, c, pad, self.states, self.elements, False, found)
+
+    def _members(self, cells: Ints, s: Floats) -> Signals:
+        """Lower bounds over elements for one member of each of some cells; `s` is -1 to 1 in each parameter."""
+        all_, basis = self._signals(), self.boxes.basis
+        terms = np.cos(np.arccos(s)[:, None, :] * basis.exponents).prod(axis=2)
+        c = np.einsum("mkqtp,mp->mkqt", all_.c[cells], terms)[..., None]
+        pad = (all_.pad[cells] + 64 * UNIT * np.abs(all_.c[cells]).sum(axis=(3, 4))) * UP
+        return replace(all_, basis=Basis(basis.times, ()), c=c, pad=pad)
 
 
 def bound_task(
     enclosure: Enclosure,
-    all_states: tuple[str, ...],
     schedule: Schedule,
     elements: Elements,
     states: tuple[str, ...],
@@ -257,45 +284,8 @@ def bound_task(
     -----
     *Guarantee*: `proven` is never above the robustness of any member in dense time.
     """
-    cells = Cells.of(enclosure, all_states, states)
-    proven, sampled, target, spent, tried = np.inf, np.inf, np.inf, 0, False
-    member: Mapping[str, float] = {}
-    while True:
-        spent += cells.boxes.c.size
-        found = masses(fleet, cells.centre, cells.half) if fleet_wide else None
-        low = schedule.value(cells.signals(elements, found))
-        if fleet_wide:
-            sampled = min(sampled, float(schedule.value(replace(cells.signals(elements, found), upper=True)).min()))
-        else:
-            where = _tried(low, len(enclosure.wide))
-            some = cells.members(elements, *where)
-            seen = schedule.value(some)
-            target = min(target, float(schedule.value(replace(some, upper=False)).min()))
-            if seen.min() < sampled:
-                sampled = float(seen.min())
-                worst = np.clip(cells.parameters(*where)[int(seen.argmin())], *_ends(fleet))
-                member = dict(zip(fleet.names, worst.tolist(), strict=True))
-        open_ = low < target - TIGHT
-        if fleet_wide:
-            proven = max(proven, float(low.min())) if tried else float(low.min())
-            open_ = np.full(len(low), proven < 0 <= sampled)
-        else:
-            proven = min(proven, float(low[~open_].min(initial=np.inf)))
-        if spent + 2 * cells.boxes.c.size > NUMBERS or not open_.any() or not len(enclosure.wide):
-            break
-        cells, tried = cells.halved(open_, fleet_wide), True
-    if not fleet_wide:
-        proven = min(proven, float(low.min()))
-    return TaskBound("", proven, sampled, dict(member))
-
-
-def _tried(low: Floats, parameters: int) -> tuple[Ints, Floats]:
-    """Members to look at: the middles of all cells, and the corners of the one with the lowest bound."""
-    count = min(parameters, CORNERS)
-    corners = np.array(list(product((-1.0, 1.0), repeat=count))).reshape(2**count, count)
-    corners = np.pad(corners, ((0, 0), (0, parameters - count)))
-    cells = np.concatenate([np.arange(len(low)), np.full(len(corners), int(low.argmin()))])
-    return cells, np.concatenate([np.zeros((len(low), parameters)), corners])
+    cells = TubeCells.of(enclosure, states, schedule, elements, fleet)
+    return refined(cells, fleet, fleet_wide, NUMBERS if len(enclosure.wide) else 0)
 
 
 def _ends(fleet: Ensemble) -> tuple[Floats, Floats]:
