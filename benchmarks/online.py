@@ -26,12 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.planner import solve
+from ensemble_ctrl.planning.online.driver import drive
+from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.options import OnlineOptions
+from ensemble_ctrl.planning.online.simulated import FINE, Fixed, Flaws, SimulatedRobot
+from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.receding.driver import drive
-from ensemble_ctrl.receding.loop import Receding
-from ensemble_ctrl.receding.options import OnlineOptions
-from ensemble_ctrl.receding.simulated import FINE, Fixed, Flaws, SimulatedRobot
 
 Floats = NDArray[np.float64]
 

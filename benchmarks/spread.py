@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 
 Floats = NDArray[np.float64]
 

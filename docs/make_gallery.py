@@ -23,7 +23,7 @@ from PIL import Image
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.certificate import certify
-from ensemble_ctrl.example_files import title
+from ensemble_ctrl.files.examples import title
 
 DOCS = Path(__file__).resolve().parent
 CONFIGS = DOCS.parent / "configs"

@@ -17,9 +17,9 @@ from typing import Any
 import printed
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.comparison import SUBSTEPS, compare
+from ensemble_ctrl.api.comparison import SUBSTEPS, compare
+from ensemble_ctrl.api.widening import widest
 from ensemble_ctrl.ocp.truncation import plain, tail
-from ensemble_ctrl.widening import widest
 
 Rows = list[dict[str, Any]]
 DOCS = printed.ROOT / "docs"

@@ -25,12 +25,12 @@ from typing import Any
 import numpy as np
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.receding.driver import Outcome, drive
-from ensemble_ctrl.receding.log import RunLog
-from ensemble_ctrl.receding.loop import Receding
-from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.robot import WallClock
-from ensemble_ctrl.receding.simulated import Fixed, Flaws, SimulatedRobot
+from ensemble_ctrl.planning.online.driver import Outcome, drive
+from ensemble_ctrl.planning.online.log import RunLog
+from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.robot import WallClock
+from ensemble_ctrl.planning.online.simulated import Fixed, Flaws, SimulatedRobot
 
 PROBLEM = """
 name: udp
@@ -93,7 +93,7 @@ def _numbers(values: list[Any]) -> bool:
 
 
 class UdpRobot:
-    """A robot at the other end of a socket, as `ensemble_ctrl.receding.driver.drive` wants one."""
+    """A robot at the other end of a socket, as `ensemble_ctrl.planning.online.driver.drive` wants one."""
 
     def __init__(self, traction: float) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -267,7 +267,7 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
 
 def test_what_people_type_is_at_the_top_whatever_was_imported_before() -> None:
     code = """
-import ensemble_ctrl.comparison, ensemble_ctrl.widening, ensemble_ctrl as ec
+import ensemble_ctrl.api.comparison, ensemble_ctrl.api.widening, ensemble_ctrl as ec
 for name in ("certify", "compare", "widest", "parse", "Receding", "Certificate", "plan", "load", "replay"):
     assert callable(getattr(ec, name)), name
 assert set(ec.__all__) == {*ec._HOMES, *ec.__all__} and all(hasattr(ec, name) for name in ec.__all__)
@@ -279,9 +279,9 @@ def test_replay_is_a_function_and_a_module_whatever_was_imported_before(plan: ec
     code = """
 import ensemble_ctrl as ec
 first = ec.replay
-import ensemble_ctrl.replay as module
-from ensemble_ctrl.replay import Replay, trajectories
-from ensemble_ctrl import replay
+import ensemble_ctrl.problem.evaluation.sampled as module
+from ensemble_ctrl.problem.evaluation.sampled import Replay, trajectories
+from ensemble_ctrl.problem.evaluation import sampled as replay
 assert first is module is replay and callable(replay) and Replay is ec.Replay
 """
     subprocess.run([sys.executable, "-c", code], check=True)

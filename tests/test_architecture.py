@@ -15,31 +15,31 @@ import ensemble_ctrl
 
 ROOT = Path(ensemble_ctrl.__file__).parent
 LAYERS: tuple[frozenset[str], ...] = tuple(
-    frozenset(layer.split())
+    frozenset(layer.split(", "))
     for layer in (
-        "errors _version plain readonly files",
-        "values",
-        "moments systems",
-        "constraints ensemble motion risk target",
-        "arguments",
-        "fleet ode_fleet",
-        "problem checks drawing",
-        "duties bounds",
+        "core.errors, core.version, core.plain, core.readonly, core.storage",
+        "core.values",
+        "moments, systems",
+        "constraints",
+        "problem.ensemble, problem.risk, problem.target, problem.arguments",
+        "problem.fleet, problem.ode_fleet",
+        "problem.checks, problem.drawing",
+        "problem.problem",
+        "problem.duties, problem.bounds",
+        "problem.evaluation",
         "ocp",
-        "replay certificate",
-        "arrival conflicts planner",
-        "receding report soonest suggest twin planfile",
-        "config",
-        "folder",
-        "export example_files",
-        "api",
-        "comparison widening results",
+        "certificate",
+        "planning.planner, planning.baseline",
+        "planning.online, planning.minimum_time, planning.suggest, report, files.planfile",
+        "files.config",
+        "files.folder",
+        "files.export, files.examples",
+        "api.plans",
+        "api.comparison, api.widening, api.results",
         "cli",
     )
 )
-TOGETHER = [frozenset({"problem", "checks"}), frozenset({"problem", "drawing"})]
-"""Pairs in one layer that may import each other: a problem checks itself, and draws itself in a notebook."""
-ONLY_IN = {"casadi": "ocp", "matplotlib": "report", "yaml": "config"}
+ONLY_IN = {"casadi": "ocp", "matplotlib": "report", "yaml": "files"}
 LEVEL = {room: level for level, layer in enumerate(LAYERS) for room in layer}
 FILES = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT or not path.stem.startswith("__"))
 

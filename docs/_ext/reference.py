@@ -11,16 +11,16 @@ from typing import Any, get_args, get_type_hints
 
 import ensemble_ctrl
 from ensemble_ctrl.cli.app import NAME, app, invoke
-from ensemble_ctrl.config import fields as f
-from ensemble_ctrl.config import meanings
-from ensemble_ctrl.config import online as o
-from ensemble_ctrl.config.clouds import Cloud
-from ensemble_ctrl.config.fields import Model
-from ensemble_ctrl.config.laws import LawSection, Measured, MixturePart, PartSection
-from ensemble_ctrl.config.motions import Course, MotionSection, Velocity
-from ensemble_ctrl.config.schema import ProblemFile
-from ensemble_ctrl.config.shapes import ObstacleShape, RegionShape
-from ensemble_ctrl.config.targets import Terminal
+from ensemble_ctrl.files.config import fields as f
+from ensemble_ctrl.files.config import meanings
+from ensemble_ctrl.files.config import online as o
+from ensemble_ctrl.files.config.clouds import Cloud
+from ensemble_ctrl.files.config.fields import Model
+from ensemble_ctrl.files.config.laws import LawSection, Measured, MixturePart, PartSection
+from ensemble_ctrl.files.config.motions import Course, MotionSection, Velocity
+from ensemble_ctrl.files.config.schema import ProblemFile
+from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
+from ensemble_ctrl.files.config.targets import Terminal
 from ensemble_ctrl.systems import SYSTEMS
 
 UNITS: list[tuple[Any, str]] = [

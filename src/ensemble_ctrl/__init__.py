@@ -11,8 +11,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from ensemble_ctrl._version import __version__
-from ensemble_ctrl.errors import (
+from ensemble_ctrl.core.errors import (
     ConfigError,
     EnsembleError,
     ProblemError,
@@ -20,68 +19,70 @@ from ensemble_ctrl.errors import (
     SolveError,
     UnsupportedError,
 )
+from ensemble_ctrl.core.version import __version__
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.api import Plan, plan
+    from ensemble_ctrl.api.comparison import compare
+    from ensemble_ctrl.api.plans import Plan, plan
+    from ensemble_ctrl.api.widening import widest
     from ensemble_ctrl.certificate import Certificate, certify
-    from ensemble_ctrl.comparison import compare
-    from ensemble_ctrl.config import load, load_text
     from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
     from ensemble_ctrl.constraints.stl import parse
-    from ensemble_ctrl.example_files import example, examples
-    from ensemble_ctrl.fleet import Fleet
+    from ensemble_ctrl.files.config import load, load_text
+    from ensemble_ctrl.files.examples import example, examples
     from ensemble_ctrl.moments import Beta, Interval, LegendreBasis, Mixture, Samples, TruncatedNormal
-    from ensemble_ctrl.ode_fleet import OdeFleet
+    from ensemble_ctrl.planning.baseline import unconstrained
+    from ensemble_ctrl.planning.online.loop import Receding
     from ensemble_ctrl.problem import Objective, OdeProblem, Problem, ReportOptions, SolveOptions, VerifyOptions
-    from ensemble_ctrl.receding.loop import Receding
-    from ensemble_ctrl.replay import Replay, replay
-    from ensemble_ctrl.risk import Risk
+    from ensemble_ctrl.problem.evaluation.sampled import Replay, replay
+    from ensemble_ctrl.problem.fleet import Fleet
+    from ensemble_ctrl.problem.ode_fleet import OdeFleet
+    from ensemble_ctrl.problem.risk import Risk
+    from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget
     from ensemble_ctrl.systems import Bicycle, DoubleIntegrator, OdeSystem, Quadrotor, Unicycle
-    from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget
-    from ensemble_ctrl.twin import unconstrained
-    from ensemble_ctrl.widening import widest
 
 _HOMES = {
     "Bicycle": "systems",
     "Certificate": "certificate",
     "DoubleIntegrator": "systems",
-    "OdeFleet": "ode_fleet",
+    "OdeFleet": "problem.ode_fleet",
     "OdeProblem": "problem",
     "OdeSystem": "systems",
     "Quadrotor": "systems",
     "Solid": "constraints",
-    "Fleet": "fleet",
-    "Formation": "target",
+    "Fleet": "problem.fleet",
+    "Formation": "problem.target",
     "Beta": "moments",
     "Interval": "moments",
     "LegendreBasis": "moments",
     "Mixture": "moments",
-    "MomentTarget": "target",
+    "MomentTarget": "problem.target",
     "Objective": "problem",
     "Obstacle": "constraints",
-    "Plan": "api",
+    "Plan": "api.plans",
     "Polyhedron": "constraints",
     "Problem": "problem",
-    "Receding": "receding.loop",
-    "Replay": "replay",
+    "Receding": "planning.online.loop",
+    "Replay": "problem.evaluation.sampled",
     "ReportOptions": "problem",
-    "Risk": "risk",
+    "Risk": "problem.risk",
     "Samples": "moments",
     "SolveOptions": "problem",
-    "SpreadTarget": "target",
+    "SpreadTarget": "problem.target",
     "TruncatedNormal": "moments",
     "Unicycle": "systems",
     "VerifyOptions": "problem",
     "certify": "certificate",
-    "compare": "comparison",
-    "example": "example_files",
-    "examples": "example_files",
-    "load": "config",
-    "load_text": "config",
+    "compare": "api.comparison",
+    "example": "files.examples",
+    "examples": "files.examples",
+    "load": "files.config",
+    "load_text": "files.config",
     "parse": "constraints.stl",
-    "plan": "api",
-    "unconstrained": "twin",
-    "widest": "widening",
+    "plan": "api.plans",
+    "unconstrained": "planning.baseline",
+    "widest": "api.widening",
+    "replay": "problem.evaluation.sampled",
 }
 """Public names and the module that each is loaded from when it is first used."""
 
@@ -140,8 +141,6 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     from importlib import import_module
 
-    if name == "replay":  # a module that can be called: once it is loaded, it bears its name here
-        return import_module(f"{__name__}.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name, obj=sys.modules[__name__])
     value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

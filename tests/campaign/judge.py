@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ensemble_ctrl.certificate import Certificate
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 from . import laws, subject
 from .model import Case, Floats, Long, Node

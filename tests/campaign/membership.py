@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.receding.membership import Membership
-from ensemble_ctrl.receding.propagation import Commands, Errors
+from ensemble_ctrl.planning.online.membership import Membership
+from ensemble_ctrl.planning.online.propagation import Commands, Errors
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
 from .model import Floats

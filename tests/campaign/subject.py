@@ -8,11 +8,11 @@ import numpy as np
 
 from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
-from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
 from . import model

@@ -67,7 +67,7 @@ def test_membership_without_drift_and_slips_is_found_out(monkeypatch: pytest.Mon
     def none(commands: object, errors: object, factors: object, since: Floats, until: Floats) -> tuple[Floats, Floats]:
         return np.zeros(np.shape(since)), np.zeros(np.shape(since))
 
-    monkeypatch.setattr("ensemble_ctrl.receding.membership.departure", none)
+    monkeypatch.setattr("ensemble_ctrl.planning.online.membership.departure", none)
     assert any(list(excluded(SEED, index)) for index in range(100))
 
 

@@ -27,11 +27,11 @@ from ensemble_ctrl.constraints.stl import (
     parse,
     reads_fleet,
 )
-from ensemble_ctrl.duties import grounded, other_parts
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.duties import grounded, other_parts
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
 from tests.paths import CONFIGS
 

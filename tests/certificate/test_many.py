@@ -9,8 +9,8 @@ from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.clearance import TIGHT, Prover
 from ensemble_ctrl.certificate.enclosure import Flow
 from ensemble_ctrl.certificate.instants import Spans
-from ensemble_ctrl.config import load_text
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.files.config import load_text
+from ensemble_ctrl.problem.evaluation.sampled import replay
 
 TEXT = """
 fleet:

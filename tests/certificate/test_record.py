@@ -14,7 +14,7 @@ import pytest
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.certificate import Certificate, certify, claim, differences
-from ensemble_ctrl.plain import to_json
+from ensemble_ctrl.core.plain import to_json
 
 TEXT = """
 fleet:

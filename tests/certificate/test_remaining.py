@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.remaining import certify_set
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import Known, parse
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.problem.evaluation.sampled import replay
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
 
 FLEET = Fleet(Unicycle(), {"traction": Interval(0.9, 1.1)}, np.zeros(2), 0.1, np.full(2, -2.0), np.full(2, 2.0), 0.05)

@@ -18,8 +18,8 @@ from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.remaining import certify_set
 from ensemble_ctrl.certificate.schedule import Schedule, extremes
 from ensemble_ctrl.constraints.stl import Predicate, negation_normal_form, parse
-from ensemble_ctrl.duties import duties
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.report.words import certificate_words
 
 from .monitor import Floats, Signal, always, box_distance, driven, eventually, until

@@ -13,7 +13,7 @@ import pytest
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.cli.app import app
-from ensemble_ctrl.results import LIBRARIES
+from ensemble_ctrl.api.results import LIBRARIES
 from tests.paths import CONFIGS
 
 from .conftest import Command
@@ -107,7 +107,7 @@ def test_check_loads_no_solver(place: Path, arguments: list[str]) -> None:
         env=environment(),
     )
     modules = loaded(done.stderr)
-    assert "ensemble_ctrl.config.load" in modules
+    assert "ensemble_ctrl.files.config.load" in modules
     packages = {name.split(".")[0] for name in modules}
     assert not packages & {"casadi", "scipy", "matplotlib", "shapely", "rich"}
 
@@ -262,7 +262,7 @@ def test_doctor(command: Command) -> None:
 
 
 def test_doctor_where_something_is_wrong(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ensemble_ctrl import planner
+    from ensemble_ctrl.planning import planner
     from ensemble_ctrl.cli import doctor
 
     def broken(*_: object, **__: object) -> None:

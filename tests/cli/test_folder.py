@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 import ensemble_ctrl as ec
-from ensemble_ctrl import folder as folder_module
 from ensemble_ctrl.cli import run as run_module
-from ensemble_ctrl.files import release
-from ensemble_ctrl.folder import FolderError, ResultsFolder
+from ensemble_ctrl.core.storage import release
+from ensemble_ctrl.files import folder as folder_module
+from ensemble_ctrl.files.folder import FolderError, ResultsFolder
 
 from .conftest import Command
 from .tools import COMMAND, Outcome, environment, left
@@ -214,7 +214,7 @@ def test_a_place_is_taken_at_the_start(results: Path, place: Path, there: str) -
 
 
 def test_the_next_run_removes_what_a_killed_one_left(place: Path) -> None:
-    code = "import os\nfrom pathlib import Path\nfrom ensemble_ctrl.folder import ResultsFolder\n"
+    code = "import os\nfrom pathlib import Path\nfrom ensemble_ctrl.files.folder import ResultsFolder\n"
     code += "folder = ResultsFolder(Path('plans/x'))\n(folder.working / 'solver.log').touch()\nos.kill(os.getpid(), 9)"
     subprocess.run([sys.executable, "-c", code], cwd=place, env=environment(), timeout=60)
     assert len(list((place / "plans").iterdir())) == 1

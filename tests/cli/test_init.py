@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ensemble_ctrl.cli.init import schema_text, starter_text
-from ensemble_ctrl.config import read_text
+from ensemble_ctrl.files.config import read_text
 from tests.paths import CONFIGS
 
 from .conftest import Command

@@ -9,7 +9,7 @@ import pytest
 
 from ensemble_ctrl.cli import run as run_module
 from ensemble_ctrl.cli.memory import LEAST
-from ensemble_ctrl.errors import WorkerError
+from ensemble_ctrl.core.errors import WorkerError
 
 from .conftest import Command
 from .tools import COMMAND, environment

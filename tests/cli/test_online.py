@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from ensemble_ctrl.config import read
-from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.simulated import SimulatedRobot
+from ensemble_ctrl.files.config import read
+from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.simulated import SimulatedRobot
 
 from .conftest import Command
 from .tools import SMALL

@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 import ensemble_ctrl as ec
+from ensemble_ctrl.api.results import write_results
 from ensemble_ctrl.cli import run as run_module
 from ensemble_ctrl.cli.progress import Progress, stoppable
-from ensemble_ctrl.results import write_results
 
 from .conftest import Command
 from .tools import COMMAND, environment, left

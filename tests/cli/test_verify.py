@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ensemble_ctrl.config import load_text
-from ensemble_ctrl.widening import _Search
+from ensemble_ctrl.api.widening import _Search
+from ensemble_ctrl.files.config import load_text
 
 from .conftest import Command
 from .tools import SMALL

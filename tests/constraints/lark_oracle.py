@@ -30,7 +30,7 @@ from ensemble_ctrl.constraints.stl import (
     Until,
 )
 from ensemble_ctrl.constraints.stl._text import BeforeEnd
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 Window = tuple[float, float] | None
 WORDS = {

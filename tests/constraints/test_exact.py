@@ -14,7 +14,7 @@ from ensemble_ctrl.certificate.clearance import grown
 from ensemble_ctrl.constraints import Obstacle, Polyhedron, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.constraints.exact import hull, intersection, space_corners
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 Array = NDArray[np.float64]
 Point = tuple[Fraction, Fraction]

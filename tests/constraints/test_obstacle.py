@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import LegendreBasis
 
 Array = NDArray[np.float64]

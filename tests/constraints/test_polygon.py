@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from ensemble_ctrl.constraints import Obstacle, convex_pieces
 from ensemble_ctrl.constraints.exact import corner_turns
 from ensemble_ctrl.constraints.polygon import is_convex, ring
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 
 @given(st.integers(0, 10_000), st.integers(3, 25))

@@ -26,7 +26,7 @@ from ensemble_ctrl.constraints.stl import (
 )
 from ensemble_ctrl.constraints.stl.formula import Always, Eventually
 from ensemble_ctrl.constraints.stl.progression import Reading
-from ensemble_ctrl.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 
 from .stl_strategies import NAMES, formulas, predicates, signals
 

@@ -24,7 +24,7 @@ from ensemble_ctrl.constraints.stl import (
 )
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.constraints.stl.operations import Ops
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 from .stl_strategies import NAMES, formulas, look_ahead, naive, predicates, signals
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints.stl import And, Formula, FormulaError, Or, StateSignals, check_windows, parse, resolve
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 from .stl_spelling import spelled
 from .stl_strategies import NAMES, formulas, naive, predicates, signals, texts

@@ -28,7 +28,7 @@ from ensemble_ctrl.constraints.stl import (
     parse,
     resolve,
 )
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 from .stl_strategies import texts
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.problem.evaluation.sampled import replay
 
 TASK = "F[3,4] in(goal) and G avoid(obstacles)"
 WRONG: dict[str, Any] = {

@@ -9,8 +9,8 @@ from unittest.mock import Mock
 import pytest
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.config import tree
 from ensemble_ctrl.constraints.stl import check
+from ensemble_ctrl.files.config import tree
 
 HEAD = """
 fleet: {model: unicycle, start: {position: [0, 0], heading: 0}}
@@ -58,7 +58,7 @@ def test_guesses_and_places_are_made_for_the_first_names_only(monkeypatch: pytes
     guesses = Mock(side_effect=difflib.get_close_matches)
     searches = Mock(side_effect=tree.indices)
     monkeypatch.setattr(check, "get_close_matches", guesses)
-    monkeypatch.setattr("ensemble_ctrl.config.locate.indices", searches)
+    monkeypatch.setattr("ensemble_ctrl.files.config.locate.indices", searches)
     error = refused("task: " + " and ".join(f"in(gaol{i})" for i in range(300)))
     assert len(error.diagnostics) == 300
     assert [item.column for item in error.diagnostics[:3]] == [10, 24, 38]

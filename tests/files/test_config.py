@@ -17,11 +17,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ensemble_ctrl import config
-from ensemble_ctrl.arguments.units import quantity
-from ensemble_ctrl.config.wrong import Wrong
+from ensemble_ctrl.files import config
+from ensemble_ctrl.problem.arguments.units import quantity
+from ensemble_ctrl.files.config.wrong import Wrong
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.errors import ConfigError
+from ensemble_ctrl.core.errors import ConfigError
 from ensemble_ctrl.problem import Problem, ReportOptions, SolveOptions, VerifyOptions
 from tests.paths import CONFIGS
 
@@ -937,7 +937,7 @@ def test_routes_are_a_number_or_all(text: str, routes: int | str) -> None:
 
 
 def test_importing_config_loads_no_solver() -> None:
-    script = "import sys, ensemble_ctrl.config as c; c.load(sys.argv[1]); print(*sys.modules)"
+    script = "import sys, ensemble_ctrl.files.config as c; c.load(sys.argv[1]); print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", script, str(FIVE)], capture_output=True, text=True, check=True)
     assert not {"casadi", "scipy", "matplotlib", "shapely"} & set(re.findall(r"[\w.]+", run.stdout))
 

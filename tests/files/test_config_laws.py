@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ensemble_ctrl.checks import MAX_SAMPLES
-from ensemble_ctrl.config import dump, load, load_text, schema
-from ensemble_ctrl.config.laws import law_data
-from ensemble_ctrl.errors import ConfigError, ProblemError
+from ensemble_ctrl.core.errors import ConfigError, ProblemError
+from ensemble_ctrl.files.config import dump, load, load_text, schema
+from ensemble_ctrl.files.config.laws import law_data
 from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.problem.checks import MAX_SAMPLES
 
 NORMAL = "{range: [0.9, 1.1], law: normal, mean: 1.0, deviation: 0.03}"
 FORMS: dict[str, Law] = {

@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from ensemble_ctrl.api import Plan
-from ensemble_ctrl.config import load_text
-from ensemble_ctrl.config.geojson import shapes_of
+from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.errors import EnsembleError, ProblemError, UnsupportedError
-from ensemble_ctrl.export.tube import areas
+from ensemble_ctrl.core.errors import EnsembleError, ProblemError, UnsupportedError
+from ensemble_ctrl.files.config import load_text
+from ensemble_ctrl.files.config.geojson import shapes_of
+from ensemble_ctrl.files.export.tube import areas
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.ode_fleet import OdeFleet
 from ensemble_ctrl.problem import OdeProblem
-from ensemble_ctrl.replay import states, trajectories
+from ensemble_ctrl.problem.evaluation.sampled import states, trajectories
+from ensemble_ctrl.problem.ode_fleet import OdeFleet
 from ensemble_ctrl.systems import OdeSystem, PlanarQuadrotor
 from tests.report.plans import ode_made
 
@@ -164,7 +164,7 @@ def test_the_table_holds_the_commands_and_where_the_members_are(tmp_path: Path) 
 
 
 def test_without_members_the_table_is_that_of_the_results_folder(tmp_path: Path) -> None:
-    from ensemble_ctrl.results import controls_csv
+    from ensemble_ctrl.api.results import controls_csv
 
     plan = made("bicycle")
     assert plan.export(tmp_path / "plan.csv").read_text() == controls_csv(plan)

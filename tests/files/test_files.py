@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ensemble_ctrl.files import (
+from ensemble_ctrl.core.storage import (
     HIDDEN,
     NotRegular,
     claim,
@@ -122,7 +122,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 LEAVE = """
 import os, sys
 from pathlib import Path
-from ensemble_ctrl.files import claim, hidden_name, whole_file
+from ensemble_ctrl.core.storage import claim, hidden_name, whole_file
 folder = Path(sys.argv[1])
 claim(folder / hidden_name())
 (folder / hidden_name()).mkdir()

@@ -10,7 +10,7 @@ import pytest
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.cli.app import invoke
-from ensemble_ctrl.config import schema
+from ensemble_ctrl.files.config import schema
 
 GOOD = """\
 fleet:

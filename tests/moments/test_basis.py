@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Legendre
 from scipy.integrate import quad
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import LegendreBasis
 
 orders = st.integers(0, 50)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import beta, kstest, truncnorm
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
 
 MEASURED = np.random.default_rng(3).normal(1.0, 0.03, 60)

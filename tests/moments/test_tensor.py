@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis, bernstein_to_moments, nodes_to_bernstein, nodes_to_moments
 
 Floats = NDArray[np.float64]

@@ -9,10 +9,10 @@ import numpy as np
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.planner import Solution, solve
+from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Objective, Problem, SolveOptions
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
 
 BOXES = {

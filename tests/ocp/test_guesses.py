@@ -15,16 +15,16 @@ import shapely
 from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.config import load_text
+from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
 from ensemble_ctrl.ocp.guesses.shaken import shaken
 from ensemble_ctrl.ocp.truncation import positions
-from ensemble_ctrl.planner import solve
+from ensemble_ctrl.planning.planner import solve
+from ensemble_ctrl.planning.suggest import Suggestion, relaxations
+from ensemble_ctrl.planning.suggest.search import _Search
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report import summary_lines
-from ensemble_ctrl.suggest import Suggestion, relaxations
-from ensemble_ctrl.suggest.search import _Search
 from ensemble_ctrl.systems import Unicycle
 
 Floats = NDArray[np.float64]

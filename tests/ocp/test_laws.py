@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from ensemble_ctrl.certificate import certify
-from ensemble_ctrl.config import load
+from ensemble_ctrl.files.config import load
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.moments import Beta, Interval, Law, LegendreBasis, Mixture, Samples, TruncatedNormal
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.truncation import Truncation, choose, points, positions, raised, tail
-from ensemble_ctrl.planner import Solution, solve
+from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Guarantee, Problem
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.problem.evaluation.sampled import replay
 from tests.paths import CONFIGS
 
 CONFIG = CONFIGS / "one_obstacles.yaml"

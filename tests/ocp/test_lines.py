@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.duties import Duty
 from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.problem.duties import Duty
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval, LegendreBasis, nodes_to_moments
 from ensemble_ctrl.ocp.modal import moment_generators, propagate
 from ensemble_ctrl.systems import Unicycle

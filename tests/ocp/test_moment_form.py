@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.moment_form import moment_blocks
 from ensemble_ctrl.ocp.program import Block, assemble

@@ -9,14 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, robustness
-from ensemble_ctrl.duties import grounded, other_parts
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.levels import TaskLevels, smooth_maximum
 from ensemble_ctrl.ocp.online import OnlineProgram, Present, _blocks, _Point
 from ensemble_ctrl.ocp.truncation import coarse, points
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import grounded, other_parts
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
 from .problems import FLEET, five, planned

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from ensemble_ctrl.errors import WorkerError
+from ensemble_ctrl.core.errors import WorkerError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch
 from tests.processes import children
@@ -191,7 +191,7 @@ def test_workers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 ENDLESS = """
 import os, time
-from ensemble_ctrl.errors import WorkerError
+from ensemble_ctrl.core.errors import WorkerError
 from ensemble_ctrl.ocp import parallel
 parallel.workers = lambda count: 2
 def work(candidate, watch):

@@ -20,14 +20,14 @@ from ensemble_ctrl import (
     SolveOptions,
 )
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.duties import Duty, duties
 from ensemble_ctrl.ocp.shooting.evaluate import evaluate
 from ensemble_ctrl.ocp.shooting.guess import guesses
 from ensemble_ctrl.ocp.shooting.planes import separate
 from ensemble_ctrl.ocp.shooting.search import Stage, nominal, whole
 from ensemble_ctrl.ocp.shooting.transcription import transcribe
 from ensemble_ctrl.ocp.shooting.ways import resampled, way, ways
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.problem.duties import Duty, duties
+from ensemble_ctrl.problem.evaluation.sampled import replay
 
 Floats = NDArray[np.float64]
 BLOCK = Obstacle.box([[1.5, 2.5], [-1.0, 0.4]])

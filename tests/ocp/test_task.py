@@ -29,7 +29,7 @@ from ensemble_ctrl.constraints.stl import (
     member_robustness,
     parse,
 )
-from ensemble_ctrl.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import assemble
 from ensemble_ctrl.ocp.task import SHARPNESS, TaskRows, task_rows

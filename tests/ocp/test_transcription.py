@@ -18,8 +18,8 @@ from ensemble_ctrl.ocp.risk import ROUND
 from ensemble_ctrl.ocp.transcription import Avoiding, Transcription, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, positions, tail
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.risk import Risk
-from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget
+from ensemble_ctrl.problem.risk import Risk
+from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget
 
 from .problems import FLEET, five
 

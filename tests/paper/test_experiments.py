@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ensemble_ctrl.config import load, read
-from ensemble_ctrl.planner import Solution, solve
+from ensemble_ctrl.files.config import load, read
+from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay
-from ensemble_ctrl.twin import unconstrained
+from ensemble_ctrl.problem.evaluation.sampled import replay
+from ensemble_ctrl.planning.baseline import unconstrained
 from tests.paths import CONFIGS
 
 PRINTED = json.loads((CONFIGS.parent / "docs" / "_static" / "gallery" / "facts.json").read_text(encoding="utf-8"))

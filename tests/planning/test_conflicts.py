@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from ensemble_ctrl.certificate import certify
-from ensemble_ctrl.config import load, load_text
-from ensemble_ctrl.conflicts import conflicts, unit_of_parts
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.duties import other_parts
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.ode_fleet import OdeFleet
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.files.config import load, load_text
 from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.problem.duties import other_parts
+from ensemble_ctrl.problem.evaluation.conflicts import conflicts, unit_of_parts
+from ensemble_ctrl.problem.evaluation.sampled import replay
+from ensemble_ctrl.problem.ode_fleet import OdeFleet
 from ensemble_ctrl.report.text import conflict_text, measured, proven
 from ensemble_ctrl.report.words import certificate_words
 from ensemble_ctrl.systems import OdeSystem

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.conflicts import conflicts
 from ensemble_ctrl.ocp.seeds import seeds
+from ensemble_ctrl.planning.baseline import unconstrained
+from ensemble_ctrl.problem.evaluation.conflicts import conflicts
 from ensemble_ctrl.report.text import summary_lines
-from ensemble_ctrl.twin import unconstrained
 
 LEAVES = ["in(goal)", "avoid(post)", "avoid(obstacles)", "avoid(goal)", "x <= 2.9", "abs(y) <= 1", "mean(in(goal))"]
 PLACES = [

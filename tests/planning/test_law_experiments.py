@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ensemble_ctrl.api import Plan, plan
+from ensemble_ctrl.api.plans import Plan, plan
 from ensemble_ctrl.cli.verify import _replayed
-from ensemble_ctrl.config import read
+from ensemble_ctrl.files.config import read
 from ensemble_ctrl.moments import Beta, Interval, Samples
 from ensemble_ctrl.problem import Problem
 from tests.paths import CONFIGS

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.cli.app import invoke
-from ensemble_ctrl.config import dump
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.export import export
-from ensemble_ctrl.folder import ResultsFolder
-from ensemble_ctrl.receding.loop import Receding
-from ensemble_ctrl.replay import replay, states
+from ensemble_ctrl.files.config import dump
+from ensemble_ctrl.files.export import export
+from ensemble_ctrl.files.folder import ResultsFolder
+from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.problem.evaluation.sampled import replay, states
 from ensemble_ctrl.report import summary_lines
 from tests.paths import ROOT
 

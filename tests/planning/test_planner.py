@@ -15,20 +15,20 @@ import pytest
 from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
-import ensemble_ctrl.planner as module
-from ensemble_ctrl.config import load, load_text
-from ensemble_ctrl.conflicts import conflicts
+import ensemble_ctrl.planning.planner as module
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.files.config import load, load_text
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import Iteration
 from ensemble_ctrl.ocp.truncation import Truncation, coarse
-from ensemble_ctrl.planner import Solution, coarse_steps, solve
+from ensemble_ctrl.planning.planner import Solution, coarse_steps, solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.problem.evaluation.conflicts import conflicts
+from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.systems import Unicycle
 from tests.paths import CONFIGS
 from tests.processes import children
@@ -418,7 +418,7 @@ def test_a_proof_and_a_replay_end_with_the_time_limit(monkeypatch: pytest.Monkey
     monkeypatch.setattr(module, "AFTERWARDS", 0.2)
     monkeypatch.setattr(parallel, "GRACE", 0.1)
     monkeypatch.setattr(parallel, "endable", lambda: True)
-    monkeypatch.setattr("ensemble_ctrl.replay.BLOCK", 1)
+    monkeypatch.setattr("ensemble_ctrl.problem.evaluation.sampled.BLOCK", 1)
     problem = load_text(SMALL)
     late = problem.with_(
         solve=replace(problem.solve, time_limit=3.0, routes=1), verify=replace(problem.verify, members=40_000)

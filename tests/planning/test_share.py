@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.task import TaskBound
-from ensemble_ctrl.config import load, load_text
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Not, Share, parse
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form
-from ensemble_ctrl.duties import chances
-from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.files.config import load, load_text
 from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
 from ensemble_ctrl.ocp.chance import ranges
-from ensemble_ctrl.planner import solve
+from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.problem.duties import chances
+from ensemble_ctrl.problem.evaluation.sampled import replay
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.report.text import measured, proven
 from ensemble_ctrl.report.words import certificate_words
 from ensemble_ctrl.systems import Unicycle

@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from ensemble_ctrl.config import dump, load_text
-from ensemble_ctrl.errors import ConfigError, ProblemError
-from ensemble_ctrl.planner import solve
+from ensemble_ctrl.core.errors import ConfigError, ProblemError
+from ensemble_ctrl.files.config import dump, load_text
+from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.problem.evaluation.sampled import replay
 
 Floats = NDArray[np.float64]
 TEXT = """

@@ -6,17 +6,17 @@ from typing import Any
 
 import pytest
 
-from ensemble_ctrl import planner
-from ensemble_ctrl.api import plan
-from ensemble_ctrl.checks import findings
-from ensemble_ctrl.config import dump, load, load_text, read
+from ensemble_ctrl.planning import planner
+from ensemble_ctrl.api.plans import plan
+from ensemble_ctrl.problem.checks import findings
+from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.constraints.stl import parse, resolve
 from ensemble_ctrl.constraints.stl.robustness import fits_grid
-from ensemble_ctrl.errors import ConfigError, ProblemError
+from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.ocp.seeds import Seed, seeds
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay, trajectories
-from ensemble_ctrl.soonest import TOLERANCE, Duration, Passage, _Search, bound, goal_of, solve
+from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
+from ensemble_ctrl.planning.minimum_time import TOLERANCE, Duration, Passage, _Search, bound, goal_of, solve
 from tests.paths import CONFIGS
 
 FILES = CONFIGS / "time"
@@ -104,7 +104,7 @@ def test_a_plan_that_only_one_value_leads_to_is_found_for_every_limit(
     def only(problem: Problem, *rest: Any) -> list[Seed]:
         return seeds(problem, *rest) if problem.duration == 3.322 else []
 
-    monkeypatch.setattr("ensemble_ctrl.soonest.seeds", only)
+    monkeypatch.setattr("ensemble_ctrl.planning.minimum_time.seeds", only)
     _, soonest = solve(load_text(STRAIGHT.replace("at_most: 8 s", f"at_most: {longest} s")))
     assert soonest is not None
     assert soonest.value == pytest.approx(FASTEST, rel=2 * TOLERANCE)

@@ -10,19 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.api import Plan, with_suggestions
+from ensemble_ctrl.api.plans import Plan, with_suggestions
 from ensemble_ctrl.certificate import certify
-from ensemble_ctrl.config import dump, load_text
-from ensemble_ctrl.conflicts import Conflict
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness, parse
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.files.config import dump, load_text
 from ensemble_ctrl.ocp.solvers import Iteration
-from ensemble_ctrl.planner import Status
-from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay
-from ensemble_ctrl.report import summary_lines
-from ensemble_ctrl.suggest import Suggestions, relaxations, suggest
-from ensemble_ctrl.suggest.relax import (
+from ensemble_ctrl.planning.planner import Status
+from ensemble_ctrl.planning.suggest import Suggestions, relaxations, suggest
+from ensemble_ctrl.planning.suggest.relax import (
     longer_horizon,
     narrower,
     reversing,
@@ -33,7 +29,11 @@ from ensemble_ctrl.suggest.relax import (
     wider_bounds,
     without,
 )
-from ensemble_ctrl.suggest.search import first_true
+from ensemble_ctrl.planning.suggest.search import first_true
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.evaluation.conflicts import Conflict
+from ensemble_ctrl.problem.evaluation.sampled import replay
+from ensemble_ctrl.report import summary_lines
 
 SLOW = """\
 name: slow

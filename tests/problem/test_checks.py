@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ensemble_ctrl.checks import Finding, findings, path_text, require_sound
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem, SolveOptions, VerifyOptions
+from ensemble_ctrl.problem.checks import Finding, findings, path_text, require_sound
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
 
 FLEET = Fleet(

@@ -11,8 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.checks import coverage_text, findings
-from ensemble_ctrl.config import dump, load_text
 from ensemble_ctrl.constraints.stl import (
     Always,
     ExactOps,
@@ -22,8 +20,10 @@ from ensemble_ctrl.constraints.stl import (
     robustness,
     without_implied,
 )
-from ensemble_ctrl.duties import NOTHING_ASKED, clearances, duties, other_parts
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.files.config import dump, load_text
+from ensemble_ctrl.problem.checks import coverage_text, findings
+from ensemble_ctrl.problem.duties import NOTHING_ASKED, clearances, duties, other_parts
+from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.report import summary_lines
 from ensemble_ctrl.report.words import certificate_words
 

@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval, Law, Samples
 from ensemble_ctrl.ocp.truncation import choose
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
 from tests.paths import CONFIGS
 

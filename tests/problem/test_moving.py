@@ -9,18 +9,18 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import certify
-from ensemble_ctrl.config import dump, load, load_text, read
 from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.duties import duties
-from ensemble_ctrl.errors import ConfigError, ProblemError
-from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.core.errors import ConfigError, ProblemError
+from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.motion import Motion
 from ensemble_ctrl.ocp.lines import separate
-from ensemble_ctrl.planner import solve
+from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay, trajectories
+from ensemble_ctrl.problem.duties import duties
+from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
 from tests.paths import CONFIGS
 

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ensemble_ctrl.checks import findings
-from ensemble_ctrl.checks.spread import apart, furthest, widest
-from ensemble_ctrl.config import load_text
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.errors import ConfigError
-from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.core.errors import ConfigError
+from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.checks import findings
+from ensemble_ctrl.problem.checks.spread import apart, furthest, widest
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Bicycle, Unicycle
 
 TEXT = """

@@ -7,12 +7,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from ensemble_ctrl.certificate import certify
-from ensemble_ctrl.config import load_text
 from ensemble_ctrl.constraints.stl import Always, Inside
-from ensemble_ctrl.errors import ConfigError
+from ensemble_ctrl.core.errors import ConfigError
+from ensemble_ctrl.files.config import load_text
+from ensemble_ctrl.planning.baseline import unconstrained
+from ensemble_ctrl.planning.minimum_time import bound, goal_of
 from ensemble_ctrl.report.figures import draw_map
-from ensemble_ctrl.soonest import bound, goal_of
-from ensemble_ctrl.twin import unconstrained
 
 TEXT = """
 fleet:

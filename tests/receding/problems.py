@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.planner import solve
+from ensemble_ctrl.planning.online.options import OnlineOptions
+from ensemble_ctrl.planning.online.propagation import Errors
+from ensemble_ctrl.planning.online.simulated import Factors, Fixed, Flaws, SimulatedRobot
+from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Objective, Problem
-from ensemble_ctrl.receding.options import OnlineOptions
-from ensemble_ctrl.receding.propagation import Errors
-from ensemble_ctrl.receding.simulated import Factors, Fixed, Flaws, SimulatedRobot
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
 
 Floats = NDArray[np.float64]

@@ -14,10 +14,10 @@ import ensemble_ctrl as ec
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.ocp.online import OnlineProgram, Present, Replanned
-from ensemble_ctrl.receding.driver import Outcome, drive
-from ensemble_ctrl.receding.loop import Receding
-from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.simulated import SimulatedRobot
+from ensemble_ctrl.planning.online.driver import Outcome, drive
+from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.simulated import SimulatedRobot
 from tests.paths import CONFIGS
 
 from .problems import SHORT, clearance, options, plan, robot

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.motion import Motion
-from ensemble_ctrl.receding.driver import Outcome, drive
-from ensemble_ctrl.receding.loop import Receding
-from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.options import OnlineOptions
-from ensemble_ctrl.receding.propagation import Errors
-from ensemble_ctrl.receding.simulated import Drifting, SimulatedRobot
+from ensemble_ctrl.planning.online.driver import Outcome, drive
+from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.options import OnlineOptions
+from ensemble_ctrl.planning.online.propagation import Errors
+from ensemble_ctrl.planning.online.simulated import Drifting, SimulatedRobot
 
 from .problems import NOISE, SHORT, clearance, options, plan, robot
 

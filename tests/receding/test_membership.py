@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.receding.membership import Membership
-from ensemble_ctrl.receding.propagation import Commands, Errors
+from ensemble_ctrl.planning.online.membership import Membership
+from ensemble_ctrl.planning.online.propagation import Commands, Errors
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
 Floats = NDArray[np.float64]

@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.duties import duties
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.membership import Membership
+from ensemble_ctrl.planning.online.options import OnlineOptions
+from ensemble_ctrl.planning.online.propagation import Commands, Errors, PoseSet
+from ensemble_ctrl.planning.online.remaining import remaining
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.receding.loop import Receding
-from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.membership import Membership
-from ensemble_ctrl.receding.options import OnlineOptions
-from ensemble_ctrl.receding.propagation import Commands, Errors, PoseSet
-from ensemble_ctrl.receding.remaining import remaining
+from ensemble_ctrl.problem.duties import duties
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
 
 Floats = NDArray[np.float64]

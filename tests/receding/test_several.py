@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.remaining import SetCertificate, together
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.receding.driver import Outcome, drive
-from ensemble_ctrl.receding.loop import Receding, Step
-from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.propagation import PoseSet
-from ensemble_ctrl.receding.simulated import FINE, SimulatedFleet
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.planning.online.driver import Outcome, drive
+from ensemble_ctrl.planning.online.loop import Receding, Step
+from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.propagation import PoseSet
+from ensemble_ctrl.planning.online.simulated import FINE, SimulatedFleet
 
 from .problems import NOISE, SHORT, clearance, options, plan, robot
 

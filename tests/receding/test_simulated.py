@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.fleet import Fleet
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.receding.simulated import SMALL_CAR, Drifting, Factors, Fixed, Flaws, SimulatedRobot, Terrain
+from ensemble_ctrl.planning.online.simulated import SMALL_CAR, Drifting, Factors, Fixed, Flaws, SimulatedRobot, Terrain
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Unicycle
 
 Floats = NDArray[np.float64]

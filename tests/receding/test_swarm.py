@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.receding.swarm import Aggregate, SimulatedSwarm, Swarm, uniform_members
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.planning.online.swarm import Aggregate, SimulatedSwarm, Swarm, uniform_members
+from ensemble_ctrl.problem.evaluation.sampled import replay
 
 from .problems import SHORT, options, plan
 

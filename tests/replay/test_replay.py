@@ -12,13 +12,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-import ensemble_ctrl.replay as module
-from ensemble_ctrl.config import load, load_text
+import ensemble_ctrl.problem.evaluation.sampled as module
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.files.config import load, load_text
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import replay, trajectories
+from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
 from ensemble_ctrl.systems import Unicycle
 from tests.paths import CONFIGS
 

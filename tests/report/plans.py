@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ensemble_ctrl.api import Plan, checked
-from ensemble_ctrl.config import load_text
+from ensemble_ctrl.api.plans import Plan, checked
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.ode_fleet import OdeFleet
 from ensemble_ctrl.problem import OdeProblem, VerifyOptions
+from ensemble_ctrl.problem.ode_fleet import OdeFleet
 from ensemble_ctrl.systems import OdeSystem
 
 UNICYCLE = "fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}\n"

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from ensemble_ctrl.folder import RESULT_FILES
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.files.folder import RESULT_FILES
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.animation import WIDTH
 from ensemble_ctrl.report.film import FORMATS, AnimationError
 from ensemble_ctrl.report.scene import scenes

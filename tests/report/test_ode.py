@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ensemble_ctrl.replay import states, trajectories
+from ensemble_ctrl.problem.evaluation.sampled import states, trajectories
 from ensemble_ctrl.report.html import report_html
 from ensemble_ctrl.report.kinds.moments import moments
 from ensemble_ctrl.report.plot import KINDS, write_plot

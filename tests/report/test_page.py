@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ensemble_ctrl.api import Plan
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.api.plans import Plan
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.html import report_html
 
 from .plans import PROBLEMS, made

@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from ensemble_ctrl import report
-from ensemble_ctrl.api import with_twin
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.folder import RESULT_FILES
+from ensemble_ctrl.api.plans import with_twin
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.files.folder import RESULT_FILES
 from ensemble_ctrl.moments import LegendreBasis
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report import palette
 from ensemble_ctrl.report.canvas import FORMATS
 from ensemble_ctrl.report.figures import write_figures

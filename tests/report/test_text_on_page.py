@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from ensemble_ctrl.api import Plan
-from ensemble_ctrl.config import load_text
+from ensemble_ctrl.api.plans import Plan
+from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.report import figures, plot
 from ensemble_ctrl.report.figures import write_figures
 from ensemble_ctrl.report.plot import KINDS, write_plot

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.tube import Ribbon, tubes
 
 from .plans import ODE_KINDS, made, ode_made

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.systems import SYSTEMS, Bicycle
 
 LOW, HIGH = np.array([-2.0, -0.6]), np.array([2.0, 0.6])

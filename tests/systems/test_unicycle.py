@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp.arrays import CasadiArrays
 from ensemble_ctrl.systems import SYSTEMS, Unicycle, sinc
 

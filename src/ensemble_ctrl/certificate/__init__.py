@@ -32,7 +32,8 @@ TRUSTED = tuple(
             *("_rows", "_sides", "cover", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
         ),
         "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
-        "": ("duties", "errors", "plain", "readonly", "values"),
+        "core.": ("errors", "plain", "readonly", "values"),
+        "problem.": ("duties",),
     }.items()
     for module in modules
 )
@@ -47,7 +48,8 @@ GENERAL = tuple(
 HANDED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
-        "": ("ensemble", "fleet", "motion", "problem"),
+        "constraints.": ("motion",),
+        "problem.": ("ensemble", "fleet", "problem"),
         "systems.": ("arcs", "bicycle", "unicycle"),
         "moments.": ("law", "measure", "samples", "normal", "beta", "mixture"),
     }.items()

@@ -18,17 +18,26 @@ from ensemble_ctrl.certificate.fingerprint import fingerprint
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.share import boxes, weighed
 from ensemble_ctrl.certificate.task import TaskBound, bound_task
-from ensemble_ctrl.duties import NOTHING_ASKED, NOTHING_AVOIDED, Chance, Duty, chances, duties, grounded, other_parts
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.plain import at_least
-from ensemble_ctrl.values import shown
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.plain import at_least
+from ensemble_ctrl.core.values import shown
+from ensemble_ctrl.problem.duties import (
+    NOTHING_ASKED,
+    NOTHING_AVOIDED,
+    Chance,
+    Duty,
+    chances,
+    duties,
+    grounded,
+    other_parts,
+)
 
 if TYPE_CHECKING:
     from ensemble_ctrl.constraints.stl.formula import Formula
-    from ensemble_ctrl.ensemble import Member
-    from ensemble_ctrl.fleet import Fleet
     from ensemble_ctrl.moments import Law
     from ensemble_ctrl.problem import Problem
+    from ensemble_ctrl.problem.ensemble import Member
+    from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
 SPLITS = (1, 4, 16)

@@ -22,9 +22,9 @@ from ensemble_ctrl.constraints.exact import hull
 from ensemble_ctrl.constraints.obstacle import Obstacle
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.duties import Duty
-    from ensemble_ctrl.ensemble import Member
-    from ensemble_ctrl.motion import Motion
+    from ensemble_ctrl.constraints.motion import Motion
+    from ensemble_ctrl.problem.duties import Duty
+    from ensemble_ctrl.problem.ensemble import Member
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

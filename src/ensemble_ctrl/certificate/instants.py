@@ -16,7 +16,7 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.values import exact
+from ensemble_ctrl.core.values import exact
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

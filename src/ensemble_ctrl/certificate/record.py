@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ensemble_ctrl.certificate.certify import Certificate
-from ensemble_ctrl.plain import to_json
+from ensemble_ctrl.core.plain import to_json
 
 CLOSE = 1e-6
 """Largest difference of a number in a file from the same one computed again: metres, seconds, or a parameter's unit."""

@@ -23,8 +23,8 @@ from ensemble_ctrl.certificate.clearance import Prover
 from ensemble_ctrl.certificate.enclosure import UNIT, Flow
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.constraints.stl import Known
-from ensemble_ctrl.duties import duties, other_parts
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import duties, other_parts
 
 Floats = NDArray[np.float64]
 

@@ -41,8 +41,8 @@ from ensemble_ctrl.constraints.stl.formula import (
     Until,
 )
 from ensemble_ctrl.constraints.stl.leaves import Known, Predicate
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.values import exact
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.values import exact
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

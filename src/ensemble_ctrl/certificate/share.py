@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import Flow, Range, Track
 from ensemble_ctrl.certificate.task import MASS_ERROR, CellSignals, scheduled
-from ensemble_ctrl.duties import Chance, grounded
+from ensemble_ctrl.problem.duties import Chance, grounded
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.fleet import Fleet
     from ensemble_ctrl.moments import Law
     from ensemble_ctrl.problem import Problem
+    from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -22,12 +22,12 @@ from ensemble_ctrl.certificate.schedule import MOST, Schedule
 from ensemble_ctrl.constraints.stl.formula import Formula, Share
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet, resolve
-from ensemble_ctrl.values import exact
+from ensemble_ctrl.core.values import exact
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.ensemble import Ensemble, Member
-    from ensemble_ctrl.fleet import Fleet
     from ensemble_ctrl.problem import Problem
+    from ensemble_ctrl.problem.ensemble import Ensemble, Member
+    from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
 

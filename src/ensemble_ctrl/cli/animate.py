@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ensemble_ctrl import planfile
-from ensemble_ctrl.api import Plan
+from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.folder import require_free
+from ensemble_ctrl.files import planfile
+from ensemble_ctrl.files.folder import require_free
 
 
 def animate_plan(path: Path, output: Path | None, seconds: float, overwrite: bool = False) -> None:

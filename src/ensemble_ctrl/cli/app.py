@@ -12,11 +12,11 @@ from typing import Annotated
 
 import typer
 
-from ensemble_ctrl._version import __version__
 from ensemble_ctrl.cli import codes, completion
 from ensemble_ctrl.cli.memory import MemoryLimitError, require_memory
 from ensemble_ctrl.cli.streams import OutputError, complain, fail, fail_with, keep_standard_streams, say, silence
-from ensemble_ctrl.errors import EnsembleError, WorkerError
+from ensemble_ctrl.core.errors import EnsembleError, WorkerError
+from ensemble_ctrl.core.version import __version__
 
 NAME = "ensemble-plan"
 COMPLETING = "_ENSEMBLE_PLAN_COMPLETE"
@@ -89,7 +89,7 @@ Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.",
 def _consent(given: bool) -> bool:
     """Let the Python file of a user's own system run, for this call of the command."""
     if given:
-        from ensemble_ctrl.config.own import CONSENT
+        from ensemble_ctrl.files.config.own import CONSENT
 
         CONSENT.set(True)
     return given

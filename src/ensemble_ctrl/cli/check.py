@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, diagnostic_data, say
-from ensemble_ctrl.config import Diagnostic, read
-from ensemble_ctrl.errors import ConfigError, first_of
+from ensemble_ctrl.core.errors import ConfigError, first_of
+from ensemble_ctrl.files.config import Diagnostic, read
 
 Report = tuple[str, ConfigError | None, tuple[Diagnostic, ...]]
 
@@ -18,7 +18,7 @@ def check_files(names: Sequence[str], as_json: bool, quiet: bool, overrides: Seq
     good = all(error is None for _, error, _ in reports)
     code = codes.OK if good else codes.USAGE
     if as_json:
-        from ensemble_ctrl.results import SCHEMA, to_json
+        from ensemble_ctrl.api.results import SCHEMA, to_json
 
         files = [_as_data(report) for report in reports]
         say(to_json({"schema": SCHEMA, "ok": good, "exit_code": code, "files": files}))

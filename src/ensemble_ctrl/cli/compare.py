@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ensemble_ctrl.api.comparison import Compared, compare, left_out, table
+from ensemble_ctrl.api.results import SCHEMA, to_json
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.comparison import Compared, compare, left_out, table
-from ensemble_ctrl.config import read
-from ensemble_ctrl.files import put_file
-from ensemble_ctrl.folder import ResultsFolder
-from ensemble_ctrl.results import SCHEMA, to_json
+from ensemble_ctrl.core.storage import put_file
+from ensemble_ctrl.files.config import read
+from ensemble_ctrl.files.folder import ResultsFolder
 
 
 def compare_guarantees(

@@ -8,7 +8,7 @@ from typing import Any
 
 def examples(incomplete: str) -> list[str]:
     """Names of the example problems."""
-    from ensemble_ctrl.example_files import examples as known
+    from ensemble_ctrl.files.examples import examples as known
 
     return _starting(incomplete, known())
 
@@ -49,15 +49,15 @@ def unknown_cells(incomplete: str) -> list[str]:
 
 def keys(incomplete: str) -> list[str]:
     """Dotted keys of a problem file, with the ``=`` that follows them."""
-    from ensemble_ctrl.config.schema import ProblemFile
+    from ensemble_ctrl.files.config.schema import ProblemFile
 
     return _starting(incomplete, [f"{key}=" for key in _keys(ProblemFile)])
 
 
 def _keys(model: Any) -> Iterator[str]:
     """The dotted keys of the fields of a section that are no sections themselves."""
-    from ensemble_ctrl.config.fields import Model
-    from ensemble_ctrl.config.messages import plain_type
+    from ensemble_ctrl.files.config.fields import Model
+    from ensemble_ctrl.files.config.messages import plain_type
 
     for name, field in model.model_fields.items():
         kind = plain_type(field.annotation)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import platform
 import time
 
-from ensemble_ctrl._version import __version__
+from ensemble_ctrl.api.results import LIBRARIES, installed_version
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.results import LIBRARIES, installed_version
+from ensemble_ctrl.core.version import __version__
 
 TINY = """
 name: doctor
@@ -39,8 +39,8 @@ def examine() -> int:
 
 def _solve_tiny() -> int:
     """Plan for one small problem."""
-    from ensemble_ctrl.api import plan
-    from ensemble_ctrl.config import load_text
+    from ensemble_ctrl.api.plans import plan
+    from ensemble_ctrl.files.config import load_text
 
     began = time.perf_counter()
     found = plan(load_text(TINY, "doctor"), check=False)

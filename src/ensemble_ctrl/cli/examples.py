@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ensemble_ctrl.cli.newfile import write_new
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.errors import EnsembleError
-from ensemble_ctrl.example_files import examples, file_of, siblings, text_of
+from ensemble_ctrl.core.errors import EnsembleError
+from ensemble_ctrl.files.examples import examples, file_of, siblings, text_of
 
 
 def list_or_print(name: str | None, copy: bool) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.cli.verify import read_plan
-from ensemble_ctrl.errors import EnsembleError
-from ensemble_ctrl.export import FORMATS, export
+from ensemble_ctrl.core.errors import EnsembleError
+from ensemble_ctrl.files.export import FORMATS, export
 
 
 def export_plan(plan: Path, form: str | None, output: Path | None, members: int | None, overwrite: bool) -> None:

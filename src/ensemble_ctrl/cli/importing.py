@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast, get_args
 
-from ensemble_ctrl.arguments.units import quantity
 from ensemble_ctrl.cli.streams import complain, say
-from ensemble_ctrl.config import import_map
-from ensemble_ctrl.config.imported import counted_pieces
-from ensemble_ctrl.config.occupancy import Unknown
-from ensemble_ctrl.config.wrong import Wrong
-from ensemble_ctrl.errors import EnsembleError, shortened
-from ensemble_ctrl.folder import write_text
+from ensemble_ctrl.core.errors import EnsembleError, shortened
+from ensemble_ctrl.files.config import import_map
+from ensemble_ctrl.files.config.imported import counted_pieces
+from ensemble_ctrl.files.config.occupancy import Unknown
+from ensemble_ctrl.files.config.wrong import Wrong
+from ensemble_ctrl.files.folder import write_text
+from ensemble_ctrl.problem.arguments.units import quantity
 
 
 def import_file(

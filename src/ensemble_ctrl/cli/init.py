@@ -8,9 +8,9 @@ from pathlib import Path
 
 from ensemble_ctrl.cli.newfile import write_new
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.example_files import EDITOR_LINE
-from ensemble_ctrl.files import read_regular
-from ensemble_ctrl.folder import write_text
+from ensemble_ctrl.core.storage import read_regular
+from ensemble_ctrl.files.examples import EDITOR_LINE
+from ensemble_ctrl.files.folder import write_text
 
 SCHEMA_FILE = "problem.schema.json"
 MOST_SCHEMA = 1_000_000
@@ -62,7 +62,7 @@ def starter_text(name: str = "problem.yaml") -> str:
 
 def schema_text() -> str:
     """The JSON Schema as a file's text."""
-    from ensemble_ctrl.config import schema
+    from ensemble_ctrl.files.config import schema
 
     return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
 

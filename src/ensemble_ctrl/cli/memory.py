@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ensemble_ctrl.errors import EnsembleError
+from ensemble_ctrl.core.errors import EnsembleError
 
 LEAST = 750_000_000
 """Bytes of address space (``ulimit -v``) that the examples are planned and drawn in, of which 160 MB are used."""

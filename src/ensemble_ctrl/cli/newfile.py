@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ensemble_ctrl.errors import EnsembleError
-from ensemble_ctrl.files import put_file
+from ensemble_ctrl.core.errors import EnsembleError
+from ensemble_ctrl.core.storage import put_file
 
 
 def write_new(path: Path, content: str | bytes) -> None:

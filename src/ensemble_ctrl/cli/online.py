@@ -9,25 +9,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.api import Plan
+from ensemble_ctrl.api.plans import Plan
+from ensemble_ctrl.api.results import SCHEMA, to_json
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
-from ensemble_ctrl.config import read
-from ensemble_ctrl.errors import first_of
-from ensemble_ctrl.files import put_file
-from ensemble_ctrl.folder import ResultsFolder
-from ensemble_ctrl.planner import solve
+from ensemble_ctrl.core.errors import first_of
+from ensemble_ctrl.core.storage import put_file
+from ensemble_ctrl.files.config import read
+from ensemble_ctrl.files.folder import ResultsFolder
+from ensemble_ctrl.planning.baseline import unconstrained
+from ensemble_ctrl.planning.online.driver import Outcome, drive
+from ensemble_ctrl.planning.online.log import RunLog
+from ensemble_ctrl.planning.online.loop import Receding, Step
+from ensemble_ctrl.planning.online.remaining import of_one_robot
+from ensemble_ctrl.planning.online.settings import OnlineSettings
+from ensemble_ctrl.planning.online.simulated import FINE, Fixed, SimulatedFleet
+from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.receding.driver import Outcome, drive
-from ensemble_ctrl.receding.log import RunLog
-from ensemble_ctrl.receding.loop import Receding, Step
-from ensemble_ctrl.receding.remaining import of_one_robot
-from ensemble_ctrl.receding.settings import OnlineSettings
-from ensemble_ctrl.receding.simulated import FINE, Fixed, SimulatedFleet
 from ensemble_ctrl.report.online import Run, Told, write_run
-from ensemble_ctrl.results import SCHEMA, to_json
-from ensemble_ctrl.twin import unconstrained
 
 Floats = NDArray[np.float64]
 

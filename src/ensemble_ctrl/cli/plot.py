@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ensemble_ctrl import planfile
-from ensemble_ctrl.api import Plan, with_twin
+from ensemble_ctrl.api.plans import Plan, with_twin
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.config.wrong import suggestion
-from ensemble_ctrl.errors import EnsembleError
-from ensemble_ctrl.folder import require_free
+from ensemble_ctrl.core.errors import EnsembleError
+from ensemble_ctrl.files import planfile
+from ensemble_ctrl.files.config.wrong import suggestion
+from ensemble_ctrl.files.folder import require_free
 from ensemble_ctrl.report.canvas import FORMATS
 from ensemble_ctrl.report.plot import KINDS, write_plot
 

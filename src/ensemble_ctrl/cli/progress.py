@@ -13,7 +13,7 @@ from math import inf, isfinite
 from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
-from ensemble_ctrl.plain import visible
+from ensemble_ctrl.core.plain import visible
 
 if TYPE_CHECKING:
     from ensemble_ctrl.ocp.solvers import Iteration

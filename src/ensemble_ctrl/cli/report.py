@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ensemble_ctrl import planfile
+from ensemble_ctrl.api.results import write_report
 from ensemble_ctrl.cli.run import REPORT
 from ensemble_ctrl.cli.show import judged
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.folder import require_free
-from ensemble_ctrl.results import write_report
+from ensemble_ctrl.files import planfile
+from ensemble_ctrl.files.folder import require_free
 
 
 def report_plan(path: Path, output: Path | None, overwrite: bool = False) -> None:

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ensemble_ctrl.api import Plan, failure_message, plan, with_suggestions, with_twin
+from ensemble_ctrl.api.plans import Plan, failure_message, plan, with_suggestions, with_twin
+from ensemble_ctrl.api.results import controls_csv, summary, to_json, write_report, write_results
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
-from ensemble_ctrl.config import read
-from ensemble_ctrl.config.overrides import Given
-from ensemble_ctrl.errors import RunawayError, first_of
-from ensemble_ctrl.folder import ResultsFolder
+from ensemble_ctrl.core.errors import RunawayError, first_of
+from ensemble_ctrl.files.config import read
+from ensemble_ctrl.files.config.overrides import Given
+from ensemble_ctrl.files.folder import ResultsFolder
 from ensemble_ctrl.report import route_lines, summary_lines
-from ensemble_ctrl.results import controls_csv, summary, to_json, write_report, write_results
 
 if TYPE_CHECKING:
     from ensemble_ctrl.ocp.solvers import Iteration

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ensemble_ctrl.api import Plan, checked
+from ensemble_ctrl.api.plans import Plan, checked
+from ensemble_ctrl.api.results import summary, to_json
 from ensemble_ctrl.cli.run import exit_code
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.errors import RunawayError
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.core.errors import RunawayError
+from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.report import summary_lines
-from ensemble_ctrl.results import summary, to_json
 
 
 def show_plan(path: Path, members: int | None, substeps: int | None, as_json: bool) -> int:

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
-from ensemble_ctrl.errors import ConfigError, EnsembleError
-from ensemble_ctrl.plain import visible
+from ensemble_ctrl.core.errors import ConfigError, EnsembleError
+from ensemble_ctrl.core.plain import visible
 
 
 class OutputError(EnsembleError):
@@ -71,7 +71,7 @@ def complain(text: str) -> None:
 def fail(code: int, message: str, as_json: bool, diagnostics: Sequence[Any] = ()) -> int:
     """Say what was wrong; returns the exit code."""
     if as_json:
-        from ensemble_ctrl.results import SCHEMA, to_json
+        from ensemble_ctrl.api.results import SCHEMA, to_json
 
         found = [diagnostic_data(item) for item in diagnostics]
         facts = {"schema": SCHEMA, "status": "error", "exit_code": code, "message": message, "diagnostics": found}

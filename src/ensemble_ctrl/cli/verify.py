@@ -11,21 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from ensemble_ctrl.api import Plan
-from ensemble_ctrl.bounds import Beyond, beyond_bounds
+from ensemble_ctrl.api.plans import Plan
+from ensemble_ctrl.api.results import SCHEMA, controls_csv, planned, replay_summary, to_json
 from ensemble_ctrl.certificate import EFFORT, Certificate, as_data, differences
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
-from ensemble_ctrl.config import dump, load
-from ensemble_ctrl.conflicts import unit_of_parts
-from ensemble_ctrl.duties import other_parts
-from ensemble_ctrl.errors import ProblemError, RunawayError
-from ensemble_ctrl.files import read_regular
+from ensemble_ctrl.core.errors import ProblemError, RunawayError
+from ensemble_ctrl.core.storage import read_regular
+from ensemble_ctrl.files.config import dump, load
+from ensemble_ctrl.files.planfile import MOST_BYTES
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.planfile import MOST_BYTES
-from ensemble_ctrl.replay import Replay
+from ensemble_ctrl.problem.bounds import Beyond, beyond_bounds
+from ensemble_ctrl.problem.duties import other_parts
+from ensemble_ctrl.problem.evaluation.conflicts import unit_of_parts
+from ensemble_ctrl.problem.evaluation.sampled import Replay
 from ensemble_ctrl.report.text import measured, proven
-from ensemble_ctrl.results import SCHEMA, controls_csv, planned, replay_summary, to_json
 
 HEADS = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN"}
 """Verdicts in the first line."""

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from ensemble_ctrl.api.results import SCHEMA, to_json
+from ensemble_ctrl.api.widening import Widest, widest
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
-from ensemble_ctrl.config import read
+from ensemble_ctrl.core.plain import at_least
+from ensemble_ctrl.files.config import read
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.plain import at_least
 from ensemble_ctrl.report import conflict_text
 from ensemble_ctrl.report.text import percent
-from ensemble_ctrl.results import SCHEMA, to_json
-from ensemble_ctrl.widening import Widest, widest
 
 
 def find_widest(

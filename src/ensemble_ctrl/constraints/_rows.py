@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.errors import ProblemError, UnsupportedError
-from ensemble_ctrl.values import numbers
+from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.core.values import numbers
 
 Array = NDArray[np.float64]
 MAX_ROWS = 250_000

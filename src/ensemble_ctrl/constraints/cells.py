@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.cover import CORNERS, joined, with_fewer_corners, within
 from ensemble_ctrl.constraints.polygon import facets, ring
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -14,9 +14,9 @@ from ensemble_ctrl.constraints import exact
 from ensemble_ctrl.constraints._rows import checked_rows
 from ensemble_ctrl.constraints.polygon import check_size, facets, is_convex, ring
 from ensemble_ctrl.constraints.polyhedron import SignedMoments
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.readonly import ReadOnlyArrays
-from ensemble_ctrl.values import numbers
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.readonly import ReadOnlyArrays
+from ensemble_ctrl.core.values import numbers
 
 Array = NDArray[np.float64]
 _Kernel = Callable[[Array, Array], Array]

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.constraints import exact
 from ensemble_ctrl.constraints.cover import CORNERS, joined, with_fewer_corners, within
 from ensemble_ctrl.constraints.partition import STRAIGHT, convex_parts
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.values import numbers
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.values import numbers
 
 if TYPE_CHECKING:
     from shapely import Polygon

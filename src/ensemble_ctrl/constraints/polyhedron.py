@@ -14,9 +14,9 @@ from ensemble_ctrl.constraints._rows import checked_rows, is_cone_trivial, is_fe
 from ensemble_ctrl.constraints._sides import closed, joined
 from ensemble_ctrl.constraints.exact import space_corners
 from ensemble_ctrl.constraints.polygon import facets, is_convex, ring
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.readonly import ReadOnlyArrays
-from ensemble_ctrl.values import numbers
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.readonly import ReadOnlyArrays
+from ensemble_ctrl.core.values import numbers
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.constraints._rows import TOLERANCE, is_cone_trivial
 from ensemble_ctrl.constraints.exact import space_corners
 from ensemble_ctrl.constraints.obstacle import Obstacle
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.values import numbers
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.values import numbers
 
 Array = NDArray[np.float64]
 BLOCK = 8192

@@ -13,6 +13,7 @@ Examples
 True
 """
 
+from ensemble_ctrl.moments._check import MAX_ORDER
 from ensemble_ctrl.moments.basis import Basis, LegendreBasis
 from ensemble_ctrl.moments.bernstein import bernstein_to_moments, moments_to_bernstein, nodes_to_bernstein
 from ensemble_ctrl.moments.beta import Beta
@@ -40,6 +41,7 @@ from ensemble_ctrl.moments.transform import (
 )
 
 __all__ = [
+    "MAX_ORDER",
     "Basis",
     "Beta",
     "Interval",

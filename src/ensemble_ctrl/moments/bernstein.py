@@ -16,7 +16,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import MAX_ORDER, finite_number, frozen, whole_number
 from ensemble_ctrl.moments.basis import Basis, LegendreBasis, recurrence_of
 from ensemble_ctrl.moments.measure import Interval

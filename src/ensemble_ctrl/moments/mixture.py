@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import finite_array, finite_number
 from ensemble_ctrl.moments.lanczos import merged, recurrence_of_points, usable
 from ensemble_ctrl.moments.law import Law

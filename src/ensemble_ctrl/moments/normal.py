@@ -8,7 +8,7 @@ from math import ceil, hypot
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import ends, finite_array, finite_number
 from ensemble_ctrl.moments.basis import gauss_rule
 from ensemble_ctrl.moments.lanczos import recurrence_of_points

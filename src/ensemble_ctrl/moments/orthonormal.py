@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import MAX_ORDER, finite_array, frozen, whole_number
 from ensemble_ctrl.moments.law import Law
 from ensemble_ctrl.moments.recurrence import Recurrence, gauss, roots, values

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import finite_array, frozen
 from ensemble_ctrl.moments.lanczos import CHUNK, condensed, gauss_of_points, recurrence_of_points, usable
 from ensemble_ctrl.moments.orthonormal import WeightedLaw

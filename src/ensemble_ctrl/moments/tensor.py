@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import finite_array
 from ensemble_ctrl.moments.basis import Basis
 from ensemble_ctrl.moments.bernstein import bernstein_to_moments, nodes_to_bernstein

@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import along_order_axis, finite_array, frozen, scaled_points, whole_number
 from ensemble_ctrl.moments.basis import Basis
 from ensemble_ctrl.moments.law import Law

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Formula
-from ensemble_ctrl.duties import Duty, chances, duties, other_parts
 from ensemble_ctrl.ocp.lines import Lines, separate
 from ensemble_ctrl.ocp.truncation import Range, Truncation
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import Duty, chances, duties, other_parts
 
 Floats = NDArray[np.float64]
 Sides = tuple[Callable[[float], tuple[float, float]], ...]

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
-from ensemble_ctrl.duties import duties, grounded
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
 from ensemble_ctrl.ocp.chance import all_lines, asked, map_size, members_within
 from ensemble_ctrl.ocp.lines import REACH, separate
@@ -17,6 +16,7 @@ from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import duties, grounded
 
 Floats = NDArray[np.float64]
 

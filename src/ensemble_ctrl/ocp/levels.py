@@ -12,11 +12,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.task import SHARPNESS, GuessValues, Level, LevelOps, PointSignals, Reading, Row, minimum_of
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import grounded, other_parts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

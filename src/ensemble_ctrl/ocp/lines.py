@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import Duty
+from ensemble_ctrl.problem.duties import Duty
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

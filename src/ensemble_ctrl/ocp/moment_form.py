@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import Always, Inside
-from ensemble_ctrl.duties import duties, other_parts, window_of
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import Block, Build
 from ensemble_ctrl.ocp.task import SHARPNESS
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import duties, other_parts, window_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

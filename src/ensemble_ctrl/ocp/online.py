@@ -39,7 +39,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import Duty, duties
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.levels import TaskLevels, smooth_maximum
 from ensemble_ctrl.ocp.lines import Lines, separate
@@ -49,6 +48,7 @@ from ensemble_ctrl.ocp.terminal import terminal_blocks
 from ensemble_ctrl.ocp.truncation import Truncation, plain, points
 from ensemble_ctrl.ocp.weights import RATE_SPARE, SLACK_WEIGHT
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import Duty, duties
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from ensemble_ctrl.errors import WorkerError
+from ensemble_ctrl.core.errors import WorkerError
 from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch, reserve
 
 T = TypeVar("T")

@@ -5,7 +5,7 @@ Members of equal weight stand for the laws. With their losses :math:`L_i`, new v
 .. math:: w \Bigl(t + \frac{1}{n (1 - \alpha)} \sum_i e_i\Bigr), \qquad e_i + t \ge L_i
 
 The loss of a member is its distance from its place at the end; or minus a clearance :math:`c_i`, a variable below what
-each separating line leaves it, and below `ensemble_ctrl.risk.CLEARANCE_CAP`.
+each separating line leaves it, and below `ensemble_ctrl.problem.risk.CLEARANCE_CAP`.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import clearances
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.lines import Lines
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation, positions
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.risk import CLEARANCE_CAP, Risk, value_at_risk
+from ensemble_ctrl.problem.duties import clearances
+from ensemble_ctrl.problem.risk import CLEARANCE_CAP, Risk, value_at_risk
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

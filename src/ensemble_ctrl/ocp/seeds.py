@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
-from ensemble_ctrl.duties import named_pieces
 from ensemble_ctrl.ocp.chance import all_duties
 from ensemble_ctrl.ocp.drive import follow, smoothed
 from ensemble_ctrl.ocp.routes import LONGEST, Route, corridor_route, routes
 from ensemble_ctrl.ocp.sides import distinct, sides
 from ensemble_ctrl.ocp.skeleton import Skeleton, Visit, skeletons
 from ensemble_ctrl.problem import Problem, Routes
+from ensemble_ctrl.problem.duties import named_pieces
 
 Floats = NDArray[np.float64]
 

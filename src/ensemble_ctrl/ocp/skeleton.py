@@ -30,8 +30,8 @@ from ensemble_ctrl.constraints.stl import (
     conjuncts,
     resolve,
 )
-from ensemble_ctrl.duties import avoided
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import avoided
 
 Floats = NDArray[np.float64]
 

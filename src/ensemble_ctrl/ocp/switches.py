@@ -23,12 +23,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import duties
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.margins import bulge, curvature, keeping, largest_bulge
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import duties
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

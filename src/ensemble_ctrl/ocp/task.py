@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Formula, Ops, Predicate, Share, Signals, robustness
-from ensemble_ctrl.errors import UnsupportedError
+from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.ocp.program import Block, Build
 
 Floats = NDArray[np.float64]

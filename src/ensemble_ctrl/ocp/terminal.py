@@ -25,7 +25,7 @@ from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation, positions
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.target import Formation, MomentTarget, SpreadTarget, wasserstein
+from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, wasserstein
 
 Floats = NDArray[np.float64]
 

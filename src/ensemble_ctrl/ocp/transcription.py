@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Mean
-from ensemble_ctrl.duties import grounded
 from ensemble_ctrl.ocp.arrays import CasadiArrays
 from ensemble_ctrl.ocp.chance import asked
 from ensemble_ctrl.ocp.layout import Layout
@@ -43,6 +42,7 @@ from ensemble_ctrl.ocp.terminal import terminal_blocks
 from ensemble_ctrl.ocp.truncation import Truncation, node_drives, points
 from ensemble_ctrl.ocp.weights import LEVEL_WEIGHT, RATE_SPARE, SLACK_WEIGHT
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import grounded
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.moments import (
+    MAX_ORDER,
     Interval,
     Law,
     LegendreBasis,
@@ -35,8 +36,8 @@ from ensemble_ctrl.moments import (
     kron,
     moments_to_bernstein,
 )
-from ensemble_ctrl.problem import MAX_ORDER, Problem
-from ensemble_ctrl.target import MomentTarget
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.target import MomentTarget
 
 Floats = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.files import whole_file
+from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.film import RATES, AnimationError, require, write_film, write_gif
 from ensemble_ctrl.report.palette import shades, viridis
 from ensemble_ctrl.report.stage import FINE, NARROW, Stage

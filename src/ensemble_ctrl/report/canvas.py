@@ -7,8 +7,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.files import whole_file
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.text import literal, parameter_label
 

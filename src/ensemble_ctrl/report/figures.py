@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import highest, outlines, target_lines
 from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.drawing import highest, outlines, target_lines
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, TWIN, shades
 from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet

@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from ensemble_ctrl.errors import EnsembleError
+from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.report.palette import GRID, INSIDE, OBSTACLE, OBSTACLE_EDGE, OUTLINE, REGION, SOFT, viridis
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl._version import __version__
+from ensemble_ctrl.core.version import __version__
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.convergence import Descent, descents
 from ensemble_ctrl.report.pagecharts import Axes, Curve, chart

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.files import whole_file
+from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save
 from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
 from ensemble_ctrl.report.film import write_gif

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.conflicts import Conflict
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.evaluation.conflicts import Conflict
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
 from ensemble_ctrl.report.scene import Scene, View, scenes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.ensemble import Ensemble
+from ensemble_ctrl.problem.ensemble import Ensemble
 
 Floats = NDArray[np.float64]
 

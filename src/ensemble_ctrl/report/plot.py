@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.conflicts import units_of_parts
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem.evaluation.conflicts import units_of_parts
 from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, place_axes, placed_axes, save, shown_axes
 from ensemble_ctrl.report.figures import draw_trajectories, map_size
 from ensemble_ctrl.report.kinds.panels import legend_shape

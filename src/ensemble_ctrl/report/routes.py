@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes
 from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
 from ensemble_ctrl.report.text import literal

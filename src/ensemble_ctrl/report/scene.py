@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.drawing import frame, highest, outlines, shadow, target_lines
-from ensemble_ctrl.fleet import Fleet
-from ensemble_ctrl.motion import Motion
+from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.drawing import frame, highest, outlines, shadow, target_lines
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.report.view import Canvas
 
 Floats = NDArray[np.float64]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, leaves, member_robustness
-from ensemble_ctrl.duties import duties, grounded, other_parts, window_of
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import states
+from ensemble_ctrl.problem.duties import duties, grounded, other_parts, window_of
+from ensemble_ctrl.problem.evaluation.sampled import states
 
 Floats = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ensemble_ctrl.drawing import card_html, map_svg
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.drawing import card_html, map_svg
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
 from ensemble_ctrl.report.text import PlanLike, summary_rows, verdict
 from ensemble_ctrl.report.view import conflict_places, some

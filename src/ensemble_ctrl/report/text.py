@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.checks import coverage_text
-from ensemble_ctrl.conflicts import unit_of_parts, units_of_parts
-from ensemble_ctrl.duties import NOTHING_ASKED, NOTHING_AVOIDED, other_parts
-from ensemble_ctrl.ensemble import Ensemble
-from ensemble_ctrl.fleet import START_COLUMNS
-from ensemble_ctrl.plain import at_least
+from ensemble_ctrl.core.plain import at_least
 from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.replay import Replay, ShareSeen
+from ensemble_ctrl.problem.checks import coverage_text
+from ensemble_ctrl.problem.duties import NOTHING_ASKED, NOTHING_AVOIDED, other_parts
+from ensemble_ctrl.problem.ensemble import Ensemble
+from ensemble_ctrl.problem.evaluation.conflicts import unit_of_parts, units_of_parts
+from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
+from ensemble_ctrl.problem.fleet import START_COLUMNS
 from ensemble_ctrl.report.tried import tried
 
 if TYPE_CHECKING:
     from ensemble_ctrl.certificate import Certificate, TaskBound
-    from ensemble_ctrl.conflicts import Conflict
+    from ensemble_ctrl.problem.evaluation.conflicts import Conflict
 
 
 class PlanLike(Protocol):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.conflicts import Conflict
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.evaluation.conflicts import Conflict
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.text import PlanLike
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.systems.arrays import Arrays, sinc
 
 Floats = NDArray[np.float64]

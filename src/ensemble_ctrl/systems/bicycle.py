@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.values import number
 from ensemble_ctrl.systems.arcs import ArcSystem
 from ensemble_ctrl.systems.arrays import Arrays
-from ensemble_ctrl.values import number
 
 Floats = NDArray[np.float64]
 

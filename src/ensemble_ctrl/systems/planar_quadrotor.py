@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.systems.arrays import cos, sin
 from ensemble_ctrl.systems.ode import Floats, OdeSystem
 from ensemble_ctrl.systems.quadrotor import GRAVITY

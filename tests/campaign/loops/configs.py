@@ -15,9 +15,9 @@ import yaml
 
 from ensemble_ctrl.cli import online
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.receding.driver import Outcome, drive
-from ensemble_ctrl.receding.loop import Receding
-from ensemble_ctrl.receding.settings import OnlineSettings
+from ensemble_ctrl.planning.online.driver import Outcome, drive
+from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.settings import OnlineSettings
 from tests.paths import CONFIGS
 
 from .judge import Judge, Judged, finite, number

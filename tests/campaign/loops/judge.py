@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.receding.loop import Receding, Step
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.planning.online.loop import Receding, Step
 
 from .robot import PARTS, Adversary, Body
 from .scene import Part, Scene, rates

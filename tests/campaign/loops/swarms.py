@@ -9,8 +9,8 @@ from typing import cast
 
 import numpy as np
 
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.receding.swarm import Aggregate, Swarm
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.planning.online.swarm import Aggregate, Swarm
 
 from .judge import TOLERANCE, Judge, Judged
 from .robot import PARTS, Adversary, Body

@@ -14,17 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.fleet import Fleet
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.motion import Motion
+from ensemble_ctrl.planning.online.driver import Outcome, drive
+from ensemble_ctrl.planning.online.log import RunLog
+from ensemble_ctrl.planning.online.loop import Receding, Step
+from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.options import OnlineOptions
+from ensemble_ctrl.planning.online.propagation import Errors
 from ensemble_ctrl.problem import Objective, Problem
-from ensemble_ctrl.receding.driver import Outcome, drive
-from ensemble_ctrl.receding.log import RunLog
-from ensemble_ctrl.receding.loop import Receding, Step
-from ensemble_ctrl.receding.measurement import Measurement
-from ensemble_ctrl.receding.options import OnlineOptions
-from ensemble_ctrl.receding.propagation import Errors
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
 from .robot import PARTS, Body, Camera

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 import ensemble_ctrl as ec
 from ensemble_ctrl.certificate.general.proof import GeneralProof
 from ensemble_ctrl.constraints import Obstacle, Solid
-from ensemble_ctrl.duties import duties
-from ensemble_ctrl.replay import replay
+from ensemble_ctrl.problem.duties import duties
+from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.systems.arrays import cos, sin
 from tests.paths import CONFIGS
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.ode_fleet import OdeFleet
+from ensemble_ctrl.problem.ode_fleet import OdeFleet
 
 
 class Growing(ec.OdeSystem):

@@ -23,7 +23,7 @@ from ensemble_ctrl.certificate.instants import Spans
 
 if TYPE_CHECKING:
     from ensemble_ctrl.constraints import Obstacle
-    from ensemble_ctrl.motion import Motion
+    from ensemble_ctrl.constraints.motion import Motion
 
 
 Floats = NDArray[np.float64]

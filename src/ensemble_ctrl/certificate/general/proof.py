@@ -21,7 +21,7 @@ from ensemble_ctrl.certificate.task import TaskBound
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet, resolve
-from ensemble_ctrl.duties import Chance, Duty, grounded
+from ensemble_ctrl.problem.duties import Chance, Duty, grounded
 
 if TYPE_CHECKING:
     from ensemble_ctrl.moments import Law

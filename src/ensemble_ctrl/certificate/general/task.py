@@ -24,7 +24,7 @@ from ensemble_ctrl.constraints.stl.formula import Share
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.ensemble import Ensemble, Member
+    from ensemble_ctrl.problem.ensemble import Ensemble, Member
 
 
 Floats = NDArray[np.float64]

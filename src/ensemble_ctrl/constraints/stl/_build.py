@@ -21,7 +21,7 @@ from ensemble_ctrl.constraints.stl.formula import (
     Until,
 )
 from ensemble_ctrl.constraints.stl.rewrite import leaves
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 MOST_TWICE = 1000
 """Leaves that ``iff`` and ``xor`` may hold: each stands in the formula twice, and so again for each one around."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ensemble_ctrl.values import exact
+from ensemble_ctrl.core.values import exact
 
 
 class BeforeEnd(float):

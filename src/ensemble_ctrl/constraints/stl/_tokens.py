@@ -6,7 +6,7 @@ import re
 from typing import NamedTuple
 
 from ensemble_ctrl.constraints.stl._hints import hint_for
-from ensemble_ctrl.errors import ProblemError, shortened
+from ensemble_ctrl.core.errors import ProblemError, shortened
 
 _TOKEN = re.compile(
     r"""\s* (?: ( (?:\d+\.?\d*|\.\d+) (?:[eE][+-]?\d+)? )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ensemble_ctrl.constraints.stl._text import BeforeEnd, backwards
 from ensemble_ctrl.constraints.stl._tokens import TIME_UNITS, FormulaError, Token, Tokens
-from ensemble_ctrl.errors import shortened
+from ensemble_ctrl.core.errors import shortened
 
 Window = tuple[float, float]
 

@@ -9,7 +9,7 @@ from ensemble_ctrl.constraints.stl.formula import Always, Eventually, Formula, R
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, leaves, resolve
 from ensemble_ctrl.constraints.stl.text import FormulaError
-from ensemble_ctrl.errors import MOST_LETTERS, MOST_LISTED, shortened
+from ensemble_ctrl.core.errors import MOST_LETTERS, MOST_LISTED, shortened
 
 Temporal = Eventually | Always | Until | Release
 

@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from ensemble_ctrl.constraints.stl._text import backwards, number, window_text
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.values import exact, rest_of
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.values import exact, rest_of
 
 MAX_DEPTH = 200
 

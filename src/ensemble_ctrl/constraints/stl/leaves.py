@@ -10,7 +10,7 @@ from typing import ClassVar
 from ensemble_ctrl.constraints.stl._text import number
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.constraints.stl.formula import Formula
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 _STATE = re.compile(r"[^\W\d]\w*")
 _PLACE = re.compile(r"[^\W\d][\w.-]*")

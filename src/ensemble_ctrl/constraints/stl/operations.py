@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl.formula import Share
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 Array = NDArray[np.float64]
 Value = Any  # a matrix (members, times) of whatever the operations understand

@@ -23,7 +23,7 @@ from ensemble_ctrl.constraints.stl.formula import Always, And, Eventually, Formu
 from ensemble_ctrl.constraints.stl.leaves import Known
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, resolve
 from ensemble_ctrl.constraints.stl.robustness import Temporal, reach
-from ensemble_ctrl.errors import UnsupportedError
+from ensemble_ctrl.core.errors import UnsupportedError
 
 Reading = Callable[[Formula, int], float]
 """Robustness of a leaf (a predicate, or a named place or its negation) at a grid time of the past."""
@@ -31,7 +31,7 @@ NEAR = 1e-9
 """Share of a step by which a window's end may miss a grid time: both are rounded, of a time of thousands of steps too.
 
 That is a reading of what was meant, in no direction.  A claim rests on windows that were moved to the grid exactly and
-so that nothing rises (`ensemble_ctrl.receding.remaining.gridded`): of these, this only undoes the rounding.
+so that nothing rises (`ensemble_ctrl.planning.online.remaining.gridded`): of these, this only undoes the rounding.
 """
 
 

@@ -22,8 +22,8 @@ from ensemble_ctrl.constraints.stl.formula import (
     Until,
 )
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Predicate
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.values import rest_of
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.values import rest_of
 
 ALL_OBSTACLES = "obstacles"
 """The name by which a task speaks of every obstacle."""

@@ -25,7 +25,7 @@ from ensemble_ctrl.constraints.stl.leaves import Known, Predicate
 from ensemble_ctrl.constraints.stl.operations import Ops, Value
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, resolve
 from ensemble_ctrl.constraints.stl.signals import Signals, StateSignals
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 
 Temporal = Eventually | Always | Until | Release
 BLOCK = 32_768

@@ -32,8 +32,8 @@ from ensemble_ctrl.constraints.stl._tokens import FormulaError, Token, Tokens
 from ensemble_ctrl.constraints.stl._window import read_window
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known
-from ensemble_ctrl.errors import shortened
-from ensemble_ctrl.values import expect
+from ensemble_ctrl.core.errors import shortened
+from ensemble_ctrl.core.values import expect
 
 __all__ = ["FormulaError", "parse"]
 

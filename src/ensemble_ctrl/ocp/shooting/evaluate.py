@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
-from ensemble_ctrl.duties import duties, grounded, other_parts
 from ensemble_ctrl.ocp.evaluate import Value
 from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem.duties import duties, grounded, other_parts
 
 Floats = NDArray[np.float64]
 

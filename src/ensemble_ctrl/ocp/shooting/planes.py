@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.duties import Duty
+from ensemble_ctrl.problem.duties import Duty
 
 Floats = NDArray[np.float64]
 

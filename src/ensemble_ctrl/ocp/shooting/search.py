@@ -9,8 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import duties
-from ensemble_ctrl.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp.rounds import GAIN, Attempt, with_work
 from ensemble_ctrl.ocp.shooting.evaluate import INFINITE, evaluate
 from ensemble_ctrl.ocp.shooting.guess import Guess
@@ -19,6 +18,7 @@ from ensemble_ctrl.ocp.shooting.transcription import Iterate, transcribe
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Watch, ipopt
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.systems.integration import rk4
 
 Floats = NDArray[np.float64]

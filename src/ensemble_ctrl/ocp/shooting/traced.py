@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.errors import ProblemError
-from ensemble_ctrl.ode_fleet import OdeFleet
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.problem.ode_fleet import OdeFleet
 from ensemble_ctrl.systems import OdeSystem
 from ensemble_ctrl.systems.integration import rk4
 

@@ -25,7 +25,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.duties import grounded, other_parts
 from ensemble_ctrl.ocp.program import Block, Program, assemble
 from ensemble_ctrl.ocp.shooting.layout import ShootingLayout
 from ensemble_ctrl.ocp.shooting.planes import Planes
@@ -34,6 +33,7 @@ from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.ocp.weights import LEVEL_WEIGHT, RATE_SPARE, SHOOTING_SLACK_WEIGHT
 from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem.duties import grounded, other_parts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.moments import TensorBasis
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.replay import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.kinds.panels import panels
 from ensemble_ctrl.report.palette import LINES
 from ensemble_ctrl.report.text import literal

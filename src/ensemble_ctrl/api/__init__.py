@@ -1,0 +1,1 @@
+"""What users call: `plan`, `compare`, `widest`, and the `Plan` they hold."""

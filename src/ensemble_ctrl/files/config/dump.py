@@ -1,0 +1,198 @@
+"""From a `Problem` back to a problem file with every default filled in."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
+from ensemble_ctrl.constraints.motion import Motion
+from ensemble_ctrl.constraints.stl import Predicate
+from ensemble_ctrl.files.config.laws import law_data
+from ensemble_ctrl.files.config.ode_section import ode_fleet_data
+from ensemble_ctrl.files.config.targets import target_data
+from ensemble_ctrl.files.config.tree import SCALARS
+from ensemble_ctrl.problem import Objective, OdeProblem, Problem
+from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.systems import Bicycle
+
+Floats = NDArray[np.float64]
+Data = dict[str, Any]
+Places = tuple[str, ...]
+
+
+def dump(problem: Problem) -> str:
+    """A problem file that loads as the same problem, number for number.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    str
+        YAML in SI units and radians, with every default and override filled in.
+
+    Notes
+    -----
+    Obstacles are written as their convex pieces, and polygons by their corners where that is exact.
+    """
+    text: str = yaml.dump(
+        to_data(problem),
+        Dumper=_Dumper,
+        sort_keys=False,
+        default_flow_style=None,
+        width=110,
+        allow_unicode=True,
+    )
+    return text
+
+
+def to_data(problem: Problem) -> Data:
+    """The same as plain data."""
+    places = problem.fleet.places
+    return {
+        "version": 1,
+        "name": problem.name,
+        "fleet": ode_fleet_data(problem.fleet) if isinstance(problem, OdeProblem) else _fleet(problem.fleet),
+        "horizon": {"duration": _duration(problem), "steps": int(problem.steps)},
+        "moments": {"basis": "legendre", "order": "auto" if problem.order is None else int(problem.order)},
+        "regions": {name: _region(region, places) for name, region in problem.regions.items()},
+        "obstacles": {name: _obstacle(pieces, places) for name, pieces in problem.obstacles.items()},
+        "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
+        "ignore": list(problem.ignore),
+        "task": str(problem.task),
+        "objective": _objective(problem.objective, problem.fleet.system.controls),
+        "solve": asdict(problem.solve),
+        "verify": asdict(problem.verify),
+        "report": asdict(problem.report),
+    }
+
+
+def _duration(problem: Problem) -> float | Data:
+    """The plan's duration, or its bounds."""
+    if problem.least_duration is None:
+        return float(problem.duration)
+    return {"at_least": float(problem.least_duration), "at_most": float(problem.duration)}
+
+
+def _fleet(fleet: Fleet) -> Data:
+    """The section on the fleet."""
+    bounds = np.column_stack([fleet.input_lower, fleet.input_upper]).tolist()
+    system, cloud = fleet.system, fleet.cloud or {}
+    return {
+        "model": system.name,
+        **({"wheelbase": float(system.wheelbase)} if isinstance(system, Bicycle) else {}),
+        "parameters": {name: law_data(law) for name, law in fleet.parameters.items() if name not in cloud},
+        **({"cloud": {name: column.tolist() for name, column in cloud.items()}} if cloud else {}),
+        "start": {
+            "position": fleet.position.tolist(),
+            "heading": float(fleet.own_heading),
+            "heading_from": system.heading_from,
+        },
+        "input_bounds": dict(zip(system.controls, bounds, strict=True)),
+        **({} if fleet.rate_bounds is None else {"rate_bounds": _rates(fleet)}),
+        "radius": float(fleet.radius),
+    }
+
+
+def _rates(fleet: Fleet) -> Data:
+    """The rate bounds that are finite."""
+    pairs = zip(fleet.system.controls, np.asarray(fleet.rate_bounds).tolist(), strict=True)
+    return {name: rate for name, rate in pairs if np.isfinite(rate)}
+
+
+def _motion(motion: Motion) -> Data:
+    """A moving obstacle's path."""
+    pairs = zip(motion.times.tolist(), motion.offsets.tolist(), strict=True)
+    return {"path": [[time, offset] for time, offset in pairs]}
+
+
+def _objective(objective: Objective, controls: tuple[str, ...]) -> Data:
+    """The section on the objective."""
+    effort: float | Data = dict(zip(controls, objective.efforts(len(controls)).tolist(), strict=True))
+    if isinstance(objective.effort, int | float):
+        effort = float(objective.effort)
+    data: Data = {"robustness": float(objective.robustness), "effort": effort}
+    if objective.cvar is not None:
+        data["cvar"] = asdict(objective.cvar)
+    if objective.smoothness:
+        data["smoothness"] = float(objective.smoothness)
+    if objective.earliest is not None:
+        data["earliest"] = objective.earliest
+    if objective.target is not None:
+        data["terminal"] = {"target": target_data(objective.target), "weight": float(objective.terminal)}
+    return data
+
+
+def _region(region: Polyhedron, places: Places) -> Data:
+    """A region in the shortest form that is exact."""
+    if np.array_equal(region.A, np.eye(len(places))) and np.isfinite([region.lower, region.upper]).all():
+        return {"box": np.column_stack([region.lower, region.upper]).tolist()}
+    if np.isinf(region.upper).all() and np.isfinite(region.lower).all():
+        corners = _corners_of(region) if len(places) == 2 else None
+        if corners is not None:
+            return {"polygon": corners.tolist()}
+        return {"halfspaces": _inequalities(region.A, region.lower, places)}
+    G, h = region.unit_rows()
+    return {"halfspaces": _inequalities(-G, -h, places)}
+
+
+def _obstacle(pieces: tuple[Obstacle, ...], places: Places) -> Data | list[Data]:
+    """An obstacle's pieces."""
+    written = [_piece(piece, places) for piece in pieces]
+    return written[0] if len(written) == 1 else written
+
+
+def _piece(piece: Obstacle, places: Places) -> Data:
+    """One convex piece in the shortest form that is exact."""
+    box = np.column_stack([piece.vertices.min(axis=0), piece.vertices.max(axis=0)])
+    if _same((Solid if len(box) == 3 else Obstacle).box(box), piece.A, piece.b):
+        return {"box": box.tolist()}
+    if len(places) == 2 and _same(Obstacle.polygon(piece.vertices), piece.A, piece.b):
+        return {"polygon": piece.vertices.tolist()}
+    return {"halfspaces": _inequalities(piece.A, piece.b, places)}
+
+
+def _corners_of(region: Polyhedron) -> Floats | None:
+    """The corners from which a polygon has exactly these rows, if there are any."""
+    if region.is_empty or not region.is_bounded or len(region.vertices) < 3:
+        return None
+    made = Polyhedron.polygon(region.vertices)
+    return region.vertices if np.array_equal(made.A, region.A) and np.array_equal(made.lower, region.lower) else None
+
+
+def _same(obstacle: Obstacle, A: Floats, b: Floats) -> bool:
+    """Whether an obstacle has exactly these rows."""
+    return np.array_equal(obstacle.A, A) and np.array_equal(obstacle.b, b)
+
+
+def _inequalities(A: Floats, b: Floats, places: Places) -> list[str]:
+    """``A x >= b`` as texts."""
+    rows = zip(A.tolist(), b.tolist(), strict=True)
+    return [str(Predicate(tuple(zip(places, row, strict=True)), -bound)) for row, bound in rows]
+
+
+class _Dumper(yaml.SafeDumper):
+    """Floats with every digit, and quotes wherever some reader would not see a text."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write everything out."""
+        return True
+
+
+def _float(dumper: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
+    """The shortest text that reads back as the same number."""
+    text = repr(value)
+    return dumper.represent_scalar(
+        "tag:yaml.org,2002:float", text if "inf" not in text else text.replace("inf", ".inf")
+    )
+
+
+_Dumper.add_representer(float, _float)
+for _tag, _pattern in SCALARS:
+    _Dumper.add_implicit_resolver(_tag, _pattern, None)

@@ -1,0 +1,311 @@
+"""The law of a parameter in a problem file: read, built, and written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import BeforeValidator, PrivateAttr, ValidationInfo, WithJsonSchema, model_validator
+
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.files.config import fields as f
+from ensemble_ctrl.files.config.samples import Columns, Values, columns_of, samples
+from ensemble_ctrl.files.config.wrong import Wrong, suggestion
+from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.problem.arguments.units import quantity
+from ensemble_ctrl.problem.checks import Finding
+
+Data = dict[str, Any]
+Place = tuple[str | int, ...]
+
+SHAPES: dict[str, dict[str, str]] = {
+    "uniform": {},
+    "beta": {"a": "a: 2", "b": "b: 5"},
+    "normal": {"mean": "mean: 1.0", "deviation": "deviation: 0.03"},
+}
+"""Numbers that a law takes, with examples."""
+
+
+def _values(kind: str) -> WithJsonSchema:
+    """The JSON Schema of measured values: a file's name, or a list of numbers that may carry a unit of `kind`."""
+    items = f.numeric(kind).json_schema
+    return WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": items, "minItems": 1}]})
+
+
+Measured = Annotated[Values | str, BeforeValidator(samples), _values("number")]
+Lengths = Annotated[Values | str, BeforeValidator(lambda value: samples(value, quantity("length"))), _values("length")]
+Angles = Annotated[Values | str, BeforeValidator(lambda value: samples(value, quantity("angle"))), _values("angle")]
+
+
+class PartSection(f.Model):
+    """How a parameter is spread: a law over a range, or measured values."""
+
+    range: f.Range = (0.9, 1.1)
+    """Low and high end, `[low, high]`."""
+    law: Literal["uniform", "beta", "normal"] = "uniform"
+    """How it is spread over the range."""
+    a: f.Number | None = None
+    """Shape of a Beta law at the low end."""
+    b: f.Number | None = None
+    """Shape of a Beta law at the high end."""
+    mean: f.Number | None = None
+    """Mean of a normal law, before it is cut off at the range's ends."""
+    deviation: f.Number | None = None
+    """Standard deviation of a normal law, before it is cut off."""
+    samples: Measured | None = None
+    """Measured values, or the name of a CSV file of them, in place of a range."""
+    _columns: Columns = PrivateAttr(default_factory=dict)
+    _above: ClassVar[float] = 0.0
+
+    @model_validator(mode="after")
+    def _check(self, info: ValidationInfo) -> Self:
+        """Read the file, and build the law, so that what is wrong is reported with everything else."""
+        if self.samples is not None:
+            _alone(self, "samples")
+            self._columns = self._measured((info.context or {}).get("folder", Path()))
+            return self
+        _complete(self)
+        try:
+            self.over_range()
+        except ProblemError as error:
+            name, _, message = str(error).partition(": ")
+            raise Wrong(message, path=(name,)) from None
+        return self
+
+    def _measured(self, folder: Path) -> Columns:
+        """The columns of measured values."""
+        if not isinstance(self.samples, str):
+            return {"": self.samples or ()}
+        try:
+            return columns_of(folder, self.samples, self._above)
+        except Wrong as error:
+            raise Wrong(error.message, error.hint, ("samples",)) from None
+
+    def over_range(self) -> Law:
+        """The law over the range."""
+        if self.law == "beta":
+            return Beta(*self.range, *_numbers(self))
+        if self.law == "normal":
+            return TruncatedNormal(*self.range, *_numbers(self))
+        return Interval(*self.range)
+
+
+class MixturePart(PartSection):
+    """One law of a mixture."""
+
+    weight: f.Positive = 1.0
+    """Share of this law, relative to the others."""
+
+
+class LawSection(PartSection):
+    """How a parameter is spread over the fleet: a law over a range, a mixture of laws, or measured values."""
+
+    mixture: list[MixturePart] | None = None
+    """A list of laws, each with a `weight`, in place of a range."""
+
+    @model_validator(mode="after")
+    def _check_mixture(self) -> Self:
+        """A mixture has parts, and nothing beside it."""
+        _check_mixture(self)
+        return self
+
+
+class OffsetPart(PartSection):
+    """How an offset of the start position is spread."""
+
+    range: f.Offsets = (0.0, 0.0)
+    """Low and high end of the offset, `[low, high]`."""
+    mean: f.Length | None = None
+    deviation: f.Length | None = None
+    samples: Lengths | None = None
+    _above: ClassVar[float] = -inf
+
+
+class OffsetMixturePart(OffsetPart):
+    """One law of a mixture."""
+
+    weight: f.Positive = 1.0
+    """Share of this law, relative to the others."""
+
+
+class OffsetSection(OffsetPart):
+    """How an offset of the start position is spread over the fleet."""
+
+    mixture: list[OffsetMixturePart] | None = None
+    """A list of laws, each with a `weight`, in place of a range."""
+
+    @model_validator(mode="after")
+    def _check_mixture(self) -> Self:
+        """A mixture has parts, and nothing beside it; a law has a range."""
+        _check_range(self)
+        _check_mixture(self)
+        return self
+
+
+class TurnPart(PartSection):
+    """How an offset of the start heading is spread."""
+
+    range: f.AngleRange = (0.0, 0.0)
+    """Low and high end of the offset, `[low, high]`."""
+    mean: f.Angle | None = None
+    deviation: f.Angle | None = None
+    samples: Angles | None = None
+    _above: ClassVar[float] = -inf
+
+
+class TurnMixturePart(TurnPart):
+    """One law of a mixture."""
+
+    weight: f.Positive = 1.0
+    """Share of this law, relative to the others."""
+
+
+class TurnSection(TurnPart):
+    """How an offset of the start heading is spread over the fleet."""
+
+    mixture: list[TurnMixturePart] | None = None
+    """A list of laws, each with a `weight`, in place of a range."""
+
+    @model_validator(mode="after")
+    def _check_mixture(self) -> Self:
+        """A mixture has parts, and nothing beside it; a law has a range."""
+        _check_range(self)
+        _check_mixture(self)
+        return self
+
+
+class PlainPart(PartSection):
+    """How a parameter of any sign, in its own unit, is spread."""
+
+    range: f.AnyRange = (0.0, 0.0)
+    """Smallest and largest value, in the parameter's own unit."""
+    _above: ClassVar[float] = -inf
+
+
+class PlainMixturePart(PlainPart):
+    """One law of a mixture."""
+
+    weight: f.Positive = 1.0
+    """Share of the fleet, relative to the other parts."""
+
+
+class PlainSection(PlainPart):
+    """How a parameter of a system that is no robot on arcs is spread over the fleet."""
+
+    mixture: list[PlainMixturePart] | None = None
+    """A list of laws, each with a `weight`, in place of a range."""
+
+    @model_validator(mode="after")
+    def _check_mixture(self) -> Self:
+        """A mixture has parts, and nothing beside it; a law has a range."""
+        _check_range(self)
+        _check_mixture(self)
+        return self
+
+
+AnySection = LawSection | OffsetSection | TurnSection | PlainSection
+AnyPart = MixturePart | OffsetMixturePart | TurnMixturePart | PlainMixturePart
+
+
+def _check_mixture(section: AnySection) -> None:
+    """A mixture has parts, and nothing beside it."""
+    if section.mixture is not None:
+        _alone(section, "mixture")
+        if not section.mixture:
+            raise Wrong("expected at least one law, got an empty list", path=("mixture",))
+
+
+def _check_range(section: AnySection) -> None:
+    """An offset has no range that goes without saying."""
+    if section.samples is None and section.mixture is None and "range" not in section.model_fields_set:
+        raise Wrong("expected a range, samples or a mixture, got none", "for example  {range: [-0.1, 0.1]}")
+
+
+def law_of(section: AnySection, name: str) -> Law:
+    """The law of the parameter called `name`.
+
+    Raises
+    ------
+    ProblemError
+        If a table of measured values has several columns and none of this name; with a finding.
+    """
+    path: Place = ("fleet", "parameters", name)
+    if section.mixture is None:
+        return _part(section, name, path)
+    parts: list[AnyPart] = [*section.mixture]
+    return Mixture(*((_part(part, name, (*path, "mixture", i)), part.weight) for i, part in enumerate(parts)))
+
+
+def law_data(law: Law) -> Data:
+    """A law as it stands in a problem file, with measured values in place of the name of their file."""
+    if isinstance(law, Mixture):
+        return {"mixture": [_part_data(part) | {"weight": weight} for part, weight in _flat(law)]}
+    return _part_data(law)
+
+
+def _part(section: PartSection, name: str, path: Place) -> Law:
+    """One law that is no mixture."""
+    if section.samples is None:
+        return section.over_range()
+    columns = section._columns
+    if len(columns) == 1:
+        return Samples(next(iter(columns.values())))
+    if name not in columns:
+        message = f"{section.samples}: expected a column {name!r}, got {', '.join(columns)}"
+        refusal = ProblemError(message)
+        refusal.findings = (Finding((*path, "samples"), message, suggestion(name, columns)),)
+        raise refusal
+    return Samples(columns[name])
+
+
+def _part_data(law: Law) -> Data:
+    """One law that is no mixture, as data."""
+    if isinstance(law, Samples):
+        return {"samples": law.values.tolist()}
+    data: Data = {"range": [law.lower, law.upper]}
+    match law:
+        case Beta():
+            return data | {"law": "beta", "a": law.a, "b": law.b}
+        case TruncatedNormal():
+            return data | {"law": "normal", "mean": law.mean, "deviation": law.deviation}
+        case Interval():
+            return data
+    raise ProblemError(f"fleet.parameter: expected a law that a problem file can hold, got {law!r}")
+
+
+def _flat(law: Mixture, weight: float | None = None) -> Iterator[tuple[Law, float]]:
+    """Parts of a mixture, those of mixtures in it included; `weight` is that of the whole."""
+    total = sum(own for _, own in law.parts)
+    for part, own in law.parts:
+        share = own if weight is None else weight * (own / total)
+        if isinstance(part, Mixture):
+            yield from _flat(part, share)
+        else:
+            yield part, share
+
+
+def _numbers(section: PartSection) -> list[float]:
+    """The numbers that the section's law takes."""
+    return [getattr(section, name) for name in SHAPES[section.law]]
+
+
+def _complete(section: PartSection) -> None:
+    """A law has its numbers, and no others."""
+    takes = SHAPES[section.law]
+    for name, example in takes.items():
+        if getattr(section, name) is None:
+            message = f"expected {' and '.join(takes)} for law {section.law}, but {name} is missing"
+            raise Wrong(message, f"for example  {example}", ("law",))
+    for law, names in SHAPES.items():
+        for name in names:
+            if name not in takes and getattr(section, name) is not None:
+                raise Wrong(f"expected no {name} for law {section.law}", f"{name} is for law: {law}", (name,))
+
+
+def _alone(section: PartSection, form: str) -> None:
+    """Nothing stands beside measured values, or beside a mixture."""
+    others = [name for name in type(section).model_fields if name in section.model_fields_set - {form, "weight"}]
+    if others:
+        raise Wrong(f"expected {form} without {' and '.join(others)}", "leave one of them out", (others[0],))

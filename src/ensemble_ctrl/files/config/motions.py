@@ -1,0 +1,67 @@
+"""Moving obstacles in a problem file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import BeforeValidator, WithJsonSchema, model_validator
+
+from ensemble_ctrl.constraints.motion import Motion
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.files.config import fields as f
+from ensemble_ctrl.files.config.wrong import Wrong, show
+from ensemble_ctrl.problem.arguments.units import quantity
+
+Entry = tuple[float, tuple[float, float]]
+Velocity = Annotated[tuple[f.Speed, f.Speed], BeforeValidator(f.pair("[vx, vy]"))]
+
+
+def _path(value: Any) -> list[Entry]:
+    """A list of times and displacements."""
+    if not isinstance(value, list) or len(value) < 2:
+        raise Wrong(f"expected two or more [time, [x, y]], got {show(value)}")
+    return [_entry(i, row) for i, row in enumerate(value)]
+
+
+def _entry(i: int, row: Any) -> Entry:
+    """One time and its displacement."""
+    pair = row[1] if isinstance(row, list) and len(row) == 2 else None
+    if not isinstance(pair, list) or len(pair) != 2:
+        raise Wrong(f"expected [time, [x, y]], got {show(row)}", path=(i,))
+    time, length = quantity("time"), quantity("length")
+    try:
+        return time(row[0]), (length(pair[0]), length(pair[1]))
+    except Wrong as error:
+        raise Wrong(error.message, error.hint, (i,)) from None
+
+
+Course = Annotated[list[Entry] | None, BeforeValidator(_path), WithJsonSchema({"type": "array"})]
+
+
+class MotionSection(f.Model):
+    """How an obstacle moves from where it is drawn: with a velocity, or along a path in time."""
+
+    velocity: Velocity | None = None
+    """Constant velocity `[vx, vy]`, in m/s."""
+    path: Course = None
+    """Displacement over time, `[[time, [x, y]], ...]`, linear in between."""
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        """Exactly one of the two, and times that increase."""
+        if (self.velocity is None) == (self.path is None):
+            raise Wrong(f"expected exactly one of velocity, path, got {'both' if self.path else 'none'}")
+        if self.path is not None:
+            try:
+                self.motion(1.0)
+            except ProblemError as error:
+                raise Wrong(str(error).partition(": ")[2], path=("path",)) from None
+        return self
+
+    def motion(self, duration: float) -> Motion:
+        """The motion over a horizon."""
+        if self.path is None:
+            return Motion.steady(self.velocity or (0.0, 0.0), duration)
+        times, offsets = zip(*self.path, strict=True)
+        return Motion(np.array(times), np.array(offsets))

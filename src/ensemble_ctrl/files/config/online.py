@@ -1,0 +1,223 @@
+"""The section ``online`` of a problem file: how the loop runs, and the simulated robots that it is tried on."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from ensemble_ctrl.files.config import fields as f
+from ensemble_ctrl.files.config.fields import Model, whole
+from ensemble_ctrl.files.config.shapes import RegionShape
+from ensemble_ctrl.files.config.wrong import Wrong
+from ensemble_ctrl.planning.online.options import MAX_ORDER, OnlineOptions
+from ensemble_ctrl.planning.online.propagation import Errors
+from ensemble_ctrl.planning.online.settings import OnlineSettings, RobotSettings
+from ensemble_ctrl.planning.online.simulated import SMALL_CAR_FLAWS, Drifting, Factors, Fixed, Flaws, Terrain
+from ensemble_ctrl.problem.arguments.units import quantity
+from ensemble_ctrl.problem.checks import MAX_SEED
+
+Turn = Annotated[float, BeforeValidator(quantity("angle", 0)), f.numeric("angle", minimum=0)]
+SpeedError = Annotated[float, BeforeValidator(quantity("speed", 0)), f.numeric("speed", minimum=0)]
+TurnRateError = Annotated[float, BeforeValidator(quantity("turn rate", 0)), f.numeric("turn rate", minimum=0)]
+Delay = Annotated[float, BeforeValidator(quantity("time", 0)), f.numeric("time", minimum=0)]
+Rate = Annotated[float, BeforeValidator(quantity("number", 0)), f.numeric("number", minimum=0)]
+Magnitudes = Annotated[tuple[f.Positive, f.Positive], BeforeValidator(f.pair("[of v, of the other command]"))]
+
+
+def _share(value: Any) -> float:
+    """A share of messages."""
+    share = quantity("number", 0)(value)
+    if share >= 1:
+        raise Wrong(f"expected a share from 0 to below 1, got {share:g}")
+    return share
+
+
+Share = Annotated[float, BeforeValidator(_share), f.numeric("number", minimum=0, exclusiveMaximum=1)]
+
+
+class NoiseSection(Model):
+    """Largest errors of a measured pose."""
+
+    position: f.Margin = Errors.position
+    """Largest error of x and of y."""
+    heading: Turn = Errors.heading
+    """Largest error of the heading."""
+
+
+class ActuatorSection(Model):
+    """Largest errors of the actuators."""
+
+    speed: SpeedError = 0.0
+    """Largest error of the speed that is carried out."""
+    turn_rate: TurnRateError = 0.0
+    """Largest error of the turn rate that is carried out."""
+
+
+class LostSection(Model):
+    """Shares of messages that are lost."""
+
+    measurements: Share = 0.0
+    """Share of the measurements that are lost."""
+    commands: Share = 0.0
+    """Share of the commands that are lost."""
+
+
+class DriftSection(Model):
+    """Factors that swing about a middle."""
+
+    middle: f.Positive
+    """What the factors swing about."""
+    amplitude: Rate
+    """By how much they do."""
+    period: f.Duration
+    """How long one swing takes."""
+
+
+class PatchSection(Model):
+    """Ground with a traction of its own."""
+
+    region: RegionShape
+    """Where; forms as of a region."""
+    traction: f.Positive
+    """Factor on speed and turn rate there."""
+
+
+class RobotSection(Model):
+    """The simulated robot; it need not be like the fleet."""
+
+    preset: Literal["small_car"] | None = None
+    """`small_car`: a car at a tenth of its size; steering ends at 0.36 rad, commands are rounded."""
+    traction: f.Positive | None = None
+    """True factor on speed and turn rate; drawn from the ranges if no factor is given. May be outside them."""
+    linear_traction: f.Positive | None = None
+    """True factor on the speed alone."""
+    angular_traction: f.Positive | None = None
+    """True factor on the turn rate alone."""
+    drifting: DriftSection | None = None
+    """Factors that swing about a middle."""
+    terrain: list[PatchSection] = Field(default_factory=list)
+    """Patches of ground, each `{region: {box: ...}, traction: ...}`; the first that holds the robot counts."""
+    noise: NoiseSection | None = None
+    """True errors of measurements, uniform; as large as is assumed if not given."""
+    delay: Delay | None = None
+    """That measurements take to arrive; 0.1 s if not given."""
+    command_delay: Delay = 0.0
+    """By which commands are carried out late."""
+    actuators: ActuatorSection = Field(default_factory=ActuatorSection)
+    """True errors of what is carried out, uniform."""
+    saturation: Magnitudes | None = None
+    """Largest absolute commands that are carried out."""
+    quantum: Magnitudes | None = None
+    """Commands are rounded to multiples of these."""
+    lost: LostSection = Field(default_factory=LostSection)
+    """Shares of messages that are lost."""
+    seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = 0
+    """Seed of all that is drawn."""
+
+    @model_validator(mode="after")
+    def _one_truth(self) -> Self:
+        """Factors told in one way."""
+        apart = self.linear_traction is not None or self.angular_traction is not None
+        if self.drifting is not None and (self.traction is not None or apart or self.terrain):
+            raise Wrong("expected drifting alone, got other factors too", path=("drifting",))
+        if apart and (self.traction is not None or self.terrain):
+            raise Wrong("expected traction, or linear_traction and angular_traction, got both", path=("traction",))
+        return self
+
+    def settings(self, errors: Errors, place: int = 0) -> RobotSettings:
+        """As the loop's simulation takes it; among several, seeds that are not told are those of their places."""
+        seed = self.seed if "seed" in self.model_fields_set else place
+        return RobotSettings(self._factors(), self._flaws(errors), seed)
+
+    def _factors(self) -> Factors | None:
+        """The true factors, if any are told."""
+        if self.drifting is not None:
+            return Drifting(self.drifting.middle, self.drifting.amplitude, self.drifting.period)
+        if self.terrain:
+            patches = [(patch.region.area, patch.traction) for patch in self.terrain]
+            return Terrain(patches, 1.0 if self.traction is None else self.traction)
+        told = (self.linear_traction, self.angular_traction)
+        if self.traction is not None:
+            told = (self.traction, self.traction)
+        return None if told == (None, None) else Fixed(*(1.0 if value is None else value for value in told))
+
+    def _flaws(self, errors: Errors) -> Flaws:
+        """What is wrong with it; measurements are as wrong as is assumed, unless told otherwise."""
+        base = SMALL_CAR_FLAWS if self.preset else Flaws(errors.position, errors.heading, 0.1)
+        return Flaws(
+            position=base.position if self.noise is None else self.noise.position,
+            heading=base.heading if self.noise is None else self.noise.heading,
+            delay=base.delay if self.delay is None else self.delay,
+            command_delay=self.command_delay,
+            speed=self.actuators.speed,
+            turn_rate=self.actuators.turn_rate,
+            saturation=base.saturation if self.saturation is None else self.saturation,
+            quantum=base.quantum if self.quantum is None else self.quantum,
+            lost_measurements=self.lost.measurements,
+            lost_commands=self.lost.commands,
+        )
+
+
+class OnlineSection(Model):
+    """How the loop runs, and the robots that it is tried on."""
+
+    applied_steps: Annotated[int, BeforeValidator(whole(1, 10_000))] = OnlineOptions.applied_steps
+    """Control steps that are applied of every plan."""
+    deadline: f.Duration = OnlineOptions.deadline
+    """For planning again, proof included; at most the steps applied. It begins this long before a plan takes over."""
+    noise: NoiseSection = Field(default_factory=NoiseSection)
+    """Largest errors of a measured pose that are assumed."""
+    drift: Rate = 0.0
+    """Largest change of a factor per second that is assumed."""
+    actuators: ActuatorSection = Field(default_factory=ActuatorSection)
+    """Largest errors of what is carried out that are assumed."""
+    learn: Annotated[bool, BeforeValidator(f.flag)] = OnlineOptions.learn
+    """Whether parameters are learnt; without it their ranges stand."""
+    horizon: Literal["shrinking", "receding"] = OnlineOptions.horizon
+    """`shrinking`: windows are absolute. `receding`: the task is read anew from every present on."""
+    run_for: f.Duration | None = None
+    """With `receding`: how long the loop runs."""
+    order: Annotated[int, BeforeValidator(whole(1, MAX_ORDER))] = OnlineOptions.order
+    """Truncation order of the plans under way."""
+    rounds: Annotated[int, BeforeValidator(whole(1, 100))] = OnlineOptions.rounds
+    """Quadratic programs for one plan, at most."""
+    silence: f.Duration = OnlineOptions.silence
+    """Without a measurement for so long, the robot is stopped."""
+    recovery: f.Duration = OnlineOptions.recovery
+    """How long a standing robot may look for a way."""
+    attempts: Annotated[int, BeforeValidator(whole(0, 100))] = OnlineOptions.attempts
+    """How often it may."""
+    robot: RobotSection = Field(default_factory=RobotSection)
+    """The simulated robot; it need not be like the fleet."""
+    robots: dict[f.Name, RobotSection] = Field(default_factory=dict)
+    """Several robots that hear the same commands, each as `robot`, in its place; seeds are 0, 1, ... if not given."""
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> Self:
+        """Robots told in one way."""
+        if self.robots and "robot" in self.model_fields_set:
+            raise Wrong("expected robot, or robots by name, got both", path=("robots",))
+        return self
+
+    @model_validator(mode="after")
+    def _how_long(self) -> Self:
+        """A receding horizon never ends by itself."""
+        if self.horizon == "receding" and self.run_for is None:
+            raise Wrong("expected run_for with `horizon: receding`, which never ends by itself", path=("horizon",))
+        if self.horizon == "shrinking" and self.run_for is not None:
+            raise Wrong("expected run_for only with `horizon: receding`", path=("run_for",))
+        return self
+
+    def settings(self) -> OnlineSettings:
+        """As the loop takes it."""
+        noise, actuators = self.noise, self.actuators
+        errors = Errors(noise.position, noise.heading, self.drift, actuators.speed, actuators.turn_rate)
+        options = OnlineOptions(
+            errors=errors,
+            **self.model_dump(exclude={"noise", "drift", "actuators", "robot", "robots"}),
+        )
+        robots = self.robots or {"robot": self.robot}
+        return OnlineSettings(
+            options, {name: robot.settings(errors, k) for k, (name, robot) in enumerate(robots.items())}
+        )

@@ -1,0 +1,1 @@
+"""Searches for plans: once (`planner`), for the least time, without constraints, and again and again (`online`)."""

@@ -1,0 +1,424 @@
+"""As soon as possible: the shortest plan, or the earliest passage of a region, that can be certified.
+
+Both ask for the least value of one number (the plan's duration, or a deadline) with a plan. Every value is a problem of
+its own; the search is over values:
+
+1. Below a *bound* no plan exists: the checks of a problem are certain, and refuse every smaller value.
+2. On the coarse grid, from every route, values of a ladder are tried upwards until one has a solution. The ladder is
+   the same whatever the largest value is, so that what is found for one limit is found for every longer one. Below that
+   value the rest is bisected; each starts from the solution at the last good one, driven faster along the same arcs.
+   Where no value that is allowed has a solution, longer plans are looked for, to be driven faster.
+3. Around what that finds, whole searches with certificates narrow it down to `TOLERANCE`.
+
+*Guarantee*: the plan returned keeps its own value's problem as any plan does, proven where its certificate says so.
+That no smaller value has a plan is proven below the bound only; between the two, none was found.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import ceil, log, sqrt
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import And, Eventually, Inside, conjuncts, kept_out, resolve
+from ensemble_ctrl.constraints.stl.robustness import fits_grid
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.ocp import parallel
+from ensemble_ctrl.ocp.rounds import Attempt, improve
+from ensemble_ctrl.ocp.seeds import seeds
+from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
+from ensemble_ctrl.ocp.truncation import coarse
+from ensemble_ctrl.planning import planner
+from ensemble_ctrl.planning.planner import Progress, Solution, coarse_steps
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+TOLERANCE = 0.01
+"""Share of the value within which a plan was found and none was found."""
+COARSE = 0.03
+"""The same for the search on the coarse grid."""
+RUNG = 1.35
+"""Factor between the values of the ladder, which are its whole powers in seconds."""
+LADDER = 0.5
+"""Share of the time that smaller values may take before the largest is tried."""
+BEYOND = 2.0
+"""Plans up to so many times as long as allowed are looked for, to be driven faster."""
+EVEN = 200
+"""Durations spread evenly among those where the task's windows hold the end of a step."""
+STEP = 0.03
+"""Share by which the first whole searches differ."""
+
+
+@dataclass(frozen=True)
+class Soonest:
+    """What the search for the least value found.
+
+    Attributes
+    ----------
+    of : str
+        What is least: ``duration``, or ``passage of`` a region.
+    value : float
+        Seconds; the least with a plan that is as good as was asked for.
+    bound : float
+        Seconds; below it certainly no plan exists.
+    missed : float or None
+        Seconds; the largest value at which none was found.
+    tried : int
+        Values tried with a whole search; those on the coarse grid are not counted.
+    """
+
+    of: str
+    value: float
+    bound: float
+    missed: float | None
+    tried: int
+
+
+class Goal(Protocol):
+    """One number to make least."""
+
+    @property
+    def problem(self) -> Problem:
+        """What was asked."""
+
+    @property
+    def of(self) -> str:
+        """What it is called."""
+
+    @property
+    def most(self) -> float:
+        """The largest value allowed."""
+
+    @property
+    def beyond(self) -> Goal:
+        """The same with larger values, at which a solution may lead to one that is allowed."""
+
+    @property
+    def least(self) -> float:
+        """The smallest value allowed."""
+
+    def at(self, value: float) -> Problem:
+        """The problem with this value."""
+
+    def nearest(self, value: float, above: float, below: float) -> float | None:
+        """The value that can be planned, between two others (neither of them), nearest to another; None without any."""
+
+    def carried(self, controls: Floats, value: float, to: float) -> Floats:
+        """Controls of a plan for one value as a guess for another."""
+
+
+@dataclass(frozen=True, eq=False)
+class Duration:
+    """The plan's duration, between the bounds that its problem allows."""
+
+    problem: Problem
+    of: str = "duration"
+
+    @property
+    def most(self) -> float:
+        """The longest."""
+        return self.problem.duration
+
+    @property
+    def beyond(self) -> Goal:
+        """Slower plans are driven faster."""
+        return replace(self, problem=self.problem.with_(duration=BEYOND * self.problem.duration))
+
+    @property
+    def least(self) -> float:
+        """The shortest."""
+        return self.problem.least_duration or 0.0
+
+    def at(self, value: float) -> Problem:
+        """As it is, in a given time."""
+        return self.problem.with_(duration=value, least_duration=None)
+
+    def nearest(self, value: float, above: float, below: float) -> float | None:
+        """A duration in milliseconds, or one at which a window of the task begins or ends with a step."""
+        low, high = max(above, self.least), min(below, self.most)
+        even = [round(t, 3) for t in (value, *np.linspace(low, high, EVEN).tolist())]
+        tried = sorted({*even, *self._with_windows(), self.most}, key=lambda t: abs(t - value))
+        return next((t for t in tried if above < t < below and low <= t <= high and self._fits(t)), None)
+
+    def _fits(self, value: float) -> bool:
+        """Whether each window of the task holds the end of a step, so that it can be planned."""
+        parts = [part for part in conjuncts(self.problem.task) if not kept_out(part)]
+        return all(fits_grid(resolve(part, value), value / self.problem.steps) for part in parts)
+
+    def _with_windows(self) -> Iterator[float]:
+        """Durations at which a window's begin, middle or end is the end of a step; windows in seconds only."""
+        n = self.problem.steps
+        for a, b in planner.windows(self.problem.task):
+            for t in (a, (a + b) / 2, b):
+                yield from (t * n / k for k in range(1, n + 1))
+
+    def carried(self, controls: Floats, value: float, to: float) -> Floats:
+        """The same arcs in another time, as far as the input bounds allow."""
+        fleet = self.problem.fleet
+        return np.clip(controls * (value / to), fleet.input_lower, fleet.input_upper)
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """The time by which every member has been in a region; the task goes on to hold."""
+
+    problem: Problem
+    region: str
+
+    @property
+    def of(self) -> str:
+        """With the region's name."""
+        return f"passage of {self.region}"
+
+    @property
+    def most(self) -> float:
+        """Any time of the plan."""
+        return self.problem.duration
+
+    @property
+    def beyond(self) -> Goal:
+        """No time is after the plan."""
+        return self
+
+    @property
+    def least(self) -> float:
+        """Any time of the plan."""
+        return 0.0
+
+    def at(self, value: float) -> Problem:
+        """The task with a visit up to a deadline."""
+        visit = Eventually(Inside(self.region), 0.0, round(value, 9))  # 0.6, not the rounded sum of steps
+        objective = replace(self.problem.objective, earliest=None)
+        return self.problem.with_(task=And((*conjuncts(self.problem.task), visit)), objective=objective)
+
+    def nearest(self, value: float, above: float, below: float) -> float | None:
+        """The end of a step."""
+        step = self.problem.step
+        multiple = min(round(value / step), ceil(min(below, self.most + step) / step - 1e-6) - 1)
+        return multiple * step if multiple * step > above else None
+
+    def carried(self, controls: Floats, value: float, to: float) -> Floats:
+        """The same."""
+        return controls
+
+
+def goal_of(problem: Problem) -> Goal | None:
+    """What a problem asks to make least, if anything."""
+    if problem.least_duration is not None:
+        return Duration(problem)
+    if problem.objective.earliest is not None:
+        return Passage(problem, problem.objective.earliest)
+    return None
+
+
+def solve(
+    problem: Problem,
+    *,
+    progress: Progress | None = None,
+    guess: Floats | None = None,
+    log: Path | None = None,
+) -> tuple[Solution, Soonest | None]:
+    """Find controls, as `ensemble_ctrl.planning.planner.solve`, for the least value where one is asked for.
+
+    Returns
+    -------
+    solution : Solution
+        Its `problem` is that of the value found: with this duration, or with the visit in its task.
+    found : Soonest or None
+        None where nothing is to be least, or no plan was found at all.
+    """
+    goal = goal_of(problem)
+    if goal is None:
+        return planner.solve(problem, progress=progress, guess=guess, log=log), None
+    return _Search(goal, progress, log).run(guess)
+
+
+def bound(goal: Goal) -> float:
+    """The least value whose problem passes its checks, rounded down by a millionth.
+
+    Where the largest value passes, every one between it and another that does passes, too: windows begin and end at
+    linear functions of the duration, and a region's deadline is the least of some. Whether a window holds the end of a
+    step is no such matter, and no check: `Goal.nearest` sees to it.
+    """
+    low, high = goal.least, goal.most
+    if low > 0 and _sound(goal, low):
+        return low
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (low, middle) if middle > 0 and _sound(goal, middle) else (middle, high)
+    return low * (1 - 1e-6)
+
+
+def _sound(goal: Goal, value: float) -> bool:
+    """Whether the problem of a value passes its checks."""
+    try:
+        goal.at(value)
+    except ProblemError:
+        return False
+    return True
+
+
+@dataclass(eq=False)
+class _Search:
+    """One search over values: the clock, the best plan, and what failed."""
+
+    goal: Goal
+    progress: Progress | None
+    log: Path | None
+    began: float = field(default_factory=time.perf_counter)
+    stopped: bool = False
+    best: Solution | None = None
+    value: float = np.inf
+    missed: float | None = None
+    tried: int = 0
+    seconds: float = 0.0
+    work: list[Attempt] = field(default_factory=list)
+
+    def run(self, guess: Floats | None) -> tuple[Solution, Soonest | None]:
+        """Coarse, then whole searches; where nothing is found, the plan for the largest value as it is."""
+        lowest = bound(self.goal)
+        value, controls = self._coarse(lowest, guess)
+        last = self._narrow(value, controls, lowest)
+        if self.best is None and guess is not None and not self._over():  # it may be a plan as it is
+            last = self._tried(self.goal.most, guess, self.goal.most)
+        if self.best is None:
+            return last, None
+        best = replace(
+            self.best,
+            iterations=self.best.iterations + sum(a.iterations for a in self.work),
+            build_seconds=self.best.build_seconds + sum(a.build_seconds for a in self.work),
+            solve_seconds=self.best.solve_seconds + sum(a.solve_seconds for a in self.work),
+            seconds={"search": self.seconds, **self.best.seconds},
+        )
+        return best, Soonest(self.goal.of, self.value, lowest, self.missed, self.tried)
+
+    # --- on the coarse grid
+
+    def _coarse(self, lowest: float, guess: Floats | None) -> tuple[float, Floats | None]:
+        """The least value with a solution on the coarse grid, within `COARSE`, and the solution."""
+        low, most = lowest, self.goal.nearest(self.goal.most, 0.0, np.inf)
+        if most is None:
+            return self.goal.most, guess
+        high, live = most, [] if guess is None else self._solved(most, [guess])
+        ladder = self._ladder(low, most)
+        while not live and not self._over() and (rung := next(ladder, None)) is not None:
+            high, live = rung, self._solved(rung, [])
+        if not live:
+            return most, guess
+        while high - low > COARSE * high and not self._over():
+            if (middle := self._between(low, high)) is None:
+                break
+            found = self._solved(middle, [self.goal.carried(c, high, middle) for c in live])
+            low, high, live = (low, middle, found) if found else (middle, high, live)
+        return (high, live[0]) if high <= self.goal.most else (most, guess)
+
+    def _ladder(self, low: float, most: float) -> Iterator[float]:
+        """Values upwards that depend on the largest as little as can be, with that one, and those beyond it."""
+        goal, limit = self.goal.beyond, self.goal.problem.solve.time_limit
+        first, last, end = (ceil(log(max(t, 0.01 * most)) / log(RUNG)) for t in (low, most, goal.most))
+        for k in range(first, last):
+            value = goal.nearest(RUNG**k, low, most)
+            if value is not None and self._left() > (1 - LADDER) * limit:
+                yield value
+        yield most
+        for k in range(last, end):
+            value = goal.nearest(RUNG**k, most, np.inf)
+            if value is not None and _sound(self.goal, value):
+                yield value
+
+    def _between(self, low: float, high: float) -> float | None:
+        """A value near the geometric mean of two others."""
+        return self.goal.nearest(sqrt(max(low, 0.01 * high) * high), low, high)
+
+    def _solved(self, value: float, guesses: list[Floats]) -> list[Floats]:
+        """Solutions at a value from some guesses, cheapest first, or where these fail from routes."""
+        problem = self.goal.at(value)
+        steps = coarse_steps(problem)
+        found = self._improved(problem, [planner.given(problem, guess, steps) for guess in guesses])
+        if not found and not self._over():
+            found = self._improved(problem, [s.controls for s in seeds(problem, steps, problem.solve.routes)])
+        return [a.controls for a in sorted(found, key=lambda a: a.value.cost)]
+
+    def _improved(self, problem: Problem, guesses: list[Floats]) -> list[Attempt]:
+        """Those of the guesses that become solutions."""
+        found = []
+        for guess in guesses:
+            if self._over():
+                break
+            options = IpoptOptions(problem.solve.max_iterations, self._left(), 1e-3, 1e-2, self.log)
+            work = partial(improve, problem, guess, coarse(problem), planner.COARSE_ROUNDS, options)
+            attempt = parallel.alone(work, self._watch, self._left)
+            if attempt is None:
+                break
+            self.work.append(attempt)
+            found += [attempt] if attempt.value.keeps(0.0) else []
+        return found
+
+    # --- whole searches
+
+    def _narrow(self, value: float, controls: Floats | None, lowest: float) -> Solution:
+        """Whole searches up from a value until one is good, then down until the step is within the tolerance.
+
+        Returns the last of the first ones.
+        """
+        last = self._tried(value, controls, value)
+        while self.best is None and not self._over() and value < self.goal.most:
+            higher = self.goal.nearest(value * (1 + STEP), value, np.inf)
+            if higher is None:
+                break
+            last = self._tried(higher, controls, value)
+            value, controls = higher, last.controls
+        while self.best is not None and not self._over():
+            floor = lowest if self.missed is None else max(self.missed, lowest)
+            lower = self.goal.nearest(max(self.value * (1 - STEP), (floor + self.value) / 2), floor, self.value)
+            if self.value - floor <= TOLERANCE * self.value or lower is None:
+                break
+            self._tried(lower, self.best.controls, self.value)
+        return last
+
+    def _tried(self, value: float, controls: Floats | None, made_for: float) -> Solution:
+        """A whole search at a value, from controls made for another if there are any; the best plan is kept."""
+        solution = self._whole(value, None if controls is None else self.goal.carried(controls, made_for, value))
+        proven = solution.certificate is None or solution.certificate.proven == "yes"
+        good = solution.status == "planned" and proven
+        if good and value < self.value:
+            self.best, self.value = solution, value
+        elif not good and not self.stopped:
+            self.missed = value if self.missed is None else max(self.missed, value)
+        return solution
+
+    def _whole(self, value: float, guess: Floats | None) -> Solution:
+        """One search of the planner."""
+        problem = self.goal.at(value)
+        options = replace(problem.solve, time_limit=max(self._left(), 1e-3))
+        self.tried += 1
+        self.seconds = time.perf_counter() - self.began
+        solution = planner.solve(problem.with_(solve=options), progress=self._tell, guess=guess, log=self.log)
+        return replace(solution, problem=problem)
+
+    # --- the clock
+
+    def _left(self) -> float:
+        """Seconds until the time limit."""
+        return self.goal.problem.solve.time_limit - (time.perf_counter() - self.began)
+
+    def _over(self) -> bool:
+        """Whether to stop with what there is."""
+        return self.stopped or self._left() <= 0
+
+    def _tell(self, phase: str, iteration: Iteration | None) -> bool:
+        """Pass on how it goes, and remember a wish to stop."""
+        self.stopped = self.stopped or (self.progress is not None and self.progress(phase, iteration))
+        return self.stopped
+
+    def _watch(self, iteration: Iteration) -> bool:
+        """The same for a solve on the coarse grid."""
+        return self._tell("coarse solve", iteration)

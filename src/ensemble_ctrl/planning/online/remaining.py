@@ -1,0 +1,288 @@
+"""What is left of a problem, for one robot that has been measured on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
+from itertools import pairwise
+from math import ceil, floor
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.motion import Motion
+from ensemble_ctrl.constraints.stl import (
+    Always,
+    And,
+    Eventually,
+    ExactOps,
+    Formula,
+    Known,
+    Predicate,
+    Signals,
+    Until,
+    conjuncts,
+    ground,
+    kept_out,
+    negation_normal_form,
+    progressed,
+    reads_fleet,
+    resolve,
+    robustness,
+    settled,
+)
+from ensemble_ctrl.constraints.stl.rewrite import rebuilt
+from ensemble_ctrl.constraints.stl.robustness import Temporal
+from ensemble_ctrl.core.errors import UnsupportedError
+from ensemble_ctrl.core.values import exact
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.planning.online.propagation import PoseSet
+from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem.checks import Finding
+from ensemble_ctrl.problem.duties import other_parts, window_of
+from ensemble_ctrl.problem.fleet import Fleet
+
+Floats = NDArray[np.float64]
+
+EVERYWHERE = Known(float("inf"))
+"""The task of a robot that has nothing left to do."""
+
+
+def loop_findings(problem: Problem) -> Iterator[Finding]:
+    """What of a problem is not for a loop, which drives one robot on arcs for a time that is given."""
+    if isinstance(problem, OdeProblem):
+        message = f"a loop drives robots on arcs, and this is a {problem.fleet.system.name}"
+        yield Finding(("fleet", "model"), message, "use unicycle or bicycle")
+    if reads_fleet(problem.task):
+        message = f"a loop drives one robot, and this speaks of the whole fleet: {problem.task}"
+        yield Finding(("task",), message, "say what the robot has to do")
+    if problem.least_duration is not None:
+        yield Finding(("horizon", "duration"), "a free duration is not for a loop", "give one, 16 s say")
+    if problem.objective.earliest is not None:
+        message = "the earliest passage is not for a loop"
+        yield Finding(("objective", "earliest"), message, "give the visit a window in the task")
+
+
+def of_one_robot(problem: Problem) -> Problem:
+    """The problem without parameters of the start, which is measured, and without a cloud.
+
+    Raises
+    ------
+    UnsupportedError
+        For what is not for a loop (`loop_findings`).
+    """
+    wrong = next(loop_findings(problem), None)
+    if wrong is not None:
+        raise UnsupportedError(str(wrong))
+    fleet = problem.fleet
+    laws = {name: law for name, law in fleet.parameters.items() if name in fleet.system.parameters}
+    laws = {name: Interval(law.lower, law.upper) for name, law in laws.items()}
+    return problem.with_(fleet=replace(fleet, parameters=laws, cloud=None, position=fleet.start))
+
+
+def with_ranges(fleet: Fleet, ranges: Floats) -> Fleet:
+    """The fleet with other ranges of its parameters, shape (parameters, 2)."""
+    laws = {name: Interval(*map(float, ends)) for name, ends in zip(fleet.names, ranges, strict=True)}
+    return replace(fleet, parameters=laws)
+
+
+@dataclass(frozen=True, eq=False)
+class _Element:
+    """Lower bounds of predicates at a grid time, or throughout the time to the next one, as signals of one time."""
+
+    poses: tuple[PoseSet, ...]
+    bulge: float
+    step: float
+    members: int = 1
+    steps: int = 0
+
+    def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
+        """The lowest value in the sets at the ends, and how much lower it may be in between, shape (1, 1)."""
+        coefficients, offset = predicate.normalised()
+        row = np.array([dict(coefficients).get(name, 0.0) for name in ("x", "y")])
+        ends = [float(row @ pose.position + offset - np.abs(row) @ pose.half) for pose in self.poses]
+        return np.array([[min(ends) - self.bulge]])
+
+    def mean(self) -> Signals:
+        """One robot is its own mean."""
+        return self
+
+
+class Progress:
+    """What is left of the parts of a task that are not duties, along a past that is a tube.
+
+    Time is cut into the grid times and the open intervals between them, and windows are moved to the grid so that
+    nothing rises.
+
+    Parameters
+    ----------
+    problem : Problem
+        On its whole horizon.
+
+    Attributes
+    ----------
+    at : int
+        The first grid time that is not past.
+    left : tuple of Formula
+        What is left of each part, read then.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.at = problem, 0
+        self.left: tuple[Formula, ...] = tuple(map(self._on_grid, other_parts(problem)))
+
+    def advance(self, poses: Sequence[PoseSet], bulge: Callable[[int], float]) -> None:
+        """Some more time is past.
+
+        Parameters
+        ----------
+        poses : sequence of PoseSet
+            Where the robot was at the grid times from `at` on; all times before the last of them are past then.
+        bulge : callable
+            Metres by which it may have left the segment between two places at a grid time and the next.
+        """
+        for here, there in pairwise(poses):
+            if self.left:
+                self._pass(_Element((here,), 0.0, self.problem.step / 2), 2 * self.at)
+                between = _Element((here, there), bulge(self.at), self.problem.step / 2)
+                self._pass(between, 2 * self.at + 1)
+            self.at += 1
+
+    def after(self, poses: Sequence[PoseSet], bulge: Callable[[int], float]) -> Progress:
+        """The progress of a robot that is in these sets of poses at the grid times that come next."""
+        later = Progress(self.problem)
+        later.left, later.at = self.left, self.at
+        later.advance(poses, bulge)
+        return later
+
+    def _pass(self, element: _Element, k: int) -> None:
+        """An element of time, of which there are two a step, is past."""
+        left = max(2 * self.problem.steps - k, 0)
+        read = partial(self._reading, element)
+        self.left = tuple(progressed(part, read, 1, left, element.step) for part in self.left)
+
+    def _reading(self, element: _Element, leaf: Formula, k: int) -> float:
+        """A lower bound of a leaf's robustness throughout an element."""
+        problem = self.problem
+        plain = negation_normal_form(leaf)
+        formula = ground(plain, problem.regions, problem.obstacles, radius=problem.fleet.radius)
+        return float(robustness(formula, element, ExactOps()))
+
+    def _on_grid(self, part: Formula) -> Formula:
+        """A part with its windows on the grid."""
+        plain = negation_normal_form(resolve(part, self.problem.duration))
+        moved = gridded(plain, exact(self.problem.duration) / self.problem.steps)
+        return Known(-np.inf) if moved is None else moved
+
+    @property
+    def value(self) -> float:
+        """Robustness once everything is decided, metres; minus infinity before."""
+        return min((part.value if isinstance(part, Known) else -np.inf for part in self.left), default=np.inf)
+
+
+def gridded(formula: Formula, step: Fraction) -> Formula | None:
+    """A formula in negation normal form with every window moved to grid times, so that its value never rises.
+
+    Parameters
+    ----------
+    formula : Formula
+        With windows in seconds.
+    step : Fraction
+        Seconds between grid times.
+
+    Returns
+    -------
+    Formula or None
+        None if a window that has to shrink holds no grid time.
+    """
+    parts = [gridded(part, step) for part in formula.parts]
+    if any(part is None for part in parts):
+        return None
+    same = rebuilt(formula, (part for part in parts if part is not None))
+    if not isinstance(same, Temporal) or same.a is None or same.b is None:
+        return same
+    low, high = exact(same.a) / step, exact(same.b) / step
+    shrinks = isinstance(same, Eventually | Until)
+    first, last = (ceil(low), floor(high)) if shrinks else (floor(low), ceil(high))
+    return replace(same, a=float(first * step), b=float(last * step)) if first <= last else None
+
+
+def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: PoseSet, ranges: Floats) -> Problem:
+    """What is left of a problem from a grid time on.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of one robot, on its whole horizon.
+    begin : int
+        The grid time.
+    parts : iterable of Formula
+        What is left of the parts that are not duties (`Progress.left`), read at `begin`.
+    pose : PoseSet
+        Where the robot is; its middle becomes the start.
+    ranges : ndarray, shape (parameters, 2)
+
+    Raises
+    ------
+    ProblemError
+        If it can't be done any more: a region is too far, or the robot is inside an obstacle.
+    """
+    gone = begin * problem.step
+    past = exact(problem.duration) / problem.steps * begin
+    duties = [_later(problem, part, past) for part in conjuncts(problem.task) if kept_out(part)]
+    task = _all_of([*duties, *(settled(part) for part in parts)])
+    return _placed(problem, pose, ranges, gone, task, problem.duration - gone, problem.steps - begin)
+
+
+def read_anew(problem: Problem, begin: int, pose: PoseSet, ranges: Floats) -> Problem:
+    """With a receding horizon, the whole task read at a grid time."""
+    return _placed(problem, pose, ranges, begin * problem.step, problem.task, problem.duration, problem.steps)
+
+
+def with_map(problem: Problem, obstacles: Mapping[str, tuple[Obstacle, ...]]) -> Problem:
+    """The problem with other obstacles, unchecked: what is seen on the way is so, whatever is left to do then."""
+    changed = copy(problem)
+    object.__setattr__(changed, "obstacles", MappingProxyType(dict(obstacles)))
+    return changed
+
+
+def for_a_while(problem: Problem, steps: int) -> Problem:
+    """Only what must be kept out of during the first steps."""
+    end = steps * problem.step
+    task = _all_of(_later(problem, part, Fraction(0), end) for part in conjuncts(problem.task) if kept_out(part))
+    return replace(problem, task=task, duration=end, steps=steps)
+
+
+def _placed(
+    problem: Problem, pose: PoseSet, ranges: Floats, gone: float, task: Formula, duration: float, steps: int
+) -> Problem:
+    """Another task from another start and time on, with other ranges."""
+    fleet = replace(with_ranges(problem.fleet, ranges), position=pose.position, heading=pose.heading)
+    motions = {name: Motion(motion.times - gone, motion.offsets) for name, motion in problem.motions.items()}
+    return replace(problem, fleet=fleet, motions=motions, task=task, duration=duration, steps=steps)
+
+
+def _all_of(parts: Iterable[Formula | None]) -> Formula:
+    """The conjunction of what is still open."""
+    open_ = [part for part in parts if part is not None and not (isinstance(part, Known) and part.value >= 0)]
+    return EVERYWHERE if not open_ else open_[0] if len(open_) == 1 else And(tuple(open_))
+
+
+def _later(problem: Problem, part: Formula, gone: Fraction, end: float = np.inf) -> Formula | None:
+    """A duty read `gone` seconds later, and no longer than to `end`; None if nothing of it is left."""
+    begin, last = (exact(time) - gone for time in window_of(problem, part))
+    if last < 0 or begin > end:
+        return None
+    assert isinstance(part, Always)
+    return replace(part, a=_down(max(begin, Fraction(0))), b=min(-_down(-last), end))
+
+
+def _down(time: Fraction) -> float:
+    """The largest number of seconds whose decimal is no later than a time."""
+    near = float(time)
+    return near if exact(near) <= time else float(np.nextafter(near, -np.inf))

@@ -1,0 +1,72 @@
+"""A loop and the simulated robots that it is tried on, as a problem file tells them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ensemble_ctrl.planning.online.options import OnlineOptions
+from ensemble_ctrl.planning.online.simulated import Factors, Fixed, Flaws, SimulatedFleet, SimulatedRobot
+from ensemble_ctrl.problem import Problem
+
+
+@dataclass(frozen=True)
+class RobotSettings:
+    """A simulated robot.
+
+    Parameters
+    ----------
+    factors : Factors or None
+        Its true factors; None draws them from the ranges of the fleet.
+    flaws : Flaws or None
+        What is wrong with it; None for measurements as wrong as is assumed, 0.1 s late.
+    seed : int
+        Of all that is drawn.
+    """
+
+    factors: Factors | None = None
+    flaws: Flaws | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class OnlineSettings:
+    """The section ``online`` of a problem file.
+
+    Parameters
+    ----------
+    options : OnlineOptions
+    robots : mapping of str to RobotSettings
+        The robots that hear the commands, by name.
+    """
+
+    options: OnlineOptions = field(default_factory=OnlineOptions)
+    robots: Mapping[str, RobotSettings] = field(default_factory=lambda: {"robot": RobotSettings()})
+
+    def simulated(self, problem: Problem) -> SimulatedFleet:
+        """The robots, at the start of a problem's fleet."""
+        return SimulatedFleet({name: self._simulated(problem, robot) for name, robot in self.robots.items()})
+
+    def _simulated(self, problem: Problem, robot: RobotSettings) -> SimulatedRobot:
+        """One of them."""
+        fleet = problem.fleet
+        factors = robot.factors
+        if factors is None:
+            drive = fleet.drives(fleet.sample(1, robot.seed))[0]
+            factors = Fixed(float(drive[0]), float(drive[1]))
+        errors = self.options.errors
+        flaws = robot.flaws or Flaws(errors.position, errors.heading, 0.1)
+        heading = fleet.heading
+        return SimulatedRobot(fleet.system, np.array(fleet.start), heading, problem.step, factors, flaws, robot.seed)
+
+    def with_robots(self, traction: float | None = None, seed: int | None = None) -> OnlineSettings:
+        """The same with another true traction of all robots, or another seed of the first, from which others count."""
+        robots = dict(self.robots)
+        for k, name in enumerate(robots):
+            if traction is not None:
+                robots[name] = replace(robots[name], factors=Fixed(traction, traction))
+            if seed is not None:
+                robots[name] = replace(robots[name], seed=seed + k)
+        return replace(self, robots=robots)

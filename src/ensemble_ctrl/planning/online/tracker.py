@@ -1,0 +1,175 @@
+"""Where one robot is and has been, and what is known of its parameters."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.membership import Membership
+from ensemble_ctrl.planning.online.propagation import Commands, Errors, Factors, PoseSet, departure
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+WIDER = 1.5
+"""Factor by which ranges grow when no parameters in them fit the measurements."""
+SLOWEST = 0.05
+"""Smallest factor that ranges may grow to."""
+NEAR = 1e-6
+"""Share of a step by which a time may miss a grid time."""
+
+
+class Tracker:
+    """The robot's past: commands, measurements, and the sets that follow from them.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of one robot.
+    errors : Errors
+    learn : bool
+        Whether parameters are learnt; without it their assumed ranges stand.
+
+    Attributes
+    ----------
+    sets : Membership
+    sent : ndarray, shape (steps so far, n_u)
+        Commands since time 0.
+    past : list of PoseSet
+        The sets of poses at the grid times up to the last measurement: each is reached from the measurements before it
+        and narrowed by the first one after it.
+    last : Measurement or None
+        The newest that was used.
+    holds : bool
+        False once measurements contradicted what was assumed; it stays so.
+    widened : int
+        How often ranges had to grow.
+    """
+
+    def __init__(self, problem: Problem, errors: Errors, learn: bool) -> None:
+        self.problem, self.errors, self.learn = problem, errors, learn
+        self.sets = Membership(problem.fleet, errors)
+        self.sent = np.zeros((0, len(problem.fleet.system.controls)))
+        self.past: list[PoseSet] = []
+        self.last: Measurement | None = None
+        self.holds, self.widened = True, 0
+        self._commands = Commands(problem.fleet.system, self.sent, problem.step)
+
+    @property
+    def ranges(self) -> Floats:
+        """What is known of the parameters, shape (parameters, 2)."""
+        return self.sets.ranges
+
+    @property
+    def time(self) -> float:
+        """Of the newest measurement, seconds."""
+        return 0.0 if self.last is None else self.last.time
+
+    def send(self, controls: Floats) -> None:
+        """Some more commands were given out."""
+        self.sent = np.concatenate([self.sent, controls])
+        self._commands = Commands(self.problem.fleet.system, self.sent, self.problem.step)
+
+    def recall(self, begin: int) -> None:
+        """Commands from step `begin` on, which is not past, will not be carried out."""
+        self.sent = self.sent[:begin]
+        self._commands = Commands(self.problem.fleet.system, self.sent, self.problem.step)
+
+    def observe(self, measurement: Measurement) -> list[str]:
+        """Learn from a measurement; returns what was out of the ordinary."""
+        refused = self._refused(measurement)
+        if refused is not None:
+            return [refused] if refused else []
+        events = []
+        before = copy(self.sets)
+        gap = self._past(self.sets, measurement.time) if self._seen(measurement) else None
+        if gap is None:
+            self.holds = False
+            self.past += self._past(before, measurement.time - NEAR * self.problem.step) or []
+            events.append(self._contradicted(before, measurement))
+            self._seen(measurement)
+            gap = self._past(self.sets, measurement.time) or []
+        if not self.learn:
+            self.sets.ranges = self.sets.assumed.copy()
+        self.past += gap
+        self.last = measurement
+        return events
+
+    def pose(self, time: float) -> PoseSet | None:
+        """The set of poses at a time; None before the first measurement."""
+        return self.sets.pose(self._commands, time) if len(self.sets.times) else None
+
+    @property
+    def at(self) -> int:
+        """The first grid time from the newest measurement on."""
+        return min(int(np.ceil(self.time / self.problem.step - NEAR)), len(self.sent))
+
+    def departures(self, controls: Floats, begin: int) -> Floats:
+        """Metres by which drift and actuators may lead the robot away in each step of `controls`, from `begin` on.
+
+        They count from the grid time `begin`, at which the pose is known, and drift from the last measurement, at which
+        the factors are.
+        """
+        step, known = self.problem.step, self.sets.known
+        later = replace(known, time=known.time - begin * step)
+        until: Floats = np.asarray(step * np.arange(1, len(controls) + 1), dtype=float)
+        ahead = Commands(self.problem.fleet.system, controls, step)
+        return departure(ahead, self.errors, later, np.zeros(len(until)), until)[1]
+
+    def bulge(self, k: int) -> float:
+        """Metres by which the robot may leave the segment between the places at grid times `k` and ``k + 1``."""
+        step, commands, (a, b) = self.problem.step, self._commands, self.sets.known.most
+        n = min(k, len(commands.v) - 1)
+        arc = step**2 / 8 * a * b * abs(commands.v[n] * commands.omega[n])
+        here = Factors(k * step, np.array([-a, a]), np.array([-b, b]), (a, b))
+        ends = np.array([k * step]), np.array([(k + 1) * step])
+        return float(arc + 2 * departure(commands, self.errors, here, *ends)[1][0])
+
+    def _refused(self, measurement: Measurement) -> str | None:
+        """Why a measurement can't be used; empty for one that was seen before."""
+        if not measurement.finite:
+            return "measurement ignored: it is not finite"
+        if self.last is not None and measurement.time <= self.last.time + 1e-9:
+            stale = f"measurement ignored: {measurement.time:.2f} s is not after the last one's {self.last.time:.2f} s"
+            return "" if measurement == self.last else stale
+        latest = len(self.sent) * self.problem.step
+        if not -1e-9 <= measurement.time <= latest + NEAR:
+            return f"measurement ignored: {measurement.time:.2f} s is not within the {latest:.2f} s commanded so far"
+        return None
+
+    def _seen(self, measurement: Measurement) -> bool:
+        """Let the sets learn; False if nothing is consistent."""
+        place = np.array([measurement.x, measurement.y])
+        return self.sets.observe(self._commands, measurement.time, place, measurement.heading)
+
+    def _past(self, sets: Membership, until: float) -> list[PoseSet] | None:
+        """The sets at the grid times up to a time that are not remembered yet; None if one is empty."""
+        step, first = self.problem.step, len(self.past)
+        count = max(int(np.floor(until / step + NEAR)) + 1 - first, 0)
+        found = [sets.pose(self._commands, k * step) for k in range(first, first + count)] if len(sets.times) else []
+        poses = [pose for pose in found if pose is not None]
+        return poses if len(poses) == len(found) else None
+
+    def _contradicted(self, before: Membership, measurement: Measurement) -> str:
+        """No parameters fit: start again, with the same ranges after a jump and with wider ones otherwise."""
+        expected = before.pose(self._commands, measurement.time) if len(before.times) else None
+        if expected is not None and self._jumped(expected, measurement):
+            self.sets.restart(self.sets.assumed)
+            return "the robot is where it can't have driven to: it was moved, or measured wrongly"
+        self.widened += 1
+        middle, half = self.sets.assumed.mean(axis=1), np.maximum(np.ptp(self.sets.assumed, axis=1) / 2, 0.01)
+        wider = np.stack([np.maximum(middle - WIDER * half, SLOWEST), middle + WIDER * half], axis=1)
+        self.sets.restart(wider)
+        told = ", ".join(f"{name} {a:.3g} to {b:.3g}" for name, (a, b) in zip(self.sets.names, wider, strict=True))
+        return f"no parameters in the assumed ranges fit what was measured: now {told or 'nothing can be varied'}"
+
+    def _jumped(self, before: PoseSet, measurement: Measurement) -> bool:
+        """Whether a place is further from where the robot must be than twice its top speed explains."""
+        fleet, since = self.problem.fleet, measurement.time - self.time
+        fastest = 2 * float(self.sets.factors[0][1]) * max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
+        distance = float(np.hypot(measurement.x - before.position[0], measurement.y - before.position[1]))
+        return bool(distance > before.away + 2 * self.errors.position + fastest * since)

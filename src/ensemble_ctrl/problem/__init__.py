@@ -1,0 +1,25 @@
+"""The problem as frozen data, its fleet, its task, the checks that it passes, and what sampled members do."""
+
+from ensemble_ctrl.problem.problem import (
+    Guarantee,
+    Method,
+    Objective,
+    OdeProblem,
+    Problem,
+    ReportOptions,
+    Routes,
+    SolveOptions,
+    VerifyOptions,
+)
+
+__all__ = [
+    "Guarantee",
+    "Method",
+    "Objective",
+    "OdeProblem",
+    "Problem",
+    "ReportOptions",
+    "Routes",
+    "SolveOptions",
+    "VerifyOptions",
+]

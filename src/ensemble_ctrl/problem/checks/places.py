@@ -1,0 +1,111 @@
+"""The map: regions without a point, goals under obstacles, a start inside one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.stl import Share, conjuncts
+from ensemble_ctrl.problem.checks.finding import SLACK, Finding, Severity
+from ensemble_ctrl.problem.checks.reach import required
+from ensemble_ctrl.problem.checks.task import mentioned
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.problem.problem import Problem
+
+Floats = NDArray[np.float64]
+
+
+def area_findings(problem: Problem) -> Iterator[Finding]:
+    """Regions without a point or without an end, and goals that obstacles cover."""
+    inside, _ = mentioned(problem)
+    needed = {leaf.name for leaf, _ in required(problem.task, 0.0, problem.duration)}
+    for name, region in problem.regions.items():
+        path = ("regions", name)
+        if region.A.shape[1] != 2:
+            yield Finding(path, f"expected 2 dimensions, got {region.A.shape[1]}", on_key=True)
+        elif region.is_empty:
+            yield Finding(path, "this region is empty: no point satisfies all of its inequalities", on_key=True)
+        elif not region.is_bounded:
+            yield Finding(path, "this region is unbounded", "close it if that is not meant", "warning", on_key=True)
+        elif name in inside and _is_covered(region, problem):
+            names = ", ".join(_near(region, problem))
+            message = f"obstacles cover the whole region: {names}{_grown(problem)}"
+            severity: Severity = "error" if name in needed else "warning"
+            yield Finding(path, message, "move the region or the obstacles", severity, on_key=True)
+
+
+def _near(region: Polyhedron, problem: Problem) -> list[str]:
+    """Names of the obstacles that touch a region's bounding box, grown by the radius."""
+    low, high = region.vertices.min(axis=0), region.vertices.max(axis=0)
+    touching: dict[str, None] = {}
+    for name, piece in problem.pieces:
+        below = piece.vertices.min(axis=0) - problem.fleet.radius
+        beyond = piece.vertices.max(axis=0) + problem.fleet.radius
+        if (below <= high).all() and (beyond >= low).all():
+            touching[name] = None
+    return list(touching)
+
+
+def _is_covered(region: Polyhedron, problem: Problem) -> bool:
+    """Whether no point of a region is clear of the obstacles, grown by the radius."""
+    if len(region.vertices) < 3:
+        return False
+    still = [name for name in _near(region, problem) if name not in problem.motions]
+    near = [piece for name in still for piece in problem.obstacles[name]]
+    if not near or any(_is_clear(point, near, problem.fleet.radius) for point in _probes(region)):
+        return False
+    from shapely import Polygon, union_all
+
+    grown = union_all([Polygon(piece.vertices).buffer(problem.fleet.radius) for piece in near])
+    area = Polygon(region.vertices)
+    return bool(area.difference(grown).area <= SLACK * area.area)
+
+
+def _probes(region: Polyhedron) -> Iterator[Floats]:
+    """A region's middle and its corners, moved in a little."""
+    middle = region.vertices.mean(axis=0)
+    yield middle
+    for corner in region.vertices:
+        yield 0.99 * corner + 0.01 * middle
+
+
+def _is_clear(point: Floats, pieces: Iterable[Obstacle], radius: float) -> bool:
+    """Whether a point is further than a radius from every piece."""
+    return all(float(piece.distance(point)) > radius for piece in pieces)
+
+
+def start_findings(problem: Problem) -> Iterator[Finding]:
+    """The start is in an obstacle, or closer to it than the radius; or some of the starts are, where they differ."""
+    for name, pieces in problem.obstacles.items():
+        moved = problem.motions[name].at(0.0) if name in problem.motions else np.zeros(2)
+        start = problem.fleet.start - moved
+        distances = [float(piece.distance(start)) for piece in pieces]
+        depth = problem.fleet.radius - min(distances, default=math.inf)
+        if depth > SLACK:
+            x, y = problem.fleet.start
+            message = f"the start ({x:g}, {y:g}) is {depth:.3g} m deep inside obstacle {name!r}{_grown(problem)}"
+            yield Finding(("fleet", "start", "position"), message, "move the start or the obstacle")
+        elif problem.fleet.shift.any() and not any(isinstance(part, Share) for part in conjuncts(problem.task)):
+            yield from _some_start(problem, name, start)
+
+
+def _some_start(problem: Problem, name: str, start: Floats) -> Iterator[Finding]:
+    """A corner or side of the box of start positions is in an obstacle, or closer to it than the radius."""
+    from shapely import Polygon, box
+
+    area = box(*(start - problem.fleet.shift), *(start + problem.fleet.shift))
+    shapes = [Polygon(piece.vertices).buffer(problem.fleet.radius - SLACK) for piece in problem.obstacles[name]]
+    if any(shape.intersects(area) for shape in shapes):
+        message = f"some members start inside obstacle {name!r}{_grown(problem)}: start_x and start_y reach it"
+        yield Finding(("fleet", "start", "position"), message, "narrow their ranges, or move the start or the obstacle")
+
+
+def _grown(problem: Problem) -> str:
+    """A remark that obstacles are larger than they are drawn."""
+    return f", grown by the radius {problem.fleet.radius:g} m" if problem.fleet.radius else ""

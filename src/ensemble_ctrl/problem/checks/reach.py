@@ -1,0 +1,104 @@
+"""Regions that every member has to be in before the slowest one can be there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.stl import Always, And, Eventually, Formula, Inside, Until
+from ensemble_ctrl.problem.checks.finding import Finding
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.problem.problem import Problem
+
+Floats = NDArray[np.float64]
+
+SLACK = 1e-9
+"""Metres, for each metre of a coordinate above one: only what is certain is a finding."""
+
+
+def reach_findings(problem: Problem) -> Iterator[Finding]:
+    """Regions that have to be reached before the slowest member can be there."""
+    for leaf, deadline in required(problem.task, 0.0, problem.duration):
+        region = problem.regions.get(leaf.name)
+        if region is None or region.A.shape[1] != 2 or region.is_empty:
+            continue
+        distance, start = _furthest(region, problem)
+        slack = SLACK * max(1.0, float(np.abs(start).max()))
+        if deadline <= 0.0 and distance > slack:
+            yield _wrong_start(leaf, distance, start)
+        elif distance > _top_speed(problem) * min(deadline, problem.duration) + slack:
+            yield _out_of_reach(leaf, distance, min(deadline, problem.duration), problem)
+
+
+def required(formula: Formula, latest: float, duration: float) -> Iterator[tuple[Inside, float]]:
+    """Every region that all members have to be in at some time up to a latest one."""
+
+    def end(time: float | None) -> float:
+        return duration if time is None else time
+
+    match formula:
+        case Inside():
+            yield formula, latest
+        case And():
+            for part in formula.parts:
+                yield from required(part, latest, duration)
+        case Always(child=child, a=a):
+            yield from required(child, latest + (a or 0.0), duration)
+        case Eventually(child=child, b=b):
+            yield from required(child, latest + end(b), duration)
+        case Until(right=right, b=b):
+            yield from required(right, latest + end(b), duration)
+
+
+def _furthest(region: Polyhedron, problem: Problem) -> tuple[float, Floats]:
+    """Distance from a region of the start that is furthest from it, and that start: a corner of the box of starts."""
+    fleet = problem.fleet
+    starts = fleet.start + np.array(list(product((-1.0, 1.0), repeat=2))) * fleet.shift
+    distances = _distances(region, starts)
+    k = int(distances.argmax())
+    return float(distances[k]), starts[k]
+
+
+def _distances(region: Polyhedron, points: Floats) -> Floats:
+    """Distance of points from a region; a lower bound of it where the region is flat or unbounded."""
+    if region.is_bounded and len(region.vertices) > 2:
+        return Obstacle.polygon(region.vertices).distance(points)
+    return -region.margin(points)
+
+
+def _top_speed(problem: Problem) -> float:
+    """Speed that the slowest member can't exceed, in m/s."""
+    fastest = max(abs(float(problem.fleet.input_lower[0])), abs(float(problem.fleet.input_upper[0])))
+    return problem.fleet.slowest * fastest
+
+
+def _wrong_start(leaf: Inside, distance: float, start: Floats) -> Finding:
+    """A finding for a region that has to hold from the start."""
+    x, y = start
+    message = f"members have to be in {leaf.name!r} from the start, but ({x:g}, {y:g}) is {distance:.3g} m outside"
+    return Finding(("task",), message, "move the start, or let the window begin later", offset=_offset(leaf))
+
+
+def _out_of_reach(leaf: Inside, distance: float, deadline: float, problem: Problem) -> Finding:
+    """A finding for a region that is too far."""
+    speed = _top_speed(problem)
+    message = (
+        f"region {leaf.name!r} is {distance:.3g} m from the start, but at top speed the slowest member "
+        f"(traction {problem.fleet.slowest:g}) drives {speed * deadline:.3g} m by {deadline:g} s"
+    )
+    hint = "raise fleet.input_bounds.v"
+    if speed > 0:
+        needed = f"{distance / speed:.3g} s at {speed:.3g} m/s"
+        hint = f"it needs {needed}: allow more time or raise fleet.input_bounds.v"
+    return Finding(("task",), message, hint, offset=_offset(leaf))
+
+
+def _offset(leaf: Inside) -> int | None:
+    """Place of a leaf in its text."""
+    return leaf.column - 1 if leaf.column else None

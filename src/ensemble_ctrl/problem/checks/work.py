@@ -1,0 +1,55 @@
+"""How long a problem takes that is allowed, but very large: said before it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ensemble_ctrl.problem.checks.finding import Finding
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.problem.problem import Problem
+
+LOOK = 7e-8
+"""Seconds for a look at one member, on two cores: 10 million members in 160 steps take about 117 s."""
+BUILD = 3e-7
+"""Seconds to build the program, for the square of the steps: 100,000 steps take about 50 minutes, 5,000 about 7 s."""
+LONG = 600.0
+"""Seconds of replay from which on it is said."""
+
+
+def building_seconds(steps: int) -> float:
+    """About how long one program of so many steps takes to build; nothing interrupts that."""
+    return BUILD * float(steps) ** 2
+
+
+def replay_seconds(members: int, substeps: int, steps: int) -> float:
+    """About how long a replay takes."""
+    return LOOK * float(members) * substeps * steps
+
+
+def work_findings(problem: Problem) -> Iterator[Finding]:
+    """A program that takes longer to build than there is time, and a replay of many minutes."""
+    limit, seconds = problem.solve.time_limit, building_seconds(problem.steps)
+    if seconds > limit:
+        message = f"{problem.steps} steps take {spoken(seconds)} to build, more than the time limit of {limit:g} s"
+        hint = "the plan then is one of a coarse grid: fewer steps, or a longer solve.time_limit"
+        yield Finding(("horizon", "steps"), message, hint, "warning")
+    verify = problem.verify
+    seconds = replay_seconds(verify.members, verify.substeps, problem.steps)
+    if seconds > LONG:
+        looks = f"{verify.members} members looked at {verify.substeps} times in each of {problem.steps} steps"
+        yield Finding(("verify", "members"), f"{looks} take {spoken(seconds)}", "fewer of them", "warning")
+
+
+def spoken(seconds: float) -> str:
+    """A long time in words.
+
+    Examples
+    --------
+    >>> spoken(3000), spoken(11200), spoken(20)
+    ('about 50 min', 'about 3 h', 'about 20 s')
+    """
+    if seconds < 120:
+        return f"about {seconds:.0f} s"
+    return f"about {seconds / 60:.0f} min" if seconds < 7200 else f"about {seconds / 3600:.0f} h"

@@ -1,0 +1,1 @@
+"""What sampled members do under given controls: clearances, robustness, arrivals, and which parts of a task fail."""

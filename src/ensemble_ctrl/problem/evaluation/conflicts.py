@@ -1,0 +1,131 @@
+"""Which parts of a task fail, by how much, when and for whom: what a person needs when there is no plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.stl import (
+    Eventually,
+    ExactOps,
+    Formula,
+    Inside,
+    Predicate,
+    StateSignals,
+    leaves,
+    member_robustness,
+)
+from ensemble_ctrl.core.errors import RunawayError
+from ensemble_ctrl.problem.duties import grounded, other_parts, window_of
+from ensemble_ctrl.problem.evaluation.sampled import replay, states
+from ensemble_ctrl.problem.fleet import Member
+from ensemble_ctrl.problem.problem import Problem
+
+Floats = NDArray[np.float64]
+
+MEMBERS = 201
+"""About as many members are looked at, spread evenly over the parameters' ranges."""
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """One part of the task that fails.
+
+    Attributes
+    ----------
+    what : str
+        The obstacle, the part of the task as text, or which state runs away, when and for whom.
+    amount : float
+        By how much the worst member falls short, > 0, in `unit`; infinite where a state runs away.
+    parameters : dict of str to float
+        That member's parameters.
+    time : float
+        When, in seconds: the deepest moment in an obstacle, or the closest approach to what should be visited.
+    unit : str
+        What follows the amount: a unit, or words where the unit is not known or is one of several.
+    """
+
+    what: str
+    amount: float
+    parameters: Member
+    time: float
+    unit: str = "m"
+
+
+def unit_of_parts(problem: Problem, parts: Iterable[Formula]) -> str:
+    """What follows a number that is the robustness of one of these parts of a task; of no parts, a distance.
+
+    A unit, or words like ``m or m/s`` and ``in m or the unit of temp``.
+    """
+    fleet = problem.fleet
+    names = {name for part in parts for leaf in leaves(part) for name in _states(problem, leaf)} or set(fleet.places)
+    known = sorted({fleet.state_units[name] for name in names if name in fleet.state_units})
+    others = [f"the unit of {name}" for name in sorted(names) if name not in fleet.state_units]
+    return f"in {' or '.join([*known, *others])}" if others else " or ".join(known)
+
+
+def units_of_parts(problem: Problem) -> dict[str, str]:
+    """The unit of each part of the task that is no avoidance, by its text, as `unit_of_parts` says it."""
+    return {str(part): unit_of_parts(problem, [part]) for part in other_parts(problem)}
+
+
+def _states(problem: Problem, leaf: Formula) -> tuple[str, ...]:
+    """The states that a leaf is about."""
+    return tuple(name for name, _ in leaf.coefficients) if isinstance(leaf, Predicate) else problem.fleet.places
+
+
+def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
+    """Everything that fails under `controls`, worst first; where states run away, that alone."""
+    try:
+        return _conflicts(problem, controls)
+    except RunawayError as error:
+        return (Conflict(error.what, np.inf, error.parameters, error.time),)
+
+
+def _conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
+    """Everything that fails, where all states are known."""
+    parameters = problem.fleet.grid(MEMBERS)
+    paths = states(problem, controls, parameters)
+    run = replay(problem, controls, parameters=parameters, substeps=4)
+    places = unit_of_parts(problem, [])
+    found = [
+        Conflict(f"avoid({c.obstacle})", -c.distance, c.parameters, c.time, places)
+        for c in run.clearances
+        if c.distance < 0
+    ]
+    for part in other_parts(problem):
+        found += _failing(problem, part, paths, parameters)
+    return tuple(sorted(found, key=lambda c: -c.amount))
+
+
+def _failing(problem: Problem, part: Formula, paths: Floats, parameters: Floats) -> list[Conflict]:
+    """The conflict of one conjunct, if its worst member fails it."""
+    signals = StateSignals(paths, problem.fleet.states, problem.step)
+    values = np.asarray(member_robustness(grounded(problem, part), signals, ExactOps()))[:, 0]
+    worst = int(values.argmin())
+    if values[worst] >= 0:
+        return []
+    at = _closest_time(problem, part, paths[worst])
+    member, unit = problem.fleet.named(parameters[worst]), unit_of_parts(problem, [part])
+    return [Conflict(str(part), -float(values[worst]), member, at, unit)]
+
+
+def _closest_time(problem: Problem, part: Formula, path: Floats) -> float:
+    """When one member comes closest to satisfying a visit, or is furthest from a duty; else the horizon's end."""
+    inside = [leaf for leaf in leaves(part) if isinstance(leaf, Inside)]
+    if len(inside) != 1:
+        return problem.duration
+    margin = problem.regions[inside[0].name].margin(path[:, problem.fleet.place_columns])
+    low, high = _window(problem, part)
+    window = margin[low : high + 1]
+    best = window.argmax() if isinstance(part, Eventually) else window.argmin()
+    return float(problem.times[low + int(best)])
+
+
+def _window(problem: Problem, part: Formula) -> tuple[int, int]:
+    """First and last step of a conjunct's own window."""
+    begin, end = window_of(problem, part)
+    return int(np.ceil(begin / problem.step - 1e-9)), int(np.floor(end / problem.step + 1e-9))

@@ -1,0 +1,377 @@
+"""The shared controls run on sampled members, in blocks of bounded memory.
+
+Robots on arcs move exactly, others by a rule of stated accuracy (`ensemble_ctrl.problem.ode_fleet`).
+
+Nothing here knows how the controls were found.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.stl import ExactOps, Formula, Share, StateSignals, member_robustness, reads_fleet
+from ensemble_ctrl.core.values import expect, whole
+from ensemble_ctrl.problem.duties import NOTHING_ASKED, NOTHING_AVOIDED, Duty, chances, duties, grounded, other_parts
+from ensemble_ctrl.problem.fleet import Member
+from ensemble_ctrl.problem.problem import Problem
+
+Floats = NDArray[np.float64]
+T = TypeVar("T")
+
+BLOCK = 1000
+"""Members in one block, at 160 steps: the arrays of a block stay in the processor's cache."""
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """The closest that any member came to one obstacle.
+
+    Attributes
+    ----------
+    obstacle : str
+        Its name.
+    distance : float
+        Metres from the robot's edge (its centre minus the radius) to the obstacle; negative inside.
+    time : float
+        Seconds.
+    parameters : dict of str to float
+        Whose parameters these were.
+    inside : int
+        Members that were inside at some time looked at.
+    """
+
+    obstacle: str
+    distance: float
+    time: float
+    parameters: Member
+    inside: int
+
+
+@dataclass(frozen=True)
+class ShareSeen:
+    """How many members do a part of the task that a share of the fleet has to do.
+
+    Attributes
+    ----------
+    part : str
+        As it was written.
+    asked : float
+        The share asked for.
+    satisfied : float
+        The share of the members drawn at random that do it, 0 to 1; of all members if none was drawn.
+    low, high : float
+        Wilson's interval at 95 % for the share of the whole fleet.
+    """
+
+    part: str
+    asked: float
+    satisfied: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """What happened to the sampled members.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (members, parameters)
+        Parameters in sampling order, in the columns of ``names``; the corners of the ranges come first.
+    names : tuple of str
+        The parameters' names.
+    robustness : ndarray, shape (members,)
+        Exact robustness in metres of the whole task, one number a member: at the grid times, and for what must be kept
+        out of all the time (`ensemble_ctrl.problem.duties`) the distance at `substeps` times a step.
+    clearances : tuple of Clearance
+        One for each obstacle, at `substeps` times a step.
+    violating : ndarray of bool, shape (members,)
+        Members with a negative robustness: those that fail the task, or are inside an obstacle at a time looked at.
+    substeps : int
+        Times looked at in each step.
+    seconds : float
+        What it took.
+    corners : int
+        How many of the first members are corners of the ranges, or were given; the others were drawn at random.
+    shares : tuple of ShareSeen
+        One for each part ``share(p, f)`` of the task.
+    """
+
+    parameters: Floats
+    names: tuple[str, ...]
+    robustness: Floats
+    clearances: tuple[Clearance, ...]
+    violating: NDArray[np.bool_]
+    substeps: int
+    seconds: float
+    corners: int = 0
+    shares: tuple[ShareSeen, ...] = ()
+
+    @property
+    def members(self) -> int:
+        """How many members were replayed."""
+        return len(self.parameters)
+
+    @property
+    def satisfied(self) -> float:
+        """Share of the members that do the task and enter no obstacle, 0 to 1."""
+        return float(1.0 - self.violating.mean())
+
+    def share(self, z: float = 1.96) -> tuple[float, float]:
+        """Bounds of the whole fleet's share that does the task, from the members drawn at random.
+
+        Parameters
+        ----------
+        z : float
+            Standard deviations of the normal law: 1.96 for a confidence of 95 %.
+
+        Returns
+        -------
+        low, high : float
+            Wilson's interval, 0 to 1; (0, 1) if no member was drawn.
+
+        Notes
+        -----
+        Members at the corners of the ranges were not drawn and don't count. E. B. Wilson, Probable inference, the law
+        of succession, and statistical inference, 1927.
+        """
+        return wilson(~self.violating[self.corners :], z)
+
+    @property
+    def worst(self) -> tuple[float, Member]:
+        """Smallest robustness in metres and whose parameters they are."""
+        i = int(self.robustness.argmin())
+        return float(self.robustness[i]), dict(zip(self.names, self.parameters[i].tolist(), strict=True))
+
+    def __repr__(self) -> str:
+        closest = min((c.distance for c in self.clearances), default=float("inf"))
+        clearance = f"clearance >= {closest:.4f} m" if np.isfinite(closest) else NOTHING_AVOIDED
+        worst = self.worst[0]
+        found = NOTHING_ASKED if worst == np.inf else f"robustness >= {worst:.4f} m, {clearance}"
+        return f"Replay({self.members} members: {100 * self.satisfied:.4g} % satisfy, {found}, {self.seconds:.2f} s)"
+
+
+def wilson(kept: NDArray[np.bool_], z: float = 1.96) -> tuple[float, float]:
+    """Wilson's interval for a share, from members drawn at random; (0, 1) if there are none."""
+    if not len(kept):
+        return 0.0, 1.0
+    n, p = len(kept), float(kept.mean())
+    middle, spread = (p + z**2 / (2 * n)), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    scale = 1 + z**2 / n
+    return max(0.0, float((middle - spread) / scale)), min(1.0, float((middle + spread) / scale))
+
+
+def replay(
+    problem: Problem,
+    controls: Floats,
+    *,
+    members: int | None = None,
+    parameters: ArrayLike | Sequence[Mapping[str, float]] | None = None,
+    substeps: int | None = None,
+    seed: int | None = None,
+    watch: Callable[[int], bool] | None = None,
+) -> Replay:
+    """Run `controls` on sampled members.
+
+    Parameters
+    ----------
+    problem : Problem
+        Fleet, map and task.
+    controls : ndarray, shape (steps, n_u)
+        The broadcast commands, one row a step of equal length.
+    members : int, optional
+        How many to draw from the parameters' laws, the corners of their ranges included; default
+        `problem.verify.members`.
+    parameters : array_like or sequence of mappings, optional
+        Members to run instead of drawing any, as `Fleet.members` takes them.
+    substeps : int, optional
+        Times looked at in each step for obstacles; default `problem.verify.substeps`.
+    seed : int, optional
+        Seed of the draw; default `problem.solve.seed`.
+    watch : callable, optional
+        Called after each block with the number of members run so far; returning True ends the replay with these.
+
+    Returns
+    -------
+    Replay
+
+    Raises
+    ------
+    ProblemError
+        For `controls` or `parameters` that are empty, of another shape or not finite, or a count below 1.
+
+    Notes
+    -----
+    *Guarantee*: exact for the members and times looked at; says nothing of others. Memory is bounded, except for a task
+    that reads the fleet as a whole (``mean``, ``share``), for which all members are held at once.
+    """
+    began = time.perf_counter()
+    expect("problem", problem, Problem)
+    substeps = problem.verify.substeps if substeps is None else substeps
+    substeps = whole("substeps", substeps, 1)
+    controls = problem.fleet.checked_controls(controls)
+    drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
+    size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
+    blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
+    results = _watched(blocks, lambda block: _run(problem, controls, block, substeps), watch)
+    drawn = drawn[: sum(map(len, blocks[: len(results)]))]
+    robustness = np.concatenate([r for r, _, _, _ in results])
+    inside = np.concatenate([i for _, i, _, _ in results], axis=1)
+    clearances = tuple(
+        _closest(duty.name, [found[o] for _, _, found, _ in results], int(inside[o].sum()))
+        for o, duty in enumerate(duties(problem))
+    )
+    corners = min(len(problem.fleet.corners), len(drawn)) if parameters is None else len(drawn)
+    shares = []
+    for c, chance in enumerate(chances(problem)):
+        each = np.concatenate([some[c] for *_, some in results])
+        random = each[corners:] if corners < len(each) else each
+        fleet = np.sort(random)[len(random) - chance.part.rank(len(random))]
+        np.minimum(robustness, fleet, out=robustness)
+        shares.append(_seen(chance.part, random, corners < len(each)))
+    seconds, names = time.perf_counter() - began, problem.fleet.names
+    return Replay(drawn, names, robustness, clearances, robustness < 0, substeps, seconds, corners, tuple(shares))
+
+
+def _seen(part: Share, robustness: Floats, drawn: bool) -> ShareSeen:
+    """The share of some members with a robustness of zero or more, and what it says of the fleet if they were drawn."""
+    kept: NDArray[np.bool_] = robustness >= 0
+    low, high = wilson(kept) if drawn else (0.0, 1.0)
+    return ShareSeen(str(part), part.p, float(kept.mean()), low, high)
+
+
+def trajectories(
+    problem: Problem, controls: Floats, parameters: ArrayLike | Sequence[Mapping[str, float]], substeps: int = 1
+) -> Floats:
+    """Positions of members, given as `Fleet.members` takes them, shape (members, steps * substeps + 1, d), metres."""
+    return states(problem, controls, parameters, substeps)[..., problem.fleet.place_columns]
+
+
+def states(
+    problem: Problem, controls: Floats, parameters: ArrayLike | Sequence[Mapping[str, float]], substeps: int = 1
+) -> Floats:
+    """States of members, in the columns of `Fleet.states`, shape (members, steps * substeps + 1, n_x)."""
+    fleet = problem.fleet
+    fine = np.repeat(np.asarray(controls, float), substeps, axis=0)
+    return fleet.trajectories(fine, fleet.members(parameters), problem.duration / len(fine))
+
+
+_Closest = tuple[float, float, Member]
+
+
+def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
+    """Sampled members, the corners of the ranges first."""
+    members = problem.verify.members if members is None else members
+    members = whole("members", members, 1)
+    corners = problem.fleet.corners[:members]
+    rest = problem.fleet.sample(members - len(corners), problem.solve.seed if seed is None else seed)
+    return np.concatenate([corners, rest])
+
+
+def _watched(blocks: Sequence[Floats], run: Callable[[Floats], T], watch: Callable[[int], bool] | None) -> list[T]:
+    """The results of the blocks in order, of all or of the first ones: until `watch` says that it is enough."""
+    ended, done = threading.Event(), 0
+    results: list[T] = []
+    with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
+        try:
+            for block, result in zip(
+                blocks, pool.map(lambda b: None if ended.is_set() else run(b), blocks), strict=True
+            ):
+                if result is None:
+                    break
+                results.append(result)
+                done += len(block)
+                if watch is not None and watch(done):
+                    ended.set()
+        finally:
+            ended.set()  # an exception, as of Ctrl-C, does not wait for the blocks to come
+    return results
+
+
+def _run(
+    problem: Problem, controls: Floats, parameters: Floats, substeps: int
+) -> tuple[Floats, NDArray[np.bool_], list[_Closest], list[Floats]]:
+    """One block: robustness, who is inside which obstacle, the closest approach to each obstacle, and chance parts."""
+    whole, some = states(problem, controls, parameters, substeps), chances(problem)
+    parts = [part for part in other_parts(problem) if not any(part is chance.part for chance in some)]
+    robustness = _robustness(problem, parts, whole[:, ::substeps])
+    paths = whole[..., problem.fleet.place_columns]
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    kept, box = duties(problem), (paths.min(axis=0), paths.max(axis=0))
+    inside = np.zeros((len(kept), len(parameters)), dtype=bool)
+    found = []
+    for o, duty in enumerate(kept):
+        closest, at = _approach(paths, box, times, duty)
+        member = int(closest.argmin())
+        found.append((float(closest[member]), float(times[at[member]]), problem.fleet.named(parameters[member])))
+        inside[o] = closest < 0
+        np.minimum(robustness, closest, out=robustness)
+    each = []
+    for chance in some:
+        least = _robustness(problem, chance.others, whole[:, ::substeps])
+        for duty in chance.duties:
+            np.minimum(least, _approach(paths, box, times, duty)[0], out=least)
+        each.append(least)
+    return robustness, inside, found, each
+
+
+def _robustness(problem: Problem, parts: Sequence[Formula], whole: Floats) -> Floats:
+    """Robustness of some parts of the task that are not duties, for every member."""
+    signals = StateSignals(whole, problem.fleet.states, problem.duration / (whole.shape[1] - 1))
+    least = np.full(len(whole), np.inf)
+    for part in parts:
+        np.minimum(least, member_robustness(grounded(problem, part), signals, ExactOps())[:, 0], out=least)
+    return least
+
+
+def _approach(paths: Floats, box: tuple[Floats, Floats], times: Floats, duty: Duty) -> tuple[Floats, NDArray[np.int64]]:
+    """Each member's smallest distance from a duty's pieces, and the time index of it.
+
+    Of the times of its window, only those are looked at where the block's bounding box is as close as some member's
+    smallest distance so far, or overlaps.
+    """
+    when = np.flatnonzero(duty.during(times))
+    closest, at = np.full(len(paths), np.inf), np.zeros(len(paths), dtype=np.int64)
+    members, moved = np.arange(len(paths)), duty.offsets(times)
+    for piece in duty.pieces:
+        bound = _box_distance(box[0][when] - moved[when], box[1][when] - moved[when], piece) - duty.radius
+        for group in _nearest_first(bound):
+            if bound[group[0]] > max(float(closest.max()), 0.0):
+                break
+            seen = paths[:, when[group]]
+            distance = piece.distance(seen if duty.motion is None else seen - moved[when[group]]) - duty.radius
+            k = distance.argmin(axis=1)
+            least = distance[members, k]
+            at = np.where(least < closest, when[group][k], at)
+            closest = np.minimum(least, closest)
+    return closest, at
+
+
+def _box_distance(low: Floats, high: Floats, piece: Obstacle) -> Floats:
+    """Distance between the block's bounding box and the piece's at each time: a lower bound of any member's."""
+    corners = piece.vertices
+    apart = np.maximum(np.maximum(low - corners.max(axis=0), corners.min(axis=0) - high), 0.0)
+    return np.asarray(np.linalg.norm(apart, axis=1))
+
+
+def _nearest_first(bound: Floats) -> Iterator[NDArray[np.int64]]:
+    """Time indices in groups of 16, nearest first."""
+    order = np.argsort(bound, kind="stable")
+    for i in range(0, len(order), 16):
+        yield order[i : i + 16]
+
+
+def _closest(name: str, found: Sequence[_Closest], inside: int) -> Clearance:
+    """The closest of all blocks."""
+    distance, at, parameters = min(found, key=lambda one: one[:2])
+    return Clearance(name, distance, at, parameters, inside)

@@ -1,0 +1,339 @@
+"""The planning problem as frozen data: a fleet, a horizon, a map, a task and what to minimise."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.motion import Motion
+from ensemble_ctrl.constraints.stl import Formula, conjuncts, without_implied
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.readonly import ReadOnlyArrays, ReadOnlyMapping
+from ensemble_ctrl.core.values import expect, flag, numbers
+from ensemble_ctrl.problem.arguments import mapping_of, names_of, obstacles_of, quantity_of, regions_of, task_of
+from ensemble_ctrl.problem.ensemble import Ensemble
+from ensemble_ctrl.problem.fleet import Fleet, frozen
+from ensemble_ctrl.problem.ode_fleet import OdeFleet
+from ensemble_ctrl.problem.risk import Risk
+from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.planning.online.settings import OnlineSettings
+
+Floats = NDArray[np.float64]
+Guarantee = Literal["moment", "nodes", "hull"]
+Method = Literal["nlp", "minlp"]
+Routes = int | Literal["all"]
+
+
+@dataclass(frozen=True, eq=False)
+class Objective(ReadOnlyArrays):
+    r"""What the plan trades off, ``eq:WayPointObsAvoid`` with weights; smaller cost is better.
+
+    .. math:: -w_\rho\,\rho + w_T \|\tilde m(T) - \tilde m_F\|^2 + w_u \int v^2 + \omega^2\, dt
+
+    Parameters
+    ----------
+    robustness : float
+        Weight of the task's robustness, per metre.
+    target : array_like of shape (d,), Formation, MomentTarget or SpreadTarget, optional
+        Where the fleet should end: at one place (metres), each member at its own, or with given moments, or mean and
+        covariance (`ensemble_ctrl.problem.target`); without it there is no terminal term.
+    terminal : float
+        Weight of the terminal error, per square metre.
+    effort : float or array_like of shape (n_u,)
+        Weight of the control effort, the same for all commands or one for each: the energy is the integral of their
+        squares.
+    smoothness : float
+        Weight of the squared rates of the commands, the integral of ``|du/dt|^2``; counted with the effort.
+    cvar : Risk, optional
+        A price on the worst part of the fleet (`ensemble_ctrl.problem.risk`).
+    earliest : str, optional
+        A region that every member is to pass as soon as possible, before all else; the task goes on to hold
+        (`ensemble_ctrl.planning.minimum_time`).
+    """
+
+    robustness: float = 1.0
+    target: Floats | Target | None = None
+    terminal: float = 10.0
+    effort: float | Floats = 0.1
+    smoothness: float = 0.0
+    cvar: Risk | None = None
+    earliest: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("robustness", "terminal", "smoothness"):
+            value = quantity_of(f"objective.{name}", getattr(self, name), "number")
+            object.__setattr__(self, name, value)
+        if self.cvar is not None:
+            expect("objective.cvar", self.cvar, Risk)
+        if self.earliest is not None:
+            expect("objective.earliest", self.earliest, str, "the name of a region")
+        if self.target is not None and not isinstance(self.target, Formation | MomentTarget | SpreadTarget):
+            place = numbers("objective.target", self.target, "a place [x, y], or a target")
+            dimensions = min(max(place.size, 1), 3) if place.ndim == 1 else 2
+            object.__setattr__(self, "target", frozen(self.target, (dimensions,), "objective.terminal.target"))
+        if not isinstance(self.effort, int | float) or isinstance(self.effort, bool):
+            numbers("objective.effort", self.effort, "a weight, or one for each command")
+            object.__setattr__(self, "effort", frozen(self.effort, (np.size(self.effort),), "objective.effort"))
+        weights = [self.robustness, self.terminal, *np.atleast_1d(self.effort).tolist(), self.smoothness]
+        if not np.isfinite(weights).all() or min(weights) < 0:
+            raise ProblemError(f"objective: expected finite weights >= 0, got {weights}")
+
+    def efforts(self, n_u: int = 2) -> Floats:
+        """The weight of each command, shape (n_u,)."""
+        return np.broadcast_to(np.asarray(self.effort, dtype=float), (n_u,))
+
+    @property
+    def place(self) -> Floats | None:
+        """Where the middle of the fleet should end, shape (d,), metres."""
+        if isinstance(self.target, Formation | MomentTarget | SpreadTarget):
+            return self.target.middle
+        return self.target
+
+    def places(self, fleet: Fleet, members: Floats) -> Floats:
+        """Where each member should end, shape (members, d), metres: for targets without places, at `place`."""
+        if isinstance(self.target, Formation):
+            return self.target.at(members[:, fleet.names.index(self.target.parameter)])
+        place = np.asarray(self.place)
+        return np.broadcast_to(place, (len(members), len(place)))
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """How to solve.
+
+    Parameters
+    ----------
+    method : {"nlp", "minlp"}
+        ``nlp``: nonlinear programs with IPOPT.  ``minlp``: the same first; then the facets of the obstacles are chosen
+        anew with binaries and Bonmin, and the best certified plan is kept.
+    guarantee : {"moment", "nodes", "hull"}
+        For whom the program's constraints hold. ``moment``: the paper's rows on moments, necessary only, in effect the
+        mean robot. ``nodes``: the robots at the Gauss nodes, at the grid times. ``hull``: every member of the truncated
+        model, through whole step intervals.
+    time_limit : float
+        Seconds after which the best plan so far is returned.
+    seed : int
+        Seed of every random draw (replayed members).
+    margin : float
+        Metres that the program keeps to spare: from obstacles beyond the robot's radius, and in the task's robustness.
+    routes : int or "all"
+        How many geometric routes are tried before the best is refined; ``all`` tries every way of passing the obstacles
+        without loops (`ensemble_ctrl.ocp.seeds.ALL` at most) and refines the best few.
+    max_iterations : int
+        Iterations of one solve.
+    cells : int
+        Equal parts of the (first) parameter's range that have separating lines of their own: more rows, and less is
+        asked of a wide fleet, whose members may be on different sides of a line at one time.
+    """
+
+    method: Method = "nlp"
+    guarantee: Guarantee = "hull"
+    time_limit: float = 600.0
+    seed: int = 0
+    margin: float = 0.01
+    routes: Routes = 2
+    max_iterations: int = 300
+    cells: int = 1
+
+    def __post_init__(self) -> None:
+        for name, kind in (("time_limit", "time"), ("margin", "length")):
+            object.__setattr__(self, name, quantity_of(f"solve.{name}", getattr(self, name), kind))
+
+
+@dataclass(frozen=True)
+class VerifyOptions:
+    """How a plan is checked.
+
+    Parameters
+    ----------
+    members : int
+        Robots that are replayed.
+    substeps : int
+        How many times a step each is looked at.
+    certificate : bool
+        Whether to prove the plan for every parameter and instant, and to tighten it until that succeeds.
+    """
+
+    members: int = 10_000
+    substeps: int = 1
+    certificate: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "certificate", flag("verify.certificate", self.certificate))
+
+
+@dataclass(frozen=True)
+class ReportOptions:
+    """What figures and summary show.
+
+    Parameters
+    ----------
+    twin : bool
+        Whether to plan the problem's unconstrained twin too, and draw it dashed (`ensemble_ctrl.planning.baseline`).
+    suggest : bool
+        Whether a run that finds no plan looks for a change of the problem that would help
+        (`ensemble_ctrl.planning.suggest`).
+    """
+
+    twin: bool = False
+    suggest: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("twin", "suggest"):
+            object.__setattr__(self, name, flag(f"report.{name}", getattr(self, name)))
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One planning problem.
+
+    Parameters
+    ----------
+    name : str
+        Names the results folder.
+    fleet : Fleet
+        Who moves.
+    duration : float or str
+        Horizon in seconds, or as a text with a unit: ``"20 s"``.
+    steps : int
+        Number of control steps; each lasts ``duration / steps``.
+    task : Formula or str
+        What every member has to do.
+    regions : mapping of str to Polyhedron
+        Named areas the task speaks of; a box may be written as ``[[x low, x high], [y low, y high]]``.
+    obstacles : mapping of str to tuple of Obstacle
+        Named obstacles, each a union of convex pieces. One piece stands for itself, and may be an Obstacle, a bounded
+        Polyhedron or a box. Obstacles without names are called o1, o2, ...
+    motions : mapping of str to Motion
+        How some of the obstacles move from where they are drawn.
+    objective : Objective
+        What to trade off.
+    order : int or None
+        Truncation order N (moments 0..N); None chooses it from the accuracy needed.
+    solve : SolveOptions
+        How to solve.
+    verify : VerifyOptions
+        How to check.
+    report : ReportOptions
+        What to show.
+    least_duration : float or None
+        If given, the plan is as short as possible, from this to `duration` seconds, before all else
+        (`ensemble_ctrl.planning.minimum_time`); windows without an end, and ``T``, then follow the plan's own duration.
+    online : OnlineSettings or None
+        How a loop runs that plans again and again (`ensemble_ctrl.planning.online`), as its file says; not for plans.
+    ignore : collection of str
+        Obstacles that need not be avoided throughout: nothing is changed but that there is no warning of it.
+
+    Raises
+    ------
+    ProblemError
+        With every finding of `ensemble_ctrl.problem.checks.findings` that is an error.
+    """
+
+    name: str
+    fleet: Fleet
+    duration: float
+    steps: int
+    task: Formula
+    regions: Mapping[str, Polyhedron] = field(default_factory=dict)
+    obstacles: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
+    motions: Mapping[str, Motion] = field(default_factory=dict)
+    objective: Objective = field(default_factory=Objective)
+    order: int | None = None
+    solve: SolveOptions = field(default_factory=SolveOptions)
+    verify: VerifyOptions = field(default_factory=VerifyOptions)
+    report: ReportOptions = field(default_factory=ReportOptions)
+    least_duration: float | None = None
+    online: OnlineSettings | None = None
+    ignore: Collection[str] = ()
+    fleets: ClassVar[type[Ensemble]] = Fleet
+
+    def __post_init__(self) -> None:
+        from ensemble_ctrl.problem.checks import require_sound
+
+        least = self.least_duration
+        read: dict[str, Any] = {
+            "name": expect("name", self.name, str, "text"),
+            "fleet": expect("fleet", self.fleet, self.fleets),
+            "duration": quantity_of("duration", self.duration, "time"),
+            "task": task_of("task", self.task),
+            "regions": ReadOnlyMapping(regions_of("regions", self.regions)),
+            "obstacles": ReadOnlyMapping(obstacles_of("obstacles", self.obstacles)),
+            "motions": ReadOnlyMapping(mapping_of("motions", self.motions, Motion, "a Motion")),
+            "objective": expect("objective", self.objective, Objective),
+            "solve": expect("solve", self.solve, SolveOptions),
+            "verify": expect("verify", self.verify, VerifyOptions),
+            "report": expect("report", self.report, ReportOptions),
+            "least_duration": None if least is None else quantity_of("least_duration", least, "time"),
+            "ignore": names_of("ignore", self.ignore),
+        }
+        for name, value in read.items():
+            object.__setattr__(self, name, value)
+        require_sound(self)
+
+    @property
+    def step(self) -> float:
+        """Length of a control step in seconds."""
+        return self.duration / self.steps
+
+    @property
+    def times(self) -> Floats:
+        """Grid times in seconds, shape (steps + 1,)."""
+        return np.linspace(0.0, self.duration, self.steps + 1)
+
+    @cached_property
+    def conjuncts(self) -> tuple[Formula, ...]:
+        """What has to hold, all of it: the task's conjuncts but for those that others imply."""
+        return without_implied(conjuncts(self.task), self.duration)
+
+    @property
+    def pieces(self) -> tuple[tuple[str, Obstacle], ...]:
+        """Every convex piece of every obstacle with the obstacle's name."""
+        return tuple((name, piece) for name, pieces in self.obstacles.items() for piece in pieces)
+
+    def with_(self, **changes: Any) -> Self:
+        """A copy with some fields replaced, checked like a new problem."""
+        return replace(self, **changes)
+
+    def __repr__(self) -> str:
+        order = "auto" if self.order is None else self.order
+        count = len(self.obstacles)
+        laws = ", ".join(f"{name} {law.lower:g}..{law.upper:g}" for name, law in self.fleet.parameters.items())
+        return (
+            f"Problem({self.name!r}: {self.fleet.system.name}, {laws}, "
+            f"{self.duration:g} s in {self.steps} steps, order {order}, {count} obstacle{'s' * (count != 1)}, "
+            f"task {self.task})"
+        )
+
+    def _repr_html_(self) -> str:
+        from ensemble_ctrl.problem.drawing import card_html, map_svg
+
+        order = "auto" if self.order is None else str(self.order)
+        ranges = ", ".join(f"{name} {law.lower:g} to {law.upper:g}" for name, law in self.fleet.parameters.items())
+        rows = [
+            ("fleet", f"{self.fleet.system.name}, {ranges or 'all members equal'}, radius {self.fleet.radius:g} m"),
+            ("horizon", f"{self.duration:g} s in {self.steps} steps, order {order}"),
+            ("task", str(self.task)),
+            ("obstacles", str(len(self.obstacles))),
+        ]
+        return card_html(map_svg(self), self.name, rows)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OdeProblem(Problem):
+    """A planning problem of a fleet that follows a differential equation: a quadrotor, or a system of one's own.
+
+    Its fields are those of `Problem`, with a fleet of other dynamics. Not for such fleets are obstacles that move,
+    targets other than a place, ``guarantee: moment``, ``method: minlp``, cells, and the twin.
+    """
+
+    fleet: OdeFleet  # type: ignore[assignment]
+    fleets: ClassVar[type[Ensemble]] = OdeFleet

@@ -1,0 +1,160 @@
+"""Where a fleet should end: at one place, each member at its own, or spread in a given way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.readonly import ReadOnlyArrays
+from ensemble_ctrl.core.values import expect
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Formation(ReadOnlyArrays):
+    """A place for every member, piecewise linear in one of the fleet's parameters.
+
+    Parameters
+    ----------
+    parameter : str
+        Its name.
+    values : array_like, shape (entries,)
+        Values of the parameter, increasing, at least two.
+    places : array_like, shape (entries, 2)
+        Where members with these values should end, metres.
+
+    Raises
+    ------
+    ProblemError
+        For other shapes, values that do not increase, or numbers that are not finite.
+    """
+
+    parameter: str
+    values: Floats
+    places: Floats
+
+    def __post_init__(self) -> None:
+        expect("target.parameter", self.parameter, str, "the name of a parameter")
+        values, places = _numbers("values", self.values), _numbers("places", self.places)
+        if values.ndim != 1 or len(values) < 2 or places.shape != (len(values), 2):
+            shapes = f"{values.shape} and {places.shape}"
+            raise ProblemError(f"target: expected two or more values, each with a place [x, y], got shapes {shapes}")
+        if not (np.diff(values) > 0).all():
+            raise ProblemError(f"target: expected increasing values of {self.parameter}, got {values.tolist()}")
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "places", places)
+
+    def at(self, value: ArrayLike) -> Floats:
+        """Places of members with these values of the parameter, shape (..., 2), metres."""
+        given = np.asarray(value, dtype=float)
+        return np.stack([np.interp(given, self.values, self.places[:, axis]) for axis in (0, 1)], axis=-1)
+
+    @property
+    def middle(self) -> Floats:
+        """The place of the middle value, shape (2,), metres."""
+        return self.at((self.values[0] + self.values[-1]) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class MomentTarget(ReadOnlyArrays):
+    """The fleet's moments of position, lowest first; those that are not listed are free.
+
+    Parameters
+    ----------
+    moments : array_like, shape (count, 2)
+        Metres, against the orthonormal polynomials of the parameter's law: the mean is the first, divided by sqrt(2).
+    weights : array_like, shape (count,), optional
+        Of each moment's squared error; all 1 if not given.
+
+    Raises
+    ------
+    ProblemError
+        For other shapes, negative weights, or numbers that are not finite.
+    """
+
+    moments: Floats
+    weights: Floats | None = None
+
+    def __post_init__(self) -> None:
+        moments = _numbers("moments", self.moments)
+        if moments.ndim != 2 or not len(moments) or moments.shape[1] != 2:
+            raise ProblemError(f"target: expected moments of shape (count, 2), got shape {moments.shape}")
+        weights = np.ones(len(moments)) if self.weights is None else _numbers("weights", self.weights)
+        if weights.shape != (len(moments),) or (weights < 0).any():
+            raise ProblemError(
+                f"target: expected a weight >= 0 for each of {len(moments)} moments, got {weights.tolist()}"
+            )
+        object.__setattr__(self, "moments", moments)
+        object.__setattr__(self, "weights", weights)
+
+    @property
+    def middle(self) -> Floats:
+        """The mean position, shape (2,), metres."""
+        return np.asarray(self.moments[0] / np.sqrt(2.0))
+
+
+@dataclass(frozen=True, eq=False)
+class SpreadTarget(ReadOnlyArrays):
+    """The fleet's mean position and its covariance.
+
+    Parameters
+    ----------
+    mean : array_like, shape (2,)
+        Metres.
+    covariance : array_like, shape (2, 2)
+        Square metres, symmetric, without negative eigenvalues.
+
+    Raises
+    ------
+    ProblemError
+        For other shapes, a matrix that is no covariance, or numbers that are not finite.
+    """
+
+    mean: Floats
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        mean, covariance = _numbers("mean", self.mean), _numbers("covariance", self.covariance)
+        if mean.shape != (2,) or covariance.shape != (2, 2):
+            shapes = f"{mean.shape} and {covariance.shape}"
+            raise ProblemError(f"target: expected a mean [x, y] and a 2 x 2 covariance, got shapes {shapes}")
+        least = float(np.linalg.eigvalsh((covariance + covariance.T) / 2)[0])
+        if not np.allclose(covariance, covariance.T) or least < -1e-12:
+            raise ProblemError(
+                "target: expected a symmetric covariance without negative eigenvalues, got "
+                f"{covariance.tolist()} (smallest eigenvalue {least:.3g})"
+            )
+        object.__setattr__(self, "mean", mean)
+        object.__setattr__(self, "covariance", covariance)
+
+    @property
+    def middle(self) -> Floats:
+        """The mean position, shape (2,), metres."""
+        return self.mean
+
+
+Target = Formation | MomentTarget | SpreadTarget
+
+
+def wasserstein(mean: Floats, covariance: Floats, target: SpreadTarget) -> float:
+    """Squared Wasserstein distance in square metres between normal laws, from a mean and a covariance to a target."""
+    C, F = covariance, target.covariance
+    inner = np.trace(C @ F) + 2 * np.sqrt(max(np.linalg.det(C) * np.linalg.det(F), 0.0))
+    off = ((mean - target.mean) ** 2).sum()
+    return float(off + np.trace(C) + np.trace(F) - 2 * np.sqrt(max(inner, 0.0)))
+
+
+def _numbers(name: str, values: ArrayLike) -> Floats:
+    """A read-only float copy of finite numbers."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ProblemError(f"target: expected numbers for {name}, got {values!r}") from None
+    if not np.isfinite(array).all():
+        raise ProblemError(f"target: expected finite numbers for {name}, got {array.tolist()}")
+    array.setflags(write=False)
+    return array
