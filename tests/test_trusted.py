@@ -27,7 +27,7 @@ ELSEWHERE = {
     ("constraints.cover", "shapely"): "cutting what is not convex, when a map is read",
     ("constraints.polygon", "shapely"): "the same",
     ("constraints.solid", "scipy"): "solids, of which no proof is known",
-    ("errors", "IPython"): "messages in a notebook",
+    ("core.errors", "IPython"): "messages in a notebook",
 }
 """Modules that load a library within a function, and for what: no certificate calls these."""
 

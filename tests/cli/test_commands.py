@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.cli.app import app
 from ensemble_ctrl.api.results import LIBRARIES
+from ensemble_ctrl.cli.app import app
 from tests.paths import CONFIGS
 
 from .conftest import Command
@@ -262,8 +262,8 @@ def test_doctor(command: Command) -> None:
 
 
 def test_doctor_where_something_is_wrong(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ensemble_ctrl.planning import planner
     from ensemble_ctrl.cli import doctor
+    from ensemble_ctrl.planning import planner
 
     def broken(*_: object, **__: object) -> None:
         raise ImportError("libipopt.so: not found")

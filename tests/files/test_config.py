@@ -17,12 +17,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ensemble_ctrl.files import config
-from ensemble_ctrl.problem.arguments.units import quantity
-from ensemble_ctrl.files.config.wrong import Wrong
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ConfigError
+from ensemble_ctrl.files import config
+from ensemble_ctrl.files.config.wrong import Wrong
 from ensemble_ctrl.problem import Problem, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.problem.arguments.units import quantity
 from tests.paths import CONFIGS
 
 FIVE = CONFIGS / "five_obstacles.yaml"

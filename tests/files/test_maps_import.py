@@ -21,12 +21,12 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
 
-from ensemble_ctrl.files.config import import_map, load, load_text, read
-from ensemble_ctrl.files.config.wkt import shapes_of_wkt
 from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.constraints.polygon import is_convex
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
+from ensemble_ctrl.files.config import import_map, load, load_text, read
+from ensemble_ctrl.files.config.wkt import shapes_of_wkt
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from tests.paths import CONFIGS

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ensemble_ctrl.certificate import certify
-from ensemble_ctrl.files.config import load
 from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.files.config import load
 from ensemble_ctrl.moments import Beta, Interval, Law, LegendreBasis, Mixture, Samples, TruncatedNormal
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.truncation import Truncation, choose, points, positions, raised, tail

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import sqrtm
 
-from ensemble_ctrl.problem.evaluation.arrival import arrival
-from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
+from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.moments import Beta, Interval, Law
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import assemble
@@ -23,6 +22,7 @@ from ensemble_ctrl.ocp.terminal import terminal_blocks, terminal_cost
 from ensemble_ctrl.ocp.truncation import Truncation, points
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Objective, Problem
+from ensemble_ctrl.problem.evaluation.arrival import arrival
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target, wasserstein
 from tests.paths import CONFIGS

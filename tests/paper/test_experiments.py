@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ensemble_ctrl.files.config import load, read
+from ensemble_ctrl.planning.baseline import unconstrained
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
-from ensemble_ctrl.planning.baseline import unconstrained
 from tests.paths import CONFIGS
 
 PRINTED = json.loads((CONFIGS.parent / "docs" / "_static" / "gallery" / "facts.json").read_text(encoding="utf-8"))

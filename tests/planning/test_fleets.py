@@ -7,17 +7,17 @@ from functools import cache
 import numpy as np
 import pytest
 
+from ensemble_ctrl.api.widening import widest
 from ensemble_ctrl.certificate import certify
-from ensemble_ctrl.files.config import dump, load, load_text, read
-from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.core.errors import ConfigError
+from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.lines import separate
 from ensemble_ctrl.ocp.truncation import points
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.problem.evaluation.sampled import replay
-from ensemble_ctrl.api.widening import widest
 from tests.paths import CONFIGS
 
 FILES = CONFIGS / "fleets"

@@ -17,8 +17,9 @@ import ensemble_ctrl.ocp.bonmin as bonmin_module
 import ensemble_ctrl.ocp.mixed as module
 import ensemble_ctrl.planning.planner as planner
 from ensemble_ctrl.api.plans import Plan, plan
-from ensemble_ctrl.files.config import load, load_text
+from ensemble_ctrl.api.results import summary, to_json
 from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.files.config import load, load_text
 from ensemble_ctrl.ocp.bonmin import Branching, MixedOutcome
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.rounds import start
@@ -27,7 +28,6 @@ from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.report import summary_lines
-from ensemble_ctrl.api.results import summary, to_json
 from tests.paths import CONFIGS
 
 CONFIG = CONFIGS / "minlp" / "three_obstacles_minlp.yaml"

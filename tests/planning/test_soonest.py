@@ -6,17 +6,17 @@ from typing import Any
 
 import pytest
 
-from ensemble_ctrl.planning import planner
 from ensemble_ctrl.api.plans import plan
-from ensemble_ctrl.problem.checks import findings
-from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.constraints.stl import parse, resolve
 from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
+from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.ocp.seeds import Seed, seeds
-from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
+from ensemble_ctrl.planning import planner
 from ensemble_ctrl.planning.minimum_time import TOLERANCE, Duration, Passage, _Search, bound, goal_of, solve
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.checks import findings
+from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
 from tests.paths import CONFIGS
 
 FILES = CONFIGS / "time"

@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from ensemble_ctrl.problem.evaluation.arrival import risk
-from ensemble_ctrl.files.config import dump, load_text, read
-from ensemble_ctrl.problem.duties import clearances
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
+from ensemble_ctrl.files.config import dump, load_text, read
 from ensemble_ctrl.ocp.chance import all_lines
 from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.transcription import Avoiding, transcribe
 from ensemble_ctrl.ocp.truncation import choose, points
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Objective, Problem
+from ensemble_ctrl.problem.duties import clearances
+from ensemble_ctrl.problem.evaluation.arrival import risk
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.risk import Loss, Risk, value_at_risk
 from tests.paths import CONFIGS

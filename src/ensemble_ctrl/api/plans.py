@@ -407,7 +407,7 @@ def checked(plan: Plan, run: Replay | None, certificate: Certificate | None) -> 
 
 
 def with_twin(plan: Plan, progress: Progress | None = None) -> Plan:
-    """The plan with the controls of its problem's unconstrained twin, if there are any (`ensemble_ctrl.planning.baseline`)."""
+    """The plan with the controls of its problem's unconstrained baseline, if there are any (`planning.baseline`)."""
     from ensemble_ctrl.planning.baseline import unconstrained
     from ensemble_ctrl.planning.planner import solve
 

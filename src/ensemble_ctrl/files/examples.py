@@ -77,7 +77,7 @@ def siblings(name: str) -> dict[str, Traversable]:
 def _found() -> dict[str, tuple[Traversable, Traversable]]:
     """The folder and file of every example by its name; from the package, or from ``configs`` beside the sources."""
     packaged = files("ensemble_ctrl") / "configs"
-    folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "configs"
+    folder = packaged if packaged.is_dir() else Path(__file__).parents[3] / "configs"
     return dict(sorted(_below(folder)))
 
 

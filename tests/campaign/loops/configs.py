@@ -14,10 +14,10 @@ import numpy as np
 import yaml
 
 from ensemble_ctrl.cli import online
-from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.planning.online.driver import Outcome, drive
 from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.settings import OnlineSettings
+from ensemble_ctrl.problem import Problem
 from tests.paths import CONFIGS
 
 from .judge import Judge, Judged, finite, number
