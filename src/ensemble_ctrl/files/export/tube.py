@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.tube import tube
-from ensemble_ctrl.errors import UnsupportedError
+from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
