@@ -1,0 +1,41 @@
+"""Results folders of an earlier version load, and their plans are proven again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ensemble_ctrl as ec
+from ensemble_ctrl.files.config import dump
+
+SAVED = sorted(path.parent for path in (Path(__file__).parent / "saved").glob("*/plan.npz"))
+
+
+@pytest.mark.parametrize("folder", SAVED, ids=lambda folder: folder.name)
+def test_a_saved_plan_loads_and_is_proven_again(folder: Path) -> None:
+    plan = ec.Plan.load(folder)
+    recorded = json.loads((folder / "certificate.json").read_text())
+    certificate = plan.certify()
+    assert (certificate.proven, certificate.inputs) == ("yes", recorded["inputs_sha256"])
+    assert [bound.proven for bound in certificate.clearances] == pytest.approx(
+        [bound["proven"] for bound in recorded["clearances"]], abs=1e-9
+    )
+    assert plan.replay(members=200).satisfied == 1.0
+
+
+@pytest.mark.parametrize("folder", SAVED, ids=lambda folder: folder.name)
+def test_its_problem_file_is_the_same_problem(folder: Path) -> None:
+    text = (folder / "problem.yaml").read_text()
+    problem = ec.load_text(text)
+    assert dump(problem) == text
+    members = problem.fleet.spread(5)
+    controls = ec.Plan.load(folder).controls
+    own = ec.Plan.load(folder).problem.fleet.trajectories(controls, members, problem.step)
+    np.testing.assert_array_equal(problem.fleet.trajectories(controls, members, problem.step), own)
+
+
+def test_there_are_plans_of_every_kind_of_fleet() -> None:
+    assert {ec.Plan.load(folder).problem.fleet.system.name for folder in SAVED} == {"unicycle", "planar_quadrotor"}
