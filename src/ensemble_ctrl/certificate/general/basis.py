@@ -155,6 +155,8 @@ class Doubled:
         Terms of a product: those of total degree up to twice that of the factors.
     error : float
         Times the two sums of absolute coefficients: a bound of all the roundings of one product.
+    flat_error : float
+        The same where one factor is constant in time: each pair is rounded once, and at most so many are summed.
     """
 
     def __init__(self, basis: Basis) -> None:
@@ -163,6 +165,7 @@ class Doubled:
         self.from_times = inverse(self.count)
         self.table, self.terms, most = _products(basis.degrees)
         self.error = _product_error(basis.times, self.count, most)
+        self.flat_error = (most + 2) * UNIT * UP
 
 
 def _product_error(times: int, count: int, most: int) -> float:

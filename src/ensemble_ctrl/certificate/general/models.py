@@ -200,6 +200,11 @@ class Model(Smooth):
         """The constant term."""
         return np.asarray(self.c[:, 0, 0])
 
+    @property
+    def is_flat(self) -> bool:
+        """Whether all polynomials are constant in time."""
+        return not self.c[:, 1:].any()
+
     def range(self) -> tuple[Floats, Floats]:
         """Lower and upper bounds of `f` on each piece."""
         middle, away = self.middle, self.deviation()
@@ -248,18 +253,25 @@ class Model(Smooth):
             )
         pairs = (mine[:, None] * terms + theirs).ravel()
         table = doubled.table[:, pairs]
+        flat = self.is_flat or other.is_flat
         c, tail = np.zeros((len(self.c), times, terms)), np.zeros(len(self.c))
         block = max(1, PAIRS // (doubled.count * max(1, len(pairs))))
         for rows in (slice(i, i + block) for i in range(0, len(c), block)):
-            # values at the nodes in time, all products of terms there, then back to coefficients
-            a, b = doubled.to_times @ self.c[rows][:, :, mine], doubled.to_times @ other.c[rows][:, :, theirs]
+            a, b = self.c[rows][:, :, mine], other.c[rows][:, :, theirs]
+            if flat:  # coefficients in time are multiples of those of the other
+                a, b = (m[:, :1] if model.is_flat else m for m, model in ((a, self), (b, other)))
+            else:  # values at the nodes in time
+                a, b = doubled.to_times @ a, doubled.to_times @ b
             outer = (a[..., :, None] * b[..., None, :]).reshape(-1, len(pairs))
-            at_nodes = (table @ outer.T).T.reshape(len(a), doubled.count, doubled.terms)
-            whole = doubled.from_times @ at_nodes
-            c[rows] = whole[:, :times, :terms]
+            whole = (table @ outer.T).T.reshape(len(a), -1, doubled.terms)
+            if not flat:
+                whole = doubled.from_times @ whole
+            kept = whole[:, :times, :terms]
+            c[rows, : kept.shape[1]] = kept
             tail[rows] = np.abs(whole[:, times:]).sum(axis=(1, 2)) + np.abs(whole[:, :times, terms:]).sum(axis=(1, 2))
         here, there = here * UP, there * UP
-        remainder = tail + self.r * (there + other.r) + other.r * here + doubled.error * here * there
+        error = doubled.flat_error if flat else doubled.error
+        remainder = tail + self.r * (there + other.r) + other.r * here + error * here * there
         return Model(self.basis, c, remainder * UP)
 
     def __truediv__(self, other: Any) -> Model:
@@ -272,9 +284,13 @@ class Model(Smooth):
 
     def _applied(self, function: Callable[[Floats], Floats], name: str) -> Model:
         """A polynomial near a function of this one; nothing is claimed of how near."""
-        values = self.basis.to_times @ self.c @ self.basis.to_points.T
+        found = np.zeros_like(self.c)
         with np.errstate(all="ignore"):
-            found = self.basis.from_times @ function(values) @ self.basis.from_points.T
+            if self.is_flat:
+                found[:, :1] = function(self.c[:, :1] @ self.basis.to_points.T) @ self.basis.from_points.T
+            else:
+                values = self.basis.to_times @ self.c @ self.basis.to_points.T
+                found = self.basis.from_times @ function(values) @ self.basis.from_points.T
         if not np.isfinite(found).all():
             raise Unenclosed(f"the right-hand side takes a function ({name}) where it may not be defined")
         return Model(self.basis, found, np.zeros(len(self.c)))

@@ -45,7 +45,9 @@ def approximate(
     Unenclosed
         If a state runs away.
     """
-    sums = _integral(basis.times) * (step / 2)
+    slopes = _antiderivative(basis.times) @ basis.from_times * (step / 2)
+    sums = (cosines(basis.times, basis.times) - _signs(basis.times)) @ slopes
+    sign = _signs(basis.times)[1:]
     parameters = {name: value[:, None, :] for name, value in psi.items()}
     found = np.empty((len(controls), *start.shape[:2], *basis.shape))
     edge = start
@@ -63,7 +65,9 @@ def approximate(
         if not np.isfinite(values).all():
             state = system.states[int(np.argwhere(~np.isfinite(values))[0, 0])]
             raise Unenclosed(f"{state} runs away or is no number at t = {(k + 1) * step:.4g} s")
-        found[k] = basis.from_times @ (values @ basis.from_points.T)
+        # integrated term by term: the noise of values would be magnified by the derivative
+        found[k] = slopes @ (_rates(system, values, command.tolist(), parameters) @ basis.from_points.T)
+        found[k, :, :, 0] = edge - sign @ found[k, :, :, 1:]
         edge = found[k].sum(axis=2)
     return found
 
@@ -76,15 +80,17 @@ def _rates(system: OdeSystem, values: Floats, command: list[float], psi: Mapping
     return rates
 
 
-def _integral(times: int) -> Floats:
-    """Values at the nodes to the integral from -1 to each node, shape (times, times)."""
+def _antiderivative(times: int) -> Floats:
+    """Coefficients to those of the antiderivative by tau without its constant, the last one left out."""
     grown = np.zeros((times + 1, times))
     grown[1, 0] = 1.0
     for k in range(1, times):
         grown[k + 1, k] += 0.5 / (k + 1)
         if k > 1:
             grown[k - 1, k] -= 0.5 / (k - 1)
-    at_nodes = cosines(times, times + 1) - (-1.0) ** np.arange(times + 1)
-    weights = 2.0 / times * cosines(times, times).T
-    weights[0] /= 2
-    return np.asarray(at_nodes @ grown @ weights)
+    return grown[:times]
+
+
+def _signs(times: int) -> Floats:
+    """Values of the polynomials in time at the beginning of a piece."""
+    return np.asarray((-1.0) ** np.arange(times))
