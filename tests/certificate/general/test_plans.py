@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import ensemble_ctrl as ec
 from ensemble_ctrl.certificate.general.proof import GeneralProof
 from ensemble_ctrl.constraints import Obstacle, Solid
-from ensemble_ctrl.replay import states
+from ensemble_ctrl.problem.evaluation.sampled import states
 
 Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[3]
