@@ -22,7 +22,7 @@ import numpy as np
 from fleet_problem import judge
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.ocp.seeds import seeds
+from ensemble_ctrl.ocp.guesses.roadmap import roadmap_guesses
 
 HERE = Path(__file__).parent
 CONFIG = HERE.parent / "configs" / "five_obstacles.yaml"
@@ -50,7 +50,7 @@ def main() -> None:
 def write_guess(folder: Path) -> Path:
     """The planner's first seed on the full grid, as the tuned program reads it."""
     problem = ec.load(CONFIG)
-    controls = seeds(problem, problem.steps, 1)[0].controls
+    controls = roadmap_guesses(problem, problem.steps, 1)[0].controls
     path = folder / "guess.npz"
     np.savez(path, v=controls[:, 0], omega=controls[:, 1])
     return path
