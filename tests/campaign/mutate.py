@@ -23,6 +23,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from itertools import zip_longest
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -288,10 +289,20 @@ def every_mutant() -> list[Mutant]:
     return [mutant for module in FAMILIES_FOR for mutant in mutants(module)]
 
 
+def spread(chosen: list[Mutant], each: int) -> list[Mutant]:
+    """So many of each module, evenly over its lines, those that come first in a module first; all of them for 0."""
+    by_module: dict[str, list[Mutant]] = {}
+    for mutant in chosen:
+        by_module.setdefault(mutant.module, []).append(mutant)
+    taken = [some[:: max(1, -(-len(some) // each))] if each else some for some in by_module.values()]
+    return [mutant for row in zip_longest(*taken) for mutant in row if mutant is not None]
+
+
 def main() -> int:
     """The command; its exit code is 1 if a mutant survives without a reason, or a reason is of no mutant."""
     parser = argparse.ArgumentParser(description="Put faults into the proof, and see the campaign find them.")
     parser.add_argument("--only", default="", help="mutants with this in their names")
+    parser.add_argument("--each", type=int, default=0, help="so many of each module at most, evenly; 0 for all")
     parser.add_argument("--list", action="store_true", help="print the mutants and end")
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--cases", type=int, default=480, help="cases for each mutant at most")
@@ -299,7 +310,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, help="a JSON file of outcomes; those that are in it are not tried again")
     args = parser.parse_args()
-    chosen = [mutant for mutant in every_mutant() if args.only in mutant.name]
+    chosen = spread([mutant for mutant in every_mutant() if args.only in mutant.name], args.each)
     if args.list:
         print(*(mutant.name for mutant in chosen), sep="\n")
         return 0
