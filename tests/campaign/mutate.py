@@ -290,11 +290,14 @@ def every_mutant() -> list[Mutant]:
 
 
 def spread(chosen: list[Mutant], each: int) -> list[Mutant]:
-    """So many of each module, evenly over its lines, those that come first in a module first; all of them for 0."""
+    """So many of each module that no reason excuses, evenly over its lines, in turn; all of them for 0."""
+    if not each:
+        return chosen
     by_module: dict[str, list[Mutant]] = {}
     for mutant in chosen:
-        by_module.setdefault(mutant.module, []).append(mutant)
-    taken = [some[:: max(1, -(-len(some) // each))] if each else some for some in by_module.values()]
+        if not reason_of(mutant.name):
+            by_module.setdefault(mutant.module, []).append(mutant)
+    taken = [some[:: -(-len(some) // each)] for some in by_module.values()]
     return [mutant for row in zip_longest(*taken) for mutant in row if mutant is not None]
 
 
@@ -302,7 +305,7 @@ def main() -> int:
     """The command; its exit code is 1 if a mutant survives without a reason, or a reason is of no mutant."""
     parser = argparse.ArgumentParser(description="Put faults into the proof, and see the campaign find them.")
     parser.add_argument("--only", default="", help="mutants with this in their names")
-    parser.add_argument("--each", type=int, default=0, help="so many of each module at most, evenly; 0 for all")
+    parser.add_argument("--each", type=int, default=0, help="so many of each module, evenly; 0 for all")
     parser.add_argument("--list", action="store_true", help="print the mutants and end")
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--cases", type=int, default=480, help="cases for each mutant at most")

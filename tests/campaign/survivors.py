@@ -5,16 +5,49 @@ from __future__ import annotations
 FINER = "chooses what is looked at more closely; every choice gives true bounds"
 BOX = "chooses the box of members that is tried; what is proven of it is proven whichever it is"
 SPARE = "far below the rounding term, which has room for it"
+CHOICE = "chooses one of several bounds, each of which is true"
+ELSEWHERE = "for the planner, the replay or a picture; no proof of a robot on arcs calls it"
+SPACE = "planes in space, which robots on arcs never meet; tests/constraints/test_exact.py has rational arithmetic"
+TOLD = "what is printed or how long it took; no bound"
 
 REASONS: dict[str, str] = {
     "certificate/clearance.py:Prover.nearness": "the order in which pieces are looked at",
     "certificate/clearance.py:Prover._widths": FINER,
     "certificate/task.py:_bending": FINER,
     "certificate/share.py:_values": BOX,
+    "certificate/share.py:_value:": BOX,
     "certificate/share.py:_largest": BOX,
+    "certificate/share.py:_longest": BOX,
     "certificate/share.py:_peeled": BOX,
+    "certificate/share.py:boxes: -1 -> 1": BOX,
+    "certificate/share.py:boxes: _value(": BOX,
+    "certificate/share.py:boxes: value >= spare": BOX,
+    "certificate/certify.py:Certificate.__repr__": TOLD,
+    "certificate/certify.py:certify: time.perf_counter() - began": TOLD,
+    "certificate/certify.py:unproven": "the ranges told with a proof that was not finished, which claims nothing",
+    "certificate/certify.py:_clearance: min((b.sampled for b in found), default=np.inf)": FINER,
+    "certificate/certify.py:part_bound": FINER,
+    "certificate/certify.py:_share: found.proven > best.proven": CHOICE,
+    "certificate/certify.py:_share: best.proven >= 0 ->": CHOICE,
+    "certificate/certify.py:_share: best.proven >= found.proven": CHOICE,
+    "certificate/certify.py:_share: found.proven >= 0 ->": CHOICE,
     "certificate/enclosure.py:Flow.remainder_at: (A * (B * I1 + G * I0) + self.fastest / 2 * quadratic) * (1 +": SPARE,
     "certificate/enclosure.py:Flow.growth: span ** 2 / 8 * np.abs(self.v[n] * self.omega[n]) * size * (1 +": SPARE,
+    "certificate/enclosure.py:Flow.shift: (self.upper - self.lower) / 2 + UNIT * np.maximum(np.abs(self.lower), "
+    "np.abs(self.upper)) -> (self.upper": SPARE,
+    "certificate/enclosure.py:Flow.shift: np.maximum(": SPARE,
+    "certificate/enclosure.py:Flow.shift: self.lower -> self.upper #2": SPARE,
+    "certificate/enclosure.py:Flow.shift: self.upper -> self.lower #2": SPARE,
+    "certificate/enclosure.py:Flow.shift: half @ np.abs(self.directions[:, START]) * (1 +": SPARE,
+    "certificate/enclosure.py:Flow.shift: 1 + 4 * UNIT -> 1": SPARE,
+    "constraints/exact.py:space_corners": SPACE,
+    "constraints/exact.py:_maybe_inside": SPACE,
+    "constraints/exact.py:_plane_crossing": SPACE,
+    "constraints/obstacle.py:Obstacle.big_m_bounds": ELSEWHERE,
+    "duties.py:Duty.steps": ELSEWHERE,
+    "duties.py:Duty.during": ELSEWHERE,
+    "duties.py:Duty.distances": ELSEWHERE,
+    "duties.py:clearances": ELSEWHERE,
 }
 
 
