@@ -17,7 +17,7 @@ campaign: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.campaign.loops.run
 
 mutants: $(VENV)/.installed-dev
-	$(BIN)/python -m tests.campaign.mutate --out tests/campaign/mutants.json
+	$(BIN)/python -m tests.campaign.mutate --out tests/campaign/mutants.json --page docs/proof_campaign.md
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -20,6 +20,7 @@ import shutil
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from .survivors import reason_of, stale
+from .table import KINDS, printed
 
 
 def _sources() -> Path:
@@ -185,6 +187,10 @@ def _changed(node: ast.expr, names: set[str]) -> Iterator[ast.expr]:
             yield ast.Constant(SWAPPED[side])
 
 
+HOW = ("claim", "crash", "hangs", "left open", "survive")
+"""How faults are found."""
+MARK = "mutants"
+"""Of the table on the page."""
 _METHODS = ("min", "max", "minimum", "maximum", "argmin", "argmax", "floor", "ceil", "any", "all")
 
 
@@ -312,6 +318,7 @@ def main() -> int:
     parser.add_argument("--timeout", type=int, default=120, help="seconds of processor time for each mutant")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, help="a JSON file of outcomes; those that are in it are not tried again")
+    parser.add_argument("--page", type=Path, help="a page of the documentation whose table is written anew")
     args = parser.parse_args()
     chosen = spread([mutant for mutant in every_mutant() if args.only in mutant.name], args.each)
     if args.list:
@@ -329,7 +336,29 @@ def main() -> int:
             print(f"{outcome.killed or 'SURVIVES'} ({outcome.cases}, {outcome.seconds:.0f} s): {outcome.name}")
             if args.out:
                 args.out.write_text(json.dumps(done, indent=1) + "\n")
+    if args.page:
+        args.page.write_text(printed(args.page.read_text(), as_markdown(done), MARK))
     return told({mutant.name: done[mutant.name] for mutant in chosen})
+
+
+def as_markdown(found: dict[str, str]) -> str:
+    """What became of mutants, for a page of the documentation."""
+    head = ("module", "faults tried", "a false claim", "a crash", "for ever", "left open", "survive")
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    rows: dict[str, Counter[str]] = {}
+    for name, killed in found.items():
+        rows.setdefault(name.partition(":")[0], Counter())[_how(killed)] += 1
+    for module, row in (*sorted(rows.items()), ("**all**", sum(rows.values(), Counter[str]()))):
+        counts = [row.total(), *(row[how] for how in HOW)]
+        lines.append("| " + " | ".join(map(str, [module, *counts])) + " |")
+    alive = [f"- `{name}`: {reason_of(name)}." for name, killed in sorted(found.items()) if not killed]
+    return "\n".join(lines) + ("\n\nThose that survive:\n\n" + "\n".join(alive) if alive else "")
+
+
+def _how(killed: str) -> str:
+    """How a mutant was found."""
+    kind = killed.partition(":")[0]
+    return {"": "survive", "hangs": kind, "left open": kind}.get(kind, "crash" if kind not in KINDS[:-1] else "claim")
 
 
 def told(found: dict[str, str]) -> int:
