@@ -56,6 +56,10 @@ SWAPPED = {
     "early": "late",
     "earliest": "latest",
     "upwards": "downwards",
+    "And": "Or",
+    "Always": "Eventually",
+    "Until": "Release",
+    "innermost": "outermost",
 }
 """Names of functions, attributes and variables that are exchanged, either way."""
 SWAPPED |= {there: here for here, there in SWAPPED.items()}
@@ -78,6 +82,10 @@ FAMILIES_FOR: dict[str, tuple[str, ...]] = {
     "certificate/certify.py": ("plain", "windows", "shares", "nested", "means", "starts"),
     "constraints/obstacle.py": ("far", "plain", "scaled", "starts", "moving", *SHARP),
     "constraints/exact.py": ("far", "plain", "scaled", *SHARP),
+    "constraints/stl/rewrite.py": ("nested", "plain", "starts", "shares", "means"),
+    "constraints/stl/implied.py": ("plain", "windows", "shares"),
+    "constraints/polyhedron.py": ("windows", "plain", "far", "nested", "scaled"),
+    "motion.py": ("moving",),
     "duties.py": ("windows", "plain", "shares", "moving"),
 }
 """The modules that prove, with the families of cases that each is tried with. Those that only read and print (tokens,
@@ -145,12 +153,12 @@ def _functions(tree: ast.Module) -> Iterator[tuple[str, ast.AST]]:
 
 
 def _expressions(function: ast.AST) -> Iterator[ast.expr]:
-    """The expressions that a function evaluates; no annotations, decorators or default values."""
+    """The expressions that a function evaluates; no patterns, annotations, decorators or default values."""
     assert isinstance(function, ast.FunctionDef)
     todo: list[ast.AST] = list(reversed(function.body))
     while todo:
         node = todo.pop()
-        if isinstance(node, ast.Raise):
+        if isinstance(node, ast.Raise | ast.pattern):
             continue
         if isinstance(node, ast.expr):
             yield node
@@ -181,7 +189,7 @@ def _changed(node: ast.expr, names: set[str]) -> Iterator[ast.expr]:
                 yield right
         case ast.BinOp(left=left, op=ast.Mult(), right=right) if ast.unparse(right).startswith(FACTORS):
             yield left
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
+        case ast.UnaryOp(op=ast.USub() | ast.Not(), operand=operand):
             yield operand
         case ast.Constant(value="left" | "right" as side):
             yield ast.Constant(SWAPPED[side])
@@ -191,7 +199,10 @@ HOW = ("claim", "crash", "hangs", "left open", "survive")
 """How faults are found."""
 MARK = "mutants"
 """Of the table on the page."""
-_METHODS = ("min", "max", "minimum", "maximum", "argmin", "argmax", "floor", "ceil", "any", "all")
+_METHODS = (
+    *("min", "max", "minimum", "maximum", "argmin", "argmax", "floor", "ceil", "any", "all"),
+    *("And", "Or", "Always", "Eventually", "Until", "Release"),
+)
 
 
 def _with(node: ast.expr, **changes: object) -> ast.expr:

@@ -8,6 +8,8 @@ SPARE = "far below the rounding term, which has room for it"
 CHOICE = "chooses one of several bounds, each of which is true"
 ELSEWHERE = "for the planner, the replay or a picture; no proof of a robot on arcs calls it"
 SPACE = "planes in space, which robots on arcs never meet; tests/constraints/test_exact.py has rational arithmetic"
+INPUT = "refuses wrong input, which no case has"
+DRAWN = "regions and obstacles of cases are drawn otherwise; its own tests compare with rational arithmetic"
 TOLD = "what is printed or how long it took; no bound"
 
 REASONS: dict[str, str] = {
@@ -43,6 +45,14 @@ REASONS: dict[str, str] = {
     "constraints/exact.py:space_corners": SPACE,
     "constraints/exact.py:_maybe_inside": SPACE,
     "constraints/exact.py:_plane_crossing": SPACE,
+    "constraints/polyhedron.py:Polyhedron.polygon": DRAWN,
+    "constraints/polyhedron.py:Polyhedron.contains": ELSEWHERE,
+    "constraints/polyhedron.py:Polyhedron.margin": ELSEWHERE,
+    "constraints/polyhedron.py:Polyhedron.moment_bounds": ELSEWHERE,
+    "constraints/polyhedron.py:Polyhedron.two_sided": ELSEWHERE,
+    "constraints/polyhedron.py:Polyhedron._lines": ELSEWHERE,
+    "constraints/polyhedron.py:_checked_bound": INPUT,
+    "motion.py:Motion.__post_init__": INPUT,
     "constraints/obstacle.py:Obstacle.big_m_bounds": ELSEWHERE,
     "duties.py:Duty.steps": ELSEWHERE,
     "duties.py:Duty.during": ELSEWHERE,
