@@ -1,9 +1,10 @@
-"""Mutants that no case can find, with the reason: by their names, or by what their names begin with."""
+"""Mutants that no case can find, with the reason: by what their names begin with, or with ``$`` by their whole names."""
 
 from __future__ import annotations
 
 FINER = "chooses what is looked at more closely; every choice gives true bounds"
 BOX = "chooses the box of members that is tried; what is proven of it is proven whichever it is"
+LIGHT = "weighs too little of the fleet; then the bound by cells of the whole fleet is taken"
 SPARE = "far below the rounding term, which has room for it"
 CHOICE = "chooses one of several bounds, each of which is true"
 ELSEWHERE = "for the planner, the replay or a picture; no proof of a robot on arcs calls it"
@@ -21,7 +22,9 @@ REASONS: dict[str, str] = {
     "certificate/share.py:_largest": BOX,
     "certificate/share.py:_longest": BOX,
     "certificate/share.py:_peeled": BOX,
-    "certificate/share.py:boxes: -1 -> 1": BOX,
+    "certificate/share.py:boxes: -1 -> 1$": BOX,
+    "certificate/share.py:boxes: low -> high$": LIGHT,
+    "certificate/share.py:boxes: high -> low$": LIGHT,
     "certificate/share.py:boxes: _value(": BOX,
     "certificate/share.py:boxes: value >= spare": BOX,
     "certificate/certify.py:Certificate.__repr__": TOLD,
@@ -52,20 +55,20 @@ REASONS: dict[str, str] = {
     "constraints/polyhedron.py:Polyhedron.two_sided": ELSEWHERE,
     "constraints/polyhedron.py:Polyhedron._lines": ELSEWHERE,
     "constraints/polyhedron.py:_checked_bound": INPUT,
-    "motion.py:Motion.__post_init__": INPUT,
+    "constraints/motion.py:Motion.__post_init__": INPUT,
     "constraints/obstacle.py:Obstacle.big_m_bounds": ELSEWHERE,
-    "duties.py:Duty.steps": ELSEWHERE,
-    "duties.py:Duty.during": ELSEWHERE,
-    "duties.py:Duty.distances": ELSEWHERE,
-    "duties.py:clearances": ELSEWHERE,
+    "problem/duties.py:Duty.steps": ELSEWHERE,
+    "problem/duties.py:Duty.during": ELSEWHERE,
+    "problem/duties.py:Duty.distances": ELSEWHERE,
+    "problem/duties.py:clearances": ELSEWHERE,
 }
 
 
 def reason_of(name: str) -> str:
     """Why a mutant may survive; empty for one that may not."""
-    return next((reason for begin, reason in REASONS.items() if name.startswith(begin)), "")
+    return next((reason for begin, reason in REASONS.items() if f"{name}$".startswith(begin)), "")
 
 
 def stale(names: list[str]) -> list[str]:
     """Reasons for mutants that aren't there any more."""
-    return [begin for begin in REASONS if not any(name.startswith(begin) for name in names)]
+    return [begin for begin in REASONS if not any(f"{name}$".startswith(begin) for name in names)]
