@@ -1,4 +1,4 @@
-"""Mutants that no case can find, with the reason: by what their names begin with, or with ``$`` by their whole names."""
+"""Mutants that no case can find, by what their names begin with (by all of the name before a ``$``), and the reason."""
 
 from __future__ import annotations
 
