@@ -4,6 +4,10 @@ from __future__ import annotations
 
 FINER = "chooses what is looked at more closely; every choice gives true bounds"
 BOX = "chooses the box of members that is tried; what is proven of it is proven whichever it is"
+ENDS = "when a search ends; its bounds are true at any time"
+STRAIGHT = (
+    "decides corners that are straight but for a rounding, which the rounding term has room for; tests/constraints"
+)
 LIGHT = "weighs too little of the fleet; then the bound by cells of the whole fleet is taken"
 SPARE = "far below the rounding term, which has room for it"
 CHOICE = "chooses one of several bounds, each of which is true"
@@ -17,6 +21,9 @@ REASONS: dict[str, str] = {
     "certificate/clearance.py:Prover.nearness": "the order in which pieces are looked at",
     "certificate/clearance.py:Prover._widths": FINER,
     "certificate/task.py:_bending": FINER,
+    "certificate/task.py:Masses.needed: 1.0 + MASS_ERROR * share.strict": "the same but for shares within 1e-9 of all",
+    "certificate/clearance.py:Prover.bound: self.boxes - spent > self.limit": ENDS,
+    "certificate/schedule.py:Schedule.of: -high -> high": FINER,
     "certificate/share.py:_values": BOX,
     "certificate/share.py:_value:": BOX,
     "certificate/share.py:_largest": BOX,
@@ -45,6 +52,7 @@ REASONS: dict[str, str] = {
     "certificate/enclosure.py:Flow.shift: self.upper -> self.lower #2": SPARE,
     "certificate/enclosure.py:Flow.shift: half @ np.abs(self.directions[:, START]) * (1 +": SPARE,
     "certificate/enclosure.py:Flow.shift: 1 + 4 * UNIT -> 1": SPARE,
+    "constraints/exact.py:corner_turns: FILTER": STRAIGHT,
     "constraints/exact.py:space_corners": SPACE,
     "constraints/exact.py:_maybe_inside": SPACE,
     "constraints/exact.py:_plane_crossing": SPACE,
@@ -57,6 +65,7 @@ REASONS: dict[str, str] = {
     "constraints/polyhedron.py:_checked_bound": INPUT,
     "constraints/motion.py:Motion.__post_init__": INPUT,
     "constraints/obstacle.py:Obstacle.big_m_bounds": ELSEWHERE,
+    "problem/duties.py:Duty.bends": ELSEWHERE,
     "problem/duties.py:Duty.steps": ELSEWHERE,
     "problem/duties.py:Duty.during": ELSEWHERE,
     "problem/duties.py:Duty.distances": ELSEWHERE,
