@@ -28,9 +28,15 @@ def _minlp_row(name: str) -> Row:
     problem = load(name)
     plan = ec.plan(problem.with_(solve=replace(problem.solve, method="minlp")))
     found = plan.details["minlp"]
-    kinds: dict[str, list[float]] = {"lines": [], "fixed": [], "bonmin": []}
+    kinds: dict[str, list[float]] = {"hyperplanes": [], "fixed": [], "bonmin": []}
     for one in found["rounds"]:
-        kind = "lines" if one["name"].startswith("lines") else "fixed" if one["name"] == "facets fixed" else "bonmin"
+        kind = (
+            "hyperplanes"
+            if one["name"].startswith("hyperplanes")
+            else "fixed"
+            if one["name"] == "facets fixed"
+            else "bonmin"
+        )
         kinds[kind] += [] if one["cost"] is None else [one["cost"]]
     assert plan.certificate is not None
     return {
@@ -44,9 +50,11 @@ def _minlp_row(name: str) -> Row:
 
 def minlp_lines(rows: Rows) -> Iterator[str]:
     """Problem by problem."""
-    yield from header("`configs/`", "nlp", "lines alone", "facets fixed", "Bonmin", "plan", "certified")
+    yield from header("`configs/`", "nlp", "hyperplanes alone", "facets fixed", "Bonmin", "plan", "certified")
     for row in rows:
-        costs = ["–" if row[key] is None else f"{row[key]:.4f}" for key in ("nlp", "lines", "fixed", "bonmin", "plan")]
+        costs = [
+            "–" if row[key] is None else f"{row[key]:.4f}" for key in ("nlp", "hyperplanes", "fixed", "bonmin", "plan")
+        ]
         yield f"| `{row['problem']}` | {' | '.join(costs)} | {row['proven']} |"
 
 
