@@ -136,9 +136,9 @@ class Kelvin(Room):
         (Room(), "F temp >= 9", "9 in the unit of temp"),
         (Room(), "F x >= 9", "9 m"),
         (Room(), "F in(there)", "9 m"),
-        (Kelvin(), "F (in(there) and temp >= -1)", "9 K or m"),
+        (Kelvin(), "F (in(there) and temp >= -1)", "9 in mixed units (K, m)"),
         (Room(), "F (in(there) and temp >= -1)", "9 in m or the unit of temp"),
-        (Kelvin(), "F 3*x + 4*temp >= 45", "9 K or m"),
+        (Kelvin(), "F 3*x + 4*temp >= 45", "9 in mixed units (K, m)"),
     ],
 )
 def test_what_falls_short_is_said_in_its_unit(system: OdeSystem, task: str, words: str) -> None:

@@ -19,6 +19,7 @@ from ensemble_ctrl.core.version import __version__
 from ensemble_ctrl.files.config import dump
 from ensemble_ctrl.files.config.ode_section import source_file
 from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task
 from ensemble_ctrl.problem.evaluation.sampled import Replay
 
 SCHEMA = 1
@@ -93,7 +94,7 @@ def summary(plan: Plan) -> dict[str, Any]:
         "status": plan.status,
         "verified": plan.verified,
         "certificate": None if plan.certificate is None else as_data(plan.certificate),
-        "replay": None if plan.replayed is None else replay_summary(plan.replayed),
+        "replay": None if plan.replayed is None else replay_summary(plan.replayed, unit_of_task(plan.problem)),
         "conflicts": [vars(c) for c in plan.conflicts()] if not plan.verified else [],
         "details": plan.details,
     }
@@ -109,9 +110,10 @@ def planned(problem: Problem) -> dict[str, Any]:
     }
 
 
-def replay_summary(run: Replay) -> dict[str, Any]:
-    """A replay as plain data."""
+def replay_summary(run: Replay, unit: str) -> dict[str, Any]:
+    """A replay as plain data; the robustness of a task that is not in metres has its unit in words."""
     value, worst = run.worst
+    robustness = {"metres": value} if unit == "m" else {"value": value, "unit": unit}
     return {
         "members": run.members,
         "substeps": run.substeps,
@@ -119,7 +121,7 @@ def replay_summary(run: Replay) -> dict[str, Any]:
         "satisfied_share": run.satisfied,
         "share_95": list(run.share()),
         "shares": [vars(share) for share in run.shares],
-        "worst_robustness": {"metres": value, "parameters": worst},
+        "worst_robustness": robustness | {"parameters": worst},
         "clearances": [vars(c) for c in run.clearances],
         "seconds": run.seconds,
     }

@@ -115,8 +115,14 @@ class Certificate:
 
     @property
     def robustness(self) -> float:
-        """Smallest proven robustness in metres of the parts that are not duties; infinite without such parts."""
+        """Smallest proven robustness of the parts that are not duties, in `unit`; infinite without such parts."""
         return min((b.proven for b in self.parts), default=np.inf)
+
+    @property
+    def unit(self) -> str:
+        """What follows `robustness`: ``m``, the unit that all parts have, or that they have several."""
+        units = {part.unit or "m" for part in self.parts} or {"m"}
+        return units.pop() if len(units) == 1 else "in mixed units"
 
     @property
     def empty(self) -> bool:
@@ -129,7 +135,7 @@ class Certificate:
             return f"Certificate({NOTHING_ASKED})"
         scope = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in self.ranges.items())
         clearance = f"clearance >= {at_least(self.clearance)} m" if np.isfinite(self.clearance) else NOTHING_AVOIDED
-        rest = f"robustness >= {at_least(self.robustness)} m, {self.seconds:.2f} s"
+        rest = f"robustness >= {at_least(self.robustness)} {self.unit}, {self.seconds:.2f} s"
         return f"Certificate(proven: {self.proven}, {scope}, {clearance}, {rest})"
 
 

@@ -68,6 +68,9 @@ class TaskBound:
         False if the formula is outside what this method can bound; `proven` is then minus infinity.
     share : float or None
         For ``share(p, f)``, a lower bound of the fleet's share for which `f` is proven with that robustness, 0 to 1.
+    unit : str
+        Of both numbers, where it is not metres: such as ``m/s``, or ``in mixed units (m, rad)`` for the smallest of
+        numbers in several; empty for metres.
     """
 
     part: str
@@ -76,6 +79,7 @@ class TaskBound:
     parameters: Member
     covered: bool = True
     share: float | None = None
+    unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,7 @@ from ensemble_ctrl.files.config import dump, load
 from ensemble_ctrl.files.planfile import MOST_BYTES
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem.bounds import Beyond, beyond_bounds
-from ensemble_ctrl.problem.duties import other_parts
-from ensemble_ctrl.problem.evaluation.conflicts import unit_of_parts
+from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task
 from ensemble_ctrl.problem.evaluation.sampled import Replay
 from ensemble_ctrl.report.text import measured, proven
 
@@ -190,7 +189,7 @@ def _lines(found: Verified) -> list[str]:
     if found.beyond is not None and not found.ignore_bounds:
         head += f", but beyond the {found.beyond.bounds} bounds at t = {found.beyond.time:g} s"
     agree = "agree with each other and with the proof"
-    rows = [*proven(problem, found.certificate), *measured(found.run, unit_of_parts(problem, other_parts(problem)))]
+    rows = [*proven(problem, found.certificate), *measured(found.run, unit_of_task(problem))]
     rows += [("replay", found.runaway)] if found.runaway else []
     if found.beyond is not None:
         rows.append(("bounds", f"{found.beyond}{' (ignored)' if found.ignore_bounds else ''}"))
@@ -206,7 +205,7 @@ def _as_data(found: Verified, code: int) -> dict[str, Any]:
         "name": found.plan.problem.name,
         "verified": found.good,
         "certificate": as_data(found.certificate),
-        "replay": None if found.run is None else replay_summary(found.run),
+        "replay": None if found.run is None else replay_summary(found.run, unit_of_task(found.plan.problem)),
         "runs_away": found.runaway or None,
         "beyond_bounds": None if found.beyond is None else asdict(found.beyond),
         "tampered": list(found.tampered),

@@ -56,7 +56,7 @@ def _bounds(certificate: Certificate) -> Iterator[str]:
     if certificate.clearances:
         yield f"clearance >= {at_least(certificate.clearance)} m"
     if certificate.parts:
-        yield f"robustness >= {at_least(certificate.robustness)} m"
+        yield f"robustness >= {at_least(certificate.robustness)} {certificate.unit}"
     for part in certificate.parts:
         if part.share is not None:
             yield f"by >= {percent(part.share, decimals=2)} % of the fleet"

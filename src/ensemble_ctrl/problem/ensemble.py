@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
@@ -76,6 +76,19 @@ class Ensemble(ReadOnlyArrays, ABC):
     @abstractmethod
     def state_units(self) -> dict[str, str]:
         """Unit of each state, for those that have a known one."""
+
+    def unit_of(self, names: Iterable[str]) -> str:
+        """What follows a number that is the smallest of distances in these states; of no states, a distance in space.
+
+        A unit, or words like ``in mixed units (m, m/s)`` and ``in m or the unit of temp``.
+        """
+        named = set(names) or set(self.places)
+        known = sorted({self.state_units[name] for name in named if name in self.state_units})
+        others = [f"the unit of {name}" for name in sorted(named) if name not in self.state_units]
+        if others:
+            return f"in {' or '.join([*known, *others])}"
+        known = ["without unit" if unit == "1" else unit for unit in known]
+        return known[0] if len(known) == 1 else f"in mixed units ({', '.join(known)})"
 
     @abstractmethod
     def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from ensemble_ctrl.core.plain import at_least
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.problem.checks import coverage_text
-from ensemble_ctrl.problem.duties import NOTHING_ASKED, NOTHING_AVOIDED, other_parts
+from ensemble_ctrl.problem.duties import NOTHING_ASKED, NOTHING_AVOIDED
 from ensemble_ctrl.problem.ensemble import Ensemble
-from ensemble_ctrl.problem.evaluation.conflicts import unit_of_parts, units_of_parts
+from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task, units_of_parts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
 from ensemble_ctrl.problem.fleet import START_COLUMNS
 from ensemble_ctrl.report.tried import tried
@@ -110,7 +110,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         ("task", str(problem.task)),
         *([("obstacles", coverage_text(problem))] if problem.obstacles else []),
         *soonest(d.get("soonest")),
-        *measured(plan.replayed, unit_of_parts(problem, other_parts(problem))),
+        *measured(plan.replayed, unit_of_task(problem)),
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
         rows += [("violated", conflict_text(c)) for c in plan.conflicts()[:5]]
@@ -278,7 +278,7 @@ def proven(problem: Problem, certificate: Certificate | None) -> list[tuple[str,
     scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
     claims = [f"clearance >= {at_least(c.clearance)} m"] if c.clearances else []
     rest = min((b.proven for b in c.parts if b.share is None), default=None)
-    unit = unit_of_parts(problem, other_parts(problem))
+    unit = unit_of_task(problem)
     claims += [] if rest is None else [f"rest of the task >= {at_least(rest)} {unit}"]
     texts = [f"for {scope}: {', '.join(claims)}"] if claims else []
     texts += [_proven_share(b, units.get(b.part, "m")) for b in c.parts if b.share is not None]

@@ -39,6 +39,7 @@ class PlanarQuadrotor(OdeSystem):
     summary: ClassVar[str] = "a rigid body in a vertical plane under thrust and a torque"
     states: ClassVar[tuple[str, ...]] = ("x", "z", "vx", "vz", "tilt", "rate")
     positions: ClassVar[tuple[str, ...]] = ("x", "z")
+    state_units: ClassVar[tuple[str, ...]] = ("m", "m", "m/s", "m/s", "rad", "rad/s")
     controls: ClassVar[tuple[str, ...]] = ("thrust", "torque")
     control_units: ClassVar[tuple[str, ...]] = ("N", "N m")
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 25.0), (-0.5, 0.5))

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
+from ensemble_ctrl.certificate import claim
 from ensemble_ctrl.certificate.general.proof import GeneralProof
 from ensemble_ctrl.constraints import Obstacle, Solid
 from ensemble_ctrl.problem.duties import duties
@@ -128,6 +129,17 @@ def test_shares_and_means(task: str, verdict: str) -> None:
     assert found.proven == verdict
     if "x >= 1.7" in task:
         assert found.robustness <= 0.25 * 2.9**2 / 1.2 - 1.7
+
+
+@pytest.mark.parametrize(("task", "unit"), [
+    ("G x >= -1", "m"), ("G vx <= 2", "m/s"), ("G (vx <= 2 and x >= -1)", "in mixed units (m, m/s)"),
+])  # fmt: skip
+def test_a_robustness_of_other_units_says_so(task: str, unit: str) -> None:
+    """In the bound, in what is written of it, and in what is printed."""
+    found = ec.certify(masses(task), np.full((15, 2), [0.5, 0.0]))
+    assert found.unit == unit
+    assert f" {unit}, " in repr(found)
+    assert [part["unit"] for part in claim(found)["parts"]] == ["" if unit == "m" else unit]
 
 
 def test_solids_in_space() -> None:

@@ -108,7 +108,8 @@ class GeneralProof:
             bound = bound_task(self.enclosure, schedule, elements, states, fleet, reads_fleet(part))
             if bound.proven >= 0 or bound.sampled < 0:
                 break
-        return replace(bound, part=str(part))
+        unit = self.problem.fleet.unit_of(states)
+        return replace(bound, part=str(part), unit="" if unit == "m" else unit)
 
     def share(self, chance: Chance) -> TaskBound:
         """The bound of ``share(p, f)``: the cells whose members all do `f`, weighed."""

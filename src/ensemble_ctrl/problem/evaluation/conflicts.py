@@ -58,13 +58,14 @@ class Conflict:
 def unit_of_parts(problem: Problem, parts: Iterable[Formula]) -> str:
     """What follows a number that is the robustness of one of these parts of a task; of no parts, a distance.
 
-    A unit, or words like ``m or m/s`` and ``in m or the unit of temp``.
+    In the words of `Ensemble.unit_of`.
     """
-    fleet = problem.fleet
-    names = {name for part in parts for leaf in leaves(part) for name in _states(problem, leaf)} or set(fleet.places)
-    known = sorted({fleet.state_units[name] for name in names if name in fleet.state_units})
-    others = [f"the unit of {name}" for name in sorted(names) if name not in fleet.state_units]
-    return f"in {' or '.join([*known, *others])}" if others else " or ".join(known)
+    return problem.fleet.unit_of({n for part in parts for leaf in leaves(part) for n in _states(problem, leaf)})
+
+
+def unit_of_task(problem: Problem) -> str:
+    """The same for the robustness of the whole task."""
+    return unit_of_parts(problem, other_parts(problem))
 
 
 def units_of_parts(problem: Problem) -> dict[str, str]:
