@@ -4,7 +4,7 @@ VENV ?= .venv
 OLDEST ?= .oldest-venv
 BIN := $(VENV)/bin
 
-.PHONY: plan test campaign mutants lint docs docs-check minimum clean
+.PHONY: plan test campaign mutants figures times lint docs docs-check minimum clean
 
 plan: $(VENV)/.installed
 	$(BIN)/ensemble-plan configs/five_obstacles.yaml
@@ -17,7 +17,19 @@ campaign: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.campaign.loops.run
 
 mutants: $(VENV)/.installed-dev
-	$(BIN)/python -m tests.campaign.mutate --out tests/campaign/mutants.json
+	$(BIN)/python -m tests.campaign.mutate --out tests/campaign/mutants.json --page docs/proof_campaign.md
+
+figures: $(VENV)/.installed-dev
+	$(BIN)/python docs/make_gallery.py
+	$(BIN)/python docs/make_tables.py
+	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/make_pictures.py
+
+times: $(VENV)/.installed-dev
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/run.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/online.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/maps.py
+	$(BIN)/python docs/make_tables.py --write
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

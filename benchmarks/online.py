@@ -5,9 +5,10 @@ are collisions (of true paths, ten samples per step), runs that end in the goal,
 the robots are at the end, with the loop and under the first plan alone. Then the same for robots whose traction is
 outside the range that is assumed.
 
-    python benchmarks/online.py [--runs 200] [--config configs/five_obstacles.yaml] [--wall] [--json FILE]
+    python benchmarks/online.py [--runs 200] [--wall]
 
-Times are those of the processor, on one thread, unless `--wall` asks for the clock's.
+Last come three robots under one broadcast, and one of them alone. Times are those of the processor, on one thread,
+unless `--wall` asks for the clock's. Prints what was measured, and keeps it for docs/online.md and the README.
 """
 
 from __future__ import annotations
@@ -17,24 +18,31 @@ import json
 import os
 import sys
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 from numpy.typing import NDArray
+from record import record
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.planning.online.driver import drive
 from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.options import OnlineOptions
+from ensemble_ctrl.planning.online.remaining import of_one_robot
 from ensemble_ctrl.planning.online.simulated import FINE, Fixed, Flaws, SimulatedRobot
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
+CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIG = CONFIGS / "five_obstacles.yaml"
+SEVERAL = CONFIGS / "online" / "three_robots_online.yaml"
 FLAWS = Flaws(position=0.01, heading=float(np.radians(1.0)), delay=0.1)
 OUTSIDE = (0.75, 0.8, 0.85, 1.17, 1.22, 1.3)
 """Tractions outside the range that is assumed."""
@@ -87,59 +95,71 @@ def spread(ends: Floats) -> float:
     return float(np.sqrt(((ends - ends.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
-def percentiles(values: Floats) -> str:
-    """Median, 95th percentile and largest, in milliseconds."""
-    return ", ".join(f"{1e3 * np.percentile(values, q):.0f}" for q in (50, 95, 100))
+def percentiles(values: Floats) -> list[float]:
+    """Median, 95th percentile and largest, seconds."""
+    return [float(np.percentile(values, q)) for q in (50, 95, 100)]
 
 
 def main() -> None:
-    """Run, print, and write what was measured."""
+    """Run, print and keep what was measured."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--runs", type=int, default=200)
-    parser.add_argument("--config", default="configs/five_obstacles.yaml")
-    parser.add_argument("--order", type=int, default=3)
-    parser.add_argument("--deadline", type=float, default=0.2, help="seconds")
     parser.add_argument("--wall", action="store_true", help="deadlines of the clock, not of the processor")
-    parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    problem = ec.load(given.config)
+    problem = ec.load(CONFIG)
     plan = solve(problem).controls
-    options = OnlineOptions(order=given.order, deadline=given.deadline)
-    drawn = np.random.default_rng(1).uniform(problem.fleet.lower[0], problem.fleet.upper[0], given.runs)
+    options = OnlineOptions(order=3, deadline=0.2)
     timer = time.perf_counter if given.wall else time.process_time
     good = Receding(problem, options, plan).plan
-    runs: list[Run] = []
-    try:
-        for seed, traction in enumerate(drawn.tolist()):
-            runs.append(one(problem, plan, Receding(problem, options, good, timer), traction, seed))
-            print(f"\r{seed + 1}/{given.runs}", end="", file=sys.stderr, flush=True)
-    except KeyboardInterrupt:
-        print(" interrupted", end="", file=sys.stderr)
+    drawn = np.random.default_rng(1).uniform(problem.fleet.lower[0], problem.fleet.upper[0], given.runs)
+
+    def drive_one(traction: float, seed: int) -> Run:
+        print(f"\rrobot {seed}", end="", file=sys.stderr, flush=True)
+        return one(problem, plan, Receding(problem, options, good, timer), traction, seed)
+
+    runs = [drive_one(traction, seed) for seed, traction in enumerate(drawn.tolist())]
+    outside = [drive_one(traction, 1000 + i) for i, traction in enumerate(OUTSIDE)]
     print(file=sys.stderr)
-    report(runs)
-    outside = [
-        one(problem, plan, Receding(problem, options, good, timer), traction, 1000 + i)
-        for i, traction in enumerate(OUTSIDE)
-    ]
-    print("traction outside 0.9 to 1.1, which is assumed:")
-    for run in outside:
-        print(f"  {run.traction:.2f}: {run.ending}, noticed: {run.noticed}, clearance {run.clearance:.3f} m")
-    if given.json:
-        given.json.write_text(json.dumps([vars(run) for run in (*runs, *outside)]) + "\n")
+    row = {**summary(runs), **several(timer), "outside": [told(run) for run in outside]}
+    print(json.dumps(row, indent=1))
+    record("online", [row])
 
 
-def report(runs: list[Run]) -> None:
-    """What the runs came to."""
+def summary(runs: list[Run]) -> dict[str, Any]:
+    """What the runs of robots within the range came to."""
     clearance = np.array([run.clearance for run in runs])
     ends, blind = np.array([run.end for run in runs]), np.array([run.open_loop_end for run in runs])
     seconds = np.array([s for run in runs for s in run.seconds])
-    endings = {name: sum(run.ending == name for run in runs) for name in sorted({run.ending for run in runs})}
-    sources = {name: sum(run.sources[name] for run in runs) for name in runs[0].sources}
-    print(f"{len(runs)} runs: {endings}; plans {sources}")
-    print(f"collisions {int((clearance < 0).sum())}, smallest clearance {clearance.min():.4f} m")
-    print(f"in the goal {sum(run.in_goal for run in runs)}")
-    print(f"planning again [ms] (median, 95 %, largest): {percentiles(seconds)}")
-    print(f"final spread {spread(ends):.4f} m, under the first plan alone {spread(blind):.4f} m")
+    return {
+        "runs": len(runs),
+        "endings": {name: sum(run.ending == name for run in runs) for name in sorted({run.ending for run in runs})},
+        "collisions": int((clearance < 0).sum()),
+        "clearance": float(clearance.min()),
+        "in_goal": sum(run.in_goal for run in runs),
+        "plans": len(seconds),
+        "seconds": percentiles(seconds),
+        "spread": [spread(ends), spread(blind)],
+    }
+
+
+def told(run: Run) -> dict[str, Any]:
+    """What became of a robot outside the range."""
+    return {"traction": run.traction, "ending": run.ending, "noticed": run.noticed, "clearance": run.clearance}
+
+
+def several(timer: Callable[[], float]) -> dict[str, list[float]]:
+    """Times to plan again for three robots under one broadcast, and for the first of them alone."""
+    problem = ec.load(SEVERAL)
+    plan = solve(of_one_robot(problem)).controls
+    settings = problem.online
+    assert settings is not None
+    alone = replace(settings, robots=dict(list(settings.robots.items())[:1]))
+    found = {}
+    for name, few in (("three", settings), ("one", alone)):
+        fleet = few.simulated(problem)
+        loop = Receding(problem, few.options, plan, timer, tuple(fleet.robots))
+        found[name] = percentiles(drive(loop, fleet, fleet).seconds)
+    return found
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,15 +14,17 @@ import pytest
 
 from tests.paths import ROOT
 
+BEGIN = re.compile(r"^<!-- begin (\w+): (.*) -->$", re.MULTILINE)
+
 
 @pytest.fixture
 def scripts(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, ModuleType]]:
     """The scripts of the pages, which are no package."""
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
-    names = ("printed", "make_gallery", "make_tables")
+    names = ("printed", "printed.table", "printed.terminal", "printed.times", "make_gallery", "make_tables")
     yield {name: importlib.import_module(name) for name in names}
-    for name in names:
-        sys.modules.pop(name, None)
+    for name in [name for name in sys.modules if name.partition(".")[0] in names]:
+        del sys.modules[name]
 
 
 def test_the_gallery_is_what_its_file_says(scripts: dict[str, ModuleType]) -> None:
@@ -32,13 +35,61 @@ def test_the_gallery_is_what_its_file_says(scripts: dict[str, ModuleType]) -> No
     assert written == "\n".join(gallery.page(facts)) + "\n"
 
 
-def test_every_table_is_what_its_file_says(scripts: dict[str, ModuleType]) -> None:
-    tables = scripts["make_tables"]
-    assert len(tables.TABLES_OF) > 4
-    for name, table in tables.TABLES_OF.items():
-        page = (ROOT / table.page).read_text(encoding="utf-8")
-        _, there = scripts["printed"].block(page, name)
-        assert there.splitlines() == tables.lines_of(name), f"{table.page}: run python docs/make_tables.py {name}"
+def test_every_block_is_what_its_file_says(scripts: dict[str, ModuleType]) -> None:
+    """Runs and benchmarks keep their figures in files; the pages are made from these."""
+    blocks = scripts["make_tables"].blocks()
+    assert len(blocks) > 20
+    for name, (page, lines) in blocks.items():
+        _, there = scripts["printed"].block((ROOT / page).read_text(encoding="utf-8"), name)
+        assert there.splitlines() == lines, f"{page}: run python docs/make_tables.py --write"
+
+
+def test_every_block_of_a_page_has_a_file(scripts: dict[str, ModuleType]) -> None:
+    """And names a command that is there."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "howto").glob("*.md")]
+    begins = [found for page in pages for found in BEGIN.findall(page.read_text(encoding="utf-8"))]
+    assert sorted(name for name, _ in begins) == sorted(scripts["make_tables"].blocks())
+    for name, command in begins:
+        script, *rest = command.removeprefix("python ").split()
+        assert (ROOT / script).exists()
+        assert rest == ([name] if script == "docs/make_tables.py" else [])
+
+
+def test_a_page_without_the_block_is_refused(scripts: dict[str, ModuleType]) -> None:
+    block = scripts["printed"].block
+    page = "a\n<!-- begin one: python x.py -->\n1\n2\n<!-- end one -->\nb\n"
+    assert block(page, "one") == (page, "1\n2\n")
+    assert block(page, "one", ["3"])[0] == page.replace("1\n2", "3")
+    for broken in (page.replace("end one", "end two"), page.replace("begin one", "begin two")):
+        with pytest.raises(ValueError, match="no block 'one'"):
+            block(broken, "one")
+
+
+def test_figures_are_rounded_to_two_digits(scripts: dict[str, ModuleType]) -> None:
+    table, times = scripts["printed.table"], scripts["printed.times"]
+    lengths = [0.00021, 0.0048, 0.0127, 0.0783, 0.197, 0.996, 1.63]
+    assert list(map(table.metres, lengths)) == ["0.2 mm", "4.8 mm", "1.3 cm", "7.8 cm", "20 cm", "1.0 m", "1.6 m"]
+    assert list(map(table.plain, [4.93, 22.4, 283.0, 8.5e7, 0.5])) == ["4.9", "22", "2.8e2", "8.5e7", "0.50"]
+    assert [table.power(2.04e-14), table.power(6.3e-2, 1)] == ["2.0e-14", "6e-2"]
+    assert list(map(times.seconds, [0.0594, 0.307, 1.73, 12.3, 138.2])) == ["59 ms", "0.31 s", "1.7 s", "12 s", "138 s"]
+    assert list(map(times.milliseconds, [0.0594, 0.1384, 0.0072])) == ["59 ms", "140 ms", "7 ms"]
+
+
+def test_only_times_of_the_machine_are_left_out(scripts: dict[str, ModuleType]) -> None:
+    without = scripts["printed.terminal"]._without_times
+    assert without("  proven     clearance >= 0.07 m (0.03 s)") == "  proven     clearance >= 0.07 m (… s)"
+    assert without("  work       2 routes, build 0.28 s; solve 0.65 s") == "  work       2 routes, build … s; solve … s"
+    for line in (
+        "  violated   avoid(o1) by 0.2 m (t = 2.10 s)",
+        "  horizon    8 s in 80 steps",
+        "duration 3.85 s; below 3.5 s",
+    ):
+        assert without(line) == line
+
+
+def test_what_a_command_prints_is_kept(scripts: dict[str, ModuleType]) -> None:
+    rows = scripts["printed.terminal"].rows((), "init", ("check problem.yaml", "check bad.yaml"), ("problem", "bad"))
+    assert [row["line"].partition(":")[0] for row in rows] == ["problem.yaml", "bad.yaml"]
 
 
 def test_the_gallery_refuses_to_leave_a_stale_row(
@@ -81,9 +132,9 @@ def test_a_row_is_of_its_problem_its_maps_and_the_code(
     monkeypatch.setattr(printed, "PACKAGE", code)
     seen = set()
 
-    def source() -> str:
+    def source(left_out: tuple[str, ...] = printed.LEFT_OUT) -> str:
         printed._code.cache_clear()
-        found: str = printed.source(problem / "a.yaml")
+        found: str = printed.source(problem / "a.yaml", left_out)
         return found
 
     (problem / "a.yaml").write_text("a: 1")
@@ -93,6 +144,10 @@ def test_a_row_is_of_its_problem_its_maps_and_the_code(
     (code / "plan.py").write_text('"""Plan on."""\n# why\nA = 1\n\ndef f():\n    return A\n')
     (code / "cli" / "words.py").write_text("B = 2\n")
     assert {source()} == seen
+    with_command = source(())
+    (code / "cli" / "words.py").write_text("B = 3\n")
+    assert {source()} == seen
+    assert source(()) != with_command, "what the command prints is decided by all of the code"
     for path, text in ((code / "plan.py", "A = 2\n"), (cloud, "1, 3"), (problem / "a.yaml", "a: 2")):
         path.write_text(text)
         assert source() not in seen

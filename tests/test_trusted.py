@@ -10,6 +10,7 @@ from pathlib import Path
 
 import ensemble_ctrl
 from ensemble_ctrl.certificate import GENERAL, HANDED, TRUSTED
+from tests.paths import ROOT as REPOSITORY
 from tests.test_architecture import imports
 
 ROOT = Path(ensemble_ctrl.__file__).parents[1]
@@ -89,6 +90,12 @@ def test_it_stays_small() -> None:
     assert sum(counts.values()) <= LINES, counts
     assert proof <= OF_PROOF, counts
     assert sum(lines_of_code(source(module)) for module in GENERAL) <= OF_GENERAL
+
+
+def test_the_page_names_these_bounds() -> None:
+    page = (REPOSITORY / "docs" / "proof_limits.md").read_text(encoding="utf-8").replace("\n", " ")
+    claimed = "at most {:,}, of which at most {:,} are the proof, and at most {:,} more for `GENERAL`"
+    assert claimed.format(LINES, OF_PROOF, OF_GENERAL) in page
 
 
 def test_lines_are_counted_without_words() -> None:

@@ -336,9 +336,8 @@ def _shares(rng: Random) -> Case:
     share = _pick(rng, (0.2, 0.5, 0.75, 0.9, 1 / 3, 1.0))
     if rng.random() < 0.4 and is_exact(case):
         temporal = str(rng.choice(["F", "G"]))
-        return replace(
-            case, task=(temporal, None, None, ("share", share, _leaf(rng, replace(case, obstacles={}), 1.0)))
-        )
+        inner: Node = ("share", share, _leaf(rng, replace(case, obstacles={}), 1.0))
+        return replace(case, task=(temporal, None, None, ("not", inner) if rng.random() < 0.3 else inner))
     return replace(case, task=("share", share, child))
 
 

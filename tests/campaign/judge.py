@@ -12,7 +12,7 @@ from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.core.errors import ProblemError
 
 from . import laws, subject
-from .model import Case, Floats, Long, Node
+from .model import Case, Floats, Long, Node, ends_of
 from .oracle import Duty, Oracle, duties_of, needed, needed_parts, reads_fleet, reads_only_fleet
 
 SPARE = 1e-3
@@ -128,11 +128,24 @@ def _judged(case: Case, oracle: Oracle, certificate: Certificate) -> Judgement:
             seen = truth if near is None else float(oracle.robustness(part, near)[0])
             faults += _too_low(oracle, task.part, task.sampled, seen - float(oracle.knots[1] + oracle.slack))
     truth = min(truths)
+    faults += _summary(case, certificate)
     if certificate.proven == "yes" and truth + missed + float(oracle.slack) < 0:
         faults.append(Fault("false yes", "the task", -truth))
     if certificate.proven == "no" and certificate.counter_example is None:
         faults.append(Fault("counter-example", "none with a no", math.inf))
     return Judgement(certificate.proven, truth, missed, tuple(faults))
+
+
+def _summary(case: Case, certificate: Certificate) -> Iterator[Fault]:
+    """What is told of all bounds together: no more than each of them says, of the ranges that were asked for."""
+    for what, told, bounds in (
+        ("clearance", certificate.clearance, certificate.clearances),
+        ("robustness", certificate.robustness, certificate.parts),
+    ):
+        for bound in bounds:
+            yield from _too_high(what, told, bound.proven)
+    if certificate.ranges != {name: ends_of(law) for name, law in case.laws.items()}:
+        yield Fault("bound", f"ranges {certificate.ranges!r}", math.inf)
 
 
 def _member(case: Case, parameters: dict[str, float]) -> Floats | None:

@@ -20,13 +20,16 @@ import shutil
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from itertools import zip_longest
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 from .survivors import reason_of, stale
+from .table import KINDS, printed
 
 
 def _sources() -> Path:
@@ -53,6 +56,10 @@ SWAPPED = {
     "early": "late",
     "earliest": "latest",
     "upwards": "downwards",
+    "And": "Or",
+    "Always": "Eventually",
+    "Until": "Release",
+    "innermost": "outermost",
 }
 """Names of functions, attributes and variables that are exchanged, either way."""
 SWAPPED |= {there: here for here, there in SWAPPED.items()}
@@ -75,7 +82,11 @@ FAMILIES_FOR: dict[str, tuple[str, ...]] = {
     "certificate/certify.py": ("plain", "windows", "shares", "nested", "means", "starts"),
     "constraints/obstacle.py": ("far", "plain", "scaled", "starts", "moving", *SHARP),
     "constraints/exact.py": ("far", "plain", "scaled", *SHARP),
-    "duties.py": ("windows", "plain", "shares", "moving"),
+    "constraints/stl/rewrite.py": ("nested", "plain", "starts", "shares", "means"),
+    "constraints/stl/implied.py": ("plain", "windows", "shares"),
+    "constraints/polyhedron.py": ("windows", "plain", "far", "nested", "scaled"),
+    "constraints/motion.py": ("moving",),
+    "problem/duties.py": ("windows", "plain", "shares", "moving"),
 }
 """The modules that prove, with the families of cases that each is tried with. Those that only read and print (tokens,
 texts, maps) are left to their own tests."""
@@ -142,12 +153,12 @@ def _functions(tree: ast.Module) -> Iterator[tuple[str, ast.AST]]:
 
 
 def _expressions(function: ast.AST) -> Iterator[ast.expr]:
-    """The expressions that a function evaluates; no annotations, decorators or default values."""
+    """The expressions that a function evaluates; no patterns, annotations, decorators or default values."""
     assert isinstance(function, ast.FunctionDef)
     todo: list[ast.AST] = list(reversed(function.body))
     while todo:
         node = todo.pop()
-        if isinstance(node, ast.Raise):
+        if isinstance(node, ast.Raise | ast.pattern):
             continue
         if isinstance(node, ast.expr):
             yield node
@@ -178,13 +189,20 @@ def _changed(node: ast.expr, names: set[str]) -> Iterator[ast.expr]:
                 yield right
         case ast.BinOp(left=left, op=ast.Mult(), right=right) if ast.unparse(right).startswith(FACTORS):
             yield left
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
+        case ast.UnaryOp(op=ast.USub() | ast.Not(), operand=operand):
             yield operand
         case ast.Constant(value="left" | "right" as side):
             yield ast.Constant(SWAPPED[side])
 
 
-_METHODS = ("min", "max", "minimum", "maximum", "argmin", "argmax", "floor", "ceil", "any", "all")
+HOW = ("claim", "crash", "hangs", "left open", "survive")
+"""How faults are found."""
+MARK = "mutants"
+"""Of the table on the page."""
+_METHODS = (
+    *("min", "max", "minimum", "maximum", "argmin", "argmax", "floor", "ceil", "any", "all"),
+    *("And", "Or", "Always", "Eventually", "Until", "Release"),
+)
 
 
 def _with(node: ast.expr, **changes: object) -> ast.expr:
@@ -288,18 +306,32 @@ def every_mutant() -> list[Mutant]:
     return [mutant for module in FAMILIES_FOR for mutant in mutants(module)]
 
 
+def spread(chosen: list[Mutant], each: int) -> list[Mutant]:
+    """So many of each module that no reason excuses, evenly over its lines, in turn; all of them for 0."""
+    if not each:
+        return chosen
+    by_module: dict[str, list[Mutant]] = {}
+    for mutant in chosen:
+        if not reason_of(mutant.name):
+            by_module.setdefault(mutant.module, []).append(mutant)
+    taken = [some[:: -(-len(some) // each)] for some in by_module.values()]
+    return [mutant for row in zip_longest(*taken) for mutant in row if mutant is not None]
+
+
 def main() -> int:
     """The command; its exit code is 1 if a mutant survives without a reason, or a reason is of no mutant."""
     parser = argparse.ArgumentParser(description="Put faults into the proof, and see the campaign find them.")
     parser.add_argument("--only", default="", help="mutants with this in their names")
+    parser.add_argument("--each", type=int, default=0, help="so many of each module, evenly; 0 for all")
     parser.add_argument("--list", action="store_true", help="print the mutants and end")
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--cases", type=int, default=480, help="cases for each mutant at most")
     parser.add_argument("--timeout", type=int, default=120, help="seconds of processor time for each mutant")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, help="a JSON file of outcomes; those that are in it are not tried again")
+    parser.add_argument("--page", type=Path, help="a page of the documentation whose table is written anew")
     args = parser.parse_args()
-    chosen = [mutant for mutant in every_mutant() if args.only in mutant.name]
+    chosen = spread([mutant for mutant in every_mutant() if args.only in mutant.name], args.each)
     if args.list:
         print(*(mutant.name for mutant in chosen), sep="\n")
         return 0
@@ -315,7 +347,29 @@ def main() -> int:
             print(f"{outcome.killed or 'SURVIVES'} ({outcome.cases}, {outcome.seconds:.0f} s): {outcome.name}")
             if args.out:
                 args.out.write_text(json.dumps(done, indent=1) + "\n")
+    if args.page:
+        args.page.write_text(printed(args.page.read_text(), as_markdown(done), MARK))
     return told({mutant.name: done[mutant.name] for mutant in chosen})
+
+
+def as_markdown(found: dict[str, str]) -> str:
+    """What became of mutants, for a page of the documentation."""
+    head = ("module", "faults tried", "a false claim", "a crash", "for ever", "left open", "survive")
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    rows: dict[str, Counter[str]] = {}
+    for name, killed in found.items():
+        rows.setdefault(name.partition(":")[0], Counter())[_how(killed)] += 1
+    for module, row in (*sorted(rows.items()), ("**all**", sum(rows.values(), Counter[str]()))):
+        counts = [row.total(), *(row[how] for how in HOW)]
+        lines.append("| " + " | ".join(map(str, [module, *counts])) + " |")
+    alive = [f"- `{name}`: {reason_of(name)}." for name, killed in sorted(found.items()) if not killed]
+    return "\n".join(lines) + ("\n\nThose that survive:\n\n" + "\n".join(alive) if alive else "")
+
+
+def _how(killed: str) -> str:
+    """How a mutant was found."""
+    kind = killed.partition(":")[0]
+    return {"": "survive", "hangs": kind, "left open": kind}.get(kind, "crash" if kind not in KINDS[:-1] else "claim")
 
 
 def told(found: dict[str, str]) -> int:

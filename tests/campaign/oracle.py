@@ -24,8 +24,10 @@ FINE = 1e-7
 KNOTS = 120
 GRID = 9
 """Members looked at first in a range, for one parameter."""
-THIRDS = 110
-"""Times that a chord is cut by a third, until what is left of it is a rounding."""
+EIGHTHS = np.linspace(0, 1, 9).astype(Long)
+"""Where a chord is looked at; the lowest point is on one of the two eighths that meet at the lowest of these."""
+QUARTERS = 33
+"""Times that a chord is cut to a quarter, until what is left of it is a rounding."""
 
 
 @dataclass(frozen=True)
@@ -139,8 +141,8 @@ class Oracle:
         begin, end = Long(duty.begin), min(Long(duty.end), self.motion.grid[-1])
         times = self._times(begin, end)
         rows = self.members if near is None else np.concatenate([self.members, near])
-        _, when = self.lowest_on_chords(duty, rows, times)
-        best, member, time = self._closest(duty, rows, np.unique(np.concatenate([times, when])))
+        low, when = self.lowest_on_chords(duty, rows, times, each=False)
+        best, member, time = self._closest(duty, rows, np.unique(np.append(times, when[low.argmin()])))
         span, width = (end - begin) / max(len(times) - 1, 1), 1.0 / GRID
         for _ in range(6):
             near_times = np.unique(np.clip(time + span * np.linspace(-1, 1, 9).astype(Long), begin, end))
@@ -170,10 +172,11 @@ class Oracle:
         pieces = [signed_distance(corners_of(piece), seen) for piece in duty.pieces]
         return np.asarray(np.minimum.reduce(pieces) - Long(duty.radius))
 
-    def lowest_on_chords(self, duty: Duty, rows: Floats, times: Longs) -> tuple[Longs, Longs]:
+    def lowest_on_chords(self, duty: Duty, rows: Floats, times: Longs, each: bool = True) -> tuple[Longs, Longs]:
         """The smallest distance of each member on the chords between its places at some times, and when it is there.
 
-        The distance from a convex polygon is convex along a chord, so that cutting off the higher third finds it.
+        The distance from a convex polygon is convex along a chord, so that cutting off what is higher finds it. If not
+        for `each`, that of the closest member only; the others have one at some time.
         """
         seen = self._seen(duty, rows, times)
         least, when = np.full(len(rows), np.inf, Long), np.full(len(rows), times[0])
@@ -181,7 +184,8 @@ class Oracle:
             value = signed_distance(corners, seen)
             way = np.hypot(*np.moveaxis(np.diff(seen, axis=1), -1, 0))
             # a chord's ends are further than its middle by half its length at most
-            i, j = np.nonzero((value[:, :-1] + value[:, 1:] - way) / 2 < value.min(axis=1, keepdims=True))
+            lowest = value.min(axis=1, keepdims=True) if each else value.min()
+            i, j = np.nonzero((value[:, :-1] + value[:, 1:] - way) / 2 < lowest)
             share, low = _lowest_between(corners, seen[i, j], seen[i, j + 1])
             k = value.argmin(axis=1)
             i, low = np.append(np.arange(len(rows)), i), np.append(value.min(axis=1), low)
@@ -313,17 +317,15 @@ class Oracle:
 
 def _lowest_between(corners: Longs, begin: Longs, end: Longs) -> tuple[Longs, Longs]:
     """Where from 0 to 1 a chord is closest to a convex polygon, and its distance there; for each chord."""
-    low, high = np.zeros(len(begin), Long), np.ones(len(begin), Long)
-
-    def distance(share: Longs) -> Longs:
-        return signed_distance(corners, begin + share[:, None] * (end - begin))
-
-    for _ in range(THIRDS if len(begin) else 0):
-        left, right = (Long(2) * low + high) / Long(3), (low + Long(2) * high) / Long(3)
-        falls = distance(left) > distance(right)
-        low, high = np.where(falls, left, low), np.where(falls, high, right)
-    middle = np.asarray((low + high) / Long(2))
-    return middle, distance(middle)
+    low, high, row = np.zeros(len(begin), Long), np.ones(len(begin), Long), np.arange(len(begin))
+    share, least = low, np.full(len(begin), np.inf, Long)
+    for _ in range(QUARTERS if len(begin) else 0):
+        at = low[:, None] + EIGHTHS * (high - low)[:, None]
+        value = signed_distance(corners, begin[:, None] + at[..., None] * (end - begin)[:, None])
+        k = value.argmin(axis=1)
+        share, least = at[row, k], value[row, k]
+        low, high = at[row, np.maximum(k - 1, 0)], at[row, np.minimum(k + 1, len(EIGHTHS) - 1)]
+    return share, least
 
 
 def reads_fleet(node: Node) -> bool:

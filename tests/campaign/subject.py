@@ -31,6 +31,17 @@ def law_of(law: model.Law) -> Law:
     return made
 
 
+def obstacle_of(polygon: model.Polygon, kind: int) -> Obstacle:
+    """An obstacle by its corners; a rectangle along the axes by its bounds or its sides, as the kind says."""
+    low, high = np.min(polygon, axis=0), np.max(polygon, axis=0)
+    corners = {(float(x), float(y)) for x in (low[0], high[0]) for y in (low[1], high[1])}
+    if corners != set(polygon) or kind % 3 == 0:
+        return Obstacle.polygon(polygon)
+    if kind % 3 == 1:
+        return Obstacle.box(np.column_stack([low, high]))
+    return Obstacle([[1, 0], [0, 2], [-4, 0], [0, -1]], [low[0], 2 * low[1], -4 * high[0], -high[1]])
+
+
 def problem_of(case: Case) -> Problem:
     """The problem of a case, with input bounds that its controls keep."""
     most = np.maximum(np.abs(np.array(case.controls)).max(axis=0), 1e-3) * 2
@@ -49,7 +60,7 @@ def problem_of(case: Case) -> Problem:
         len(case.controls),
         parse(model.text(case.task)),
         {name: Polyhedron.box(box) for name, box in case.regions.items()},
-        {name: tuple(map(Obstacle.polygon, pieces)) for name, pieces in case.obstacles.items()},
+        {name: tuple(obstacle_of(piece, len(case.controls)) for piece in p) for name, p in case.obstacles.items()},
         {name: Motion(np.array(times), np.array(places)) for name, (times, places) in case.motions.items()},
     )
 

@@ -1,28 +1,83 @@
-"""Mutants that no case can find, with the reason: by their names, or by what their names begin with."""
+"""Mutants that no case can find, by what their names begin with (by all of the name before a ``$``), and the reason."""
 
 from __future__ import annotations
 
 FINER = "chooses what is looked at more closely; every choice gives true bounds"
 BOX = "chooses the box of members that is tried; what is proven of it is proven whichever it is"
+ENDS = "when a search ends; its bounds are true at any time"
+STRAIGHT = (
+    "decides corners that are straight but for a rounding, which the rounding term has room for; tests/constraints"
+)
+LIGHT = "weighs too little of the fleet; then the bound by cells of the whole fleet is taken"
 SPARE = "far below the rounding term, which has room for it"
+CHOICE = "chooses one of several bounds, each of which is true"
+ELSEWHERE = "for the planner, the replay or a picture; no proof of a robot on arcs calls it"
+SPACE = "planes in space, which robots on arcs never meet; tests/constraints/test_exact.py has rational arithmetic"
+INPUT = "refuses wrong input, which no case has"
+DRAWN = "regions and obstacles of cases are drawn otherwise; its own tests compare with rational arithmetic"
+TOLD = "what is printed or how long it took; no bound"
 
 REASONS: dict[str, str] = {
     "certificate/clearance.py:Prover.nearness": "the order in which pieces are looked at",
     "certificate/clearance.py:Prover._widths": FINER,
     "certificate/task.py:_bending": FINER,
+    "certificate/task.py:Masses.needed: 1.0 + MASS_ERROR * share.strict": "the same but for shares within 1e-9 of all",
+    "certificate/clearance.py:Prover.bound: self.boxes - spent > self.limit": ENDS,
+    "certificate/schedule.py:Schedule.of: -high -> high": FINER,
     "certificate/share.py:_values": BOX,
+    "certificate/share.py:_value:": BOX,
     "certificate/share.py:_largest": BOX,
+    "certificate/share.py:_longest": BOX,
     "certificate/share.py:_peeled": BOX,
+    "certificate/share.py:boxes: -1 -> 1$": BOX,
+    "certificate/share.py:boxes: low -> high$": LIGHT,
+    "certificate/share.py:boxes: high -> low$": LIGHT,
+    "certificate/share.py:boxes: _value(": BOX,
+    "certificate/share.py:boxes: value >= spare": BOX,
+    "certificate/certify.py:Certificate.__repr__": TOLD,
+    "certificate/certify.py:certify: time.perf_counter() - began": TOLD,
+    "certificate/certify.py:unproven": "the ranges told with a proof that was not finished, which claims nothing",
+    "certificate/clearance.py:nearest_piece: min((b.sampled for b in found), default=np.inf)": FINER,
+    "certificate/certify.py:part_bound": FINER,
+    "certificate/certify.py:_share: found.proven > best.proven": CHOICE,
+    "certificate/certify.py:_share: best.proven >= 0 ->": CHOICE,
+    "certificate/certify.py:_share: best.proven >= found.proven": CHOICE,
+    "certificate/certify.py:_share: found.proven >= 0 ->": CHOICE,
     "certificate/enclosure.py:Flow.remainder_at: (A * (B * I1 + G * I0) + self.fastest / 2 * quadratic) * (1 +": SPARE,
     "certificate/enclosure.py:Flow.growth: span ** 2 / 8 * np.abs(self.v[n] * self.omega[n]) * size * (1 +": SPARE,
+    "certificate/enclosure.py:Flow.shift: (self.upper - self.lower) / 2 + UNIT * np.maximum(np.abs(self.lower), "
+    "np.abs(self.upper)) -> (self.upper": SPARE,
+    "certificate/enclosure.py:Flow.shift: np.maximum(": SPARE,
+    "certificate/enclosure.py:Flow.shift: self.lower -> self.upper #2": SPARE,
+    "certificate/enclosure.py:Flow.shift: self.upper -> self.lower #2": SPARE,
+    "certificate/enclosure.py:Flow.shift: half @ np.abs(self.directions[:, START]) * (1 +": SPARE,
+    "certificate/enclosure.py:Flow.shift: 1 + 4 * UNIT -> 1": SPARE,
+    "constraints/exact.py:corner_turns: FILTER": STRAIGHT,
+    "constraints/exact.py:space_corners": SPACE,
+    "constraints/exact.py:_maybe_inside": SPACE,
+    "constraints/exact.py:_plane_crossing": SPACE,
+    "constraints/polyhedron.py:Polyhedron.polygon": DRAWN,
+    "constraints/polyhedron.py:Polyhedron.contains": ELSEWHERE,
+    "constraints/polyhedron.py:Polyhedron.margin": ELSEWHERE,
+    "constraints/polyhedron.py:Polyhedron.moment_bounds": ELSEWHERE,
+    "constraints/polyhedron.py:Polyhedron.two_sided": ELSEWHERE,
+    "constraints/polyhedron.py:Polyhedron._lines": ELSEWHERE,
+    "constraints/polyhedron.py:_checked_bound": INPUT,
+    "constraints/motion.py:Motion.__post_init__": INPUT,
+    "constraints/obstacle.py:Obstacle.big_m_bounds": ELSEWHERE,
+    "problem/duties.py:Duty.bends": ELSEWHERE,
+    "problem/duties.py:Duty.steps": ELSEWHERE,
+    "problem/duties.py:Duty.during": ELSEWHERE,
+    "problem/duties.py:Duty.distances": ELSEWHERE,
+    "problem/duties.py:clearances": ELSEWHERE,
 }
 
 
 def reason_of(name: str) -> str:
     """Why a mutant may survive; empty for one that may not."""
-    return next((reason for begin, reason in REASONS.items() if name.startswith(begin)), "")
+    return next((reason for begin, reason in REASONS.items() if f"{name}$".startswith(begin)), "")
 
 
 def stale(names: list[str]) -> list[str]:
     """Reasons for mutants that aren't there any more."""
-    return [begin for begin in REASONS if not any(name.startswith(begin) for name in names)]
+    return [begin for begin in REASONS if not any(f"{name}$".startswith(begin) for name in names)]

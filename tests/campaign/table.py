@@ -10,7 +10,8 @@ from typing import Any, Self
 MOST_OPEN = 0.05
 """Share of the cases decided by brute force that may be left open."""
 KINDS = ("false yes", "bound", "false no", "counter-example", "refusal", "crash")
-BEGIN, END = "<!-- campaign -->", "<!-- /campaign -->"
+MARK = "campaign"
+"""Stands in comments before and after the table on a page."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +101,20 @@ class Table:
 NAMES = ("false *yes*", "bound above the truth", "false *no*", "wrong counter-example", "false refusal", "crash")
 
 
-def printed(page: str, table: str) -> str:
+def printed(page: str, table: str, mark: str = MARK) -> str:
     """A page with another table between its marks."""
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{table}\n\n{END}{after}"
+    begin, end = _marks(mark)
+    before, _, rest = page.partition(begin)
+    _, _, after = rest.partition(end)
+    return f"{before}{begin}\n\n{table}\n\n{end}{after}"
+
+
+def read(page: str, mark: str = MARK) -> str:
+    """The table between the marks of a page."""
+    begin, end = _marks(mark)
+    return page.partition(begin)[2].partition(end)[0].strip()
+
+
+def _marks(mark: str) -> tuple[str, str]:
+    """Comments before and after a table."""
+    return f"<!-- {mark} -->", f"<!-- /{mark} -->"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +14,17 @@ from .cases import make, of_family
 from .judge import judge
 from .membership import excluded
 from .model import Floats
-from .mutate import every_mutant, mutants
+from .mutate import MARK, as_markdown, every_mutant, mutants
 from .run import lines
-from .survivors import stale
-from .table import BEGIN, END, MOST_OPEN, Table
+from .survivors import reason_of, stale
+from .table import MOST_OPEN, Table, read
 
 HERE = Path(__file__).parent
 PAGE = HERE.parents[1] / "docs" / "proof_campaign.md"
 SEED = 1000
 CHUNKS, SIZE = 6, 100
+MUTANTS = 20
+"""That have to be tried, over all modules that prove."""
 
 
 @pytest.mark.parametrize("chunk", range(CHUNKS))
@@ -55,8 +58,14 @@ def test_mutants_are_of_the_code_as_it_is() -> None:
 def test_the_page_prints_the_result() -> None:
     table = Table.of_json((HERE / "result.json").read_text())
     assert not table.is_bad
-    told = PAGE.read_text().partition(BEGIN)[2].partition(END)[0].strip()
-    assert told == table.as_markdown()
+    assert read(PAGE.read_text()) == table.as_markdown()
+
+
+def test_the_page_prints_what_became_of_mutants() -> None:
+    found = json.loads((HERE / "mutants.json").read_text())
+    assert len(found) >= MUTANTS
+    assert [name for name, killed in found.items() if not (killed or reason_of(name))] == []
+    assert read(PAGE.read_text(), MARK) == as_markdown(found)
 
 
 def test_membership_never_excludes_the_truth() -> None:

@@ -22,7 +22,7 @@ from ensemble_ctrl.ocp.program import Block, Program, assemble
 from tests.paths import ROOT
 
 N = 40
-"""Switches of the slow problem."""
+"""Binaries of the slow problem."""
 
 
 def small() -> Program:

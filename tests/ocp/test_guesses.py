@@ -1,4 +1,4 @@
-"""Curved and shaken guesses: driven as they were meant, free of obstacles, repeatable and quiet; and what they find."""
+"""Curved and perturbed guesses: driven as meant, free of obstacles, repeatable and quiet; and what they find."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import ensemble_ctrl as ec
 from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
-from ensemble_ctrl.ocp.guesses.shaken import shaken
+from ensemble_ctrl.ocp.guesses.perturbed import perturbed
 from ensemble_ctrl.ocp.truncation import positions
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.planning.suggest import Suggestion, relaxations
@@ -93,10 +93,10 @@ def test_the_tightest_turn_and_whether_it_reverses() -> None:
     assert (reverses(dead_end()), reverses(one_sided)) == (True, False)
 
 
-def test_shaken_commands_differ_repeat_and_keep_the_bounds() -> None:
+def test_perturbed_commands_differ_repeat_and_keep_the_bounds() -> None:
     problem, controls = dead_end(), np.zeros((40, 2))
-    first, second = shaken(problem, controls)
-    again, _ = shaken(problem, controls)
+    first, second = perturbed(problem, controls)
+    again, _ = perturbed(problem, controls)
     np.testing.assert_array_equal(first.controls, again.controls)
     assert np.abs(first.controls - second.controls).max() > 0.01
     for seed in (first, second):

@@ -118,7 +118,7 @@ def test_the_rows_follow_an_obstacle_that_moves() -> None:
 @pytest.mark.parametrize("order", range(1, ORDER + 1))
 @pytest.mark.parametrize("axis", [[1.0, 0.0], [0.0, 1.0], [0.6, 0.8]])
 def test_the_higher_moments_are_bounded_by_big_m(order: int, axis: list[float]) -> None:
-    """``eq:setPolyObsArr``: orders 1..N have no switch, so the bounds are those of every facet."""
+    """``eq:setPolyObsArr``: orders 1..N have no binary, so the bounds are those of every facet."""
     problem, bounds = problem_of("G avoid(block)"), BLOCK.big_m_bounds(TRUNCATION.basis, M)
     length = np.linalg.norm(BLOCK.A, axis=1)
     low, high = bounds.lower[order] / length, bounds.upper[order] / length

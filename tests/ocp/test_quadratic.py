@@ -21,7 +21,7 @@ def random_program(seed: int, n: int, m: int) -> Quadratic:
 
 def cost(program: Quadratic, z: np.ndarray) -> float:
     short = np.maximum(program.b - program.A @ z, 0.0).sum()
-    return float(0.5 * z @ program.H @ z + program.g @ z + program.price * short)
+    return float(0.5 * z @ program.H @ z + program.g @ z + program.penalty * short)
 
 
 @settings(max_examples=25, deadline=None)
@@ -34,7 +34,7 @@ def test_no_other_solver_finds_a_lower_cost(seed: int, n: int, m: int) -> None:
     assert (z <= q.upper).all()
 
     def smooth(x: np.ndarray) -> float:
-        return float(0.5 * x[:n] @ q.H @ x[:n] + q.g @ x[:n] + q.price * x[n:].sum())
+        return float(0.5 * x[:n] @ q.H @ x[:n] + q.g @ x[:n] + q.penalty * x[n:].sum())
 
     start = np.concatenate([z, np.maximum(q.b - q.A @ z, 0.0) + 1e-3])
     rows = [LinearConstraint(np.hstack([q.A, np.eye(m)]), q.b, np.inf)] if m else []

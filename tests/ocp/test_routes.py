@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
-import ensemble_ctrl.ocp.routes as module
+import ensemble_ctrl.ocp.guesses.routes as module
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.ocp.routes import LONGEST, Route, is_simple, routes, swept
+from ensemble_ctrl.ocp.guesses.routes import LONGEST, Route, is_simple, routes, swept
 
 Floats = NDArray[np.float64]
 START, GOAL, CLEARANCE = np.array([-4.0, 0.1]), np.array([4.0, -0.2]), 0.1

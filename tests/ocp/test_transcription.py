@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.ocp.chance import all_lines
+from ensemble_ctrl.ocp.chance import all_hyperplanes
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.online import OnlineProgram, Present, _Point
 from ensemble_ctrl.ocp.risk import ROUND
@@ -34,8 +34,8 @@ def controls_of(seed: int, most: tuple[float, float] = (1.0, 0.6)) -> Floats:
 
 def program_of(problem: Problem, controls: Floats, truncation: Truncation, spare: float = 0.0) -> Transcription:
     """The program around the controls, with every pair constrained."""
-    lines = all_lines(problem, truncation, points(problem, controls, truncation))
-    return transcribe(problem, truncation, controls, Avoiding(lines, lines.active), spare)
+    hyperplanes = all_hyperplanes(problem, truncation, points(problem, controls, truncation))
+    return transcribe(problem, truncation, controls, Avoiding(hyperplanes, hyperplanes.active), spare)
 
 
 def at_the_guess(program: Transcription) -> Floats:
@@ -59,7 +59,7 @@ def cost_online(problem: Problem, controls: Floats, order: int) -> float:
     drives = fleet.drives(fleet.bent_members(program.truncation.nodes))
     present = Present(0, 0, drives, fleet.start[None, None], np.zeros(STEPS + 1), controls)
     point = _Point(program, present, controls)
-    cost, short = point.cost(point.lines())
+    cost, short = point.cost(point.hyperplanes())
     assert short == 0
     return cost
 
@@ -119,14 +119,14 @@ def test_rows_that_hold_keep_every_member_out_through_whole_steps(seed: int, hal
     problem = five(fleet=replace(FLEET, parameters={"traction": Interval(1 - half, 1 + half)})).with_(steps=STEPS)
     truncation, controls = Truncation((order,), (order,), True), controls_of(seed, (2.0, 2.0))
     program = program_of(problem, controls, truncation, tail(problem, controls, truncation))
-    lines = all_lines(problem, truncation, points(problem, controls, truncation))
-    side, step = np.nonzero(lines.active)
+    hyperplanes = all_hyperplanes(problem, truncation, points(problem, controls, truncation))
+    side, step = np.nonzero(hyperplanes.active)
     g = np.array(program.program.functions["g"](at_the_guess(program), program.program.parameters)).ravel()
     (rows,) = [g[first:last] for name, first, last in program.program.rows if name == "avoiding"]
     left = rows.reshape(len(side), -1).min(axis=1)
     members = problem.fleet.bent_members(np.linspace(-1, 1, 9)[:, None])
     fine = positions(problem, np.repeat(controls, 8, axis=0), members)
     within = np.stack([fine[:, 8 * n : 8 * n + 9] for n in range(STEPS)])
-    along = np.einsum("kmtd,kd->kmt", within[step], lines.normal[side, step]).min(axis=(1, 2))
-    true = along - lines.support[side, step] - lines.radius[side] - problem.solve.margin
+    along = np.einsum("kmtd,kd->kmt", within[step], hyperplanes.normal[side, step]).min(axis=(1, 2))
+    true = along - hyperplanes.support[side, step] - hyperplanes.radius[side] - problem.solve.margin
     assert (left <= true + 1e-9).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.ocp.seeds import seeds
+from ensemble_ctrl.ocp.guesses.roadmap import roadmap_guesses
 from ensemble_ctrl.planning.baseline import unconstrained
 from ensemble_ctrl.problem.evaluation.conflicts import conflicts
 from ensemble_ctrl.report.text import summary_lines
@@ -67,7 +67,7 @@ def test_every_operator_around_every_leaf(leaf: str) -> None:
         if problem is None:
             continue
         given += 1
-        assert seeds(problem, 8, 2), place
+        assert roadmap_guesses(problem, 8, 2), place
         plan = ec.Plan(problem, np.tile([0.9, 0.05], (8, 1)), "planned")
         run, certificate = plan.replay(), plan.certify()
         assert certificate.proven in ("yes", "no", "undecided"), place

@@ -12,7 +12,7 @@ from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.core.errors import ConfigError
 from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.truncation import points
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem

@@ -83,8 +83,8 @@ def test_it_is_never_worse_than_the_nlp(guarantee: str) -> None:
     solution = solve(options(small(), guarantee=guarantee))
     check_no_worse(solution, by_nlp(guarantee))
     names = [r.name for r in solution.rounds]
-    assert names[:3] == ["lines chosen again", "lines on the coarse grid", "facets fixed"]
-    assert any(r.switches for r in solution.rounds), "Bonmin had nothing to do"
+    assert names[:3] == ["hyperplanes chosen again", "hyperplanes on the coarse grid", "facets fixed"]
+    assert any(r.binaries for r in solution.rounds), "Bonmin had nothing to do"
     kept = [r.attempt.value.cost for r in solution.rounds if r.kept and r.attempt is not None]
     assert kept == sorted(kept, reverse=True)
 
@@ -118,7 +118,7 @@ def test_nothing_to_keep_out_of_is_just_the_nlp() -> None:
     free = small().with_(task=parse("F[6, 8] in(goal)"))
     solution = solve(free)
     assert solution.status == "planned"
-    assert [r.name for r in solution.rounds] == ["lines chosen again"]
+    assert [r.name for r in solution.rounds] == ["hyperplanes chosen again"]
 
 
 def test_no_binaries_left_is_just_the_nlp(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,7 +128,7 @@ def test_no_binaries_left_is_just_the_nlp(monkeypatch: pytest.MonkeyPatch) -> No
     solution = solve(small())
     check_no_worse(solution, by_nlp())
     assert solution.rounds[-1].message == "nothing to choose"
-    assert not any(r.switches for r in solution.rounds)
+    assert not any(r.binaries for r in solution.rounds)
 
 
 def test_facets_that_no_plan_keeps_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,7 +157,7 @@ def test_a_bonmin_that_dies_costs_nothing(end: signal.Signals, monkeypatch: pyte
     monkeypatch.setattr(bonmin_module, "_started", killed)
     solution = solve(small())
     check_no_worse(solution, by_nlp())
-    failed = [r for r in solution.rounds if r.switches]
+    failed = [r for r in solution.rounds if r.binaries]
     assert failed
     assert all(r.status == "failed" and end.name in r.message for r in failed)
     assert end.name in "\n".join(summary_lines(plan(small())))
@@ -177,7 +177,7 @@ def test_an_answer_that_breaks_the_constraints_is_not_kept(monkeypatch: pytest.M
     )
     solution = solve(small())
     check_no_worse(solution, by_nlp())
-    assert not any(r.kept for r in solution.rounds if r.switches)
+    assert not any(r.kept for r in solution.rounds if r.binaries)
 
 
 def test_a_cheaper_plan_of_which_less_is_proven_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:

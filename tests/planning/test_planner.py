@@ -21,8 +21,8 @@ from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import load, load_text
 from ensemble_ctrl.ocp import parallel
+from ensemble_ctrl.ocp.guesses.roadmap import roadmap_guesses
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
-from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import Iteration
 from ensemble_ctrl.ocp.truncation import Truncation, coarse
 from ensemble_ctrl.planning.planner import Solution, coarse_steps, solve
@@ -238,7 +238,7 @@ def test_a_guess_is_used_instead_of_routes(monkeypatch: pytest.MonkeyPatch) -> N
     def no_seeds(*_: object) -> list[object]:
         raise AssertionError("looked for routes although a guess was given")
 
-    monkeypatch.setattr(module, "seeds", no_seeds)
+    monkeypatch.setattr(module, "roadmap_guesses", no_seeds)
     for guess in (cold.controls, cold.controls[::5]):
         warm = solve(small(), guess=guess)
         check_good(warm, members=101)
@@ -351,7 +351,7 @@ def test_a_process_that_dies_is_a_route_that_failed(monkeypatch: pytest.MonkeyPa
     with_workers(monkeypatch, 2)
     whole = solve(small())
     best = [route.outcome for route in whole.routes].index("kept")
-    parent, begun = os.getpid(), [seed.controls for seed in seeds(small(), coarse_steps(small()), 2)]
+    parent, begun = os.getpid(), [seed.controls for seed in roadmap_guesses(small(), coarse_steps(small()), 2)]
 
     def dying(problem: Problem, controls: Floats, *rest: Any) -> Any:
         if os.getpid() != parent and np.array_equal(controls, begun[best]):

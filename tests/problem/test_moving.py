@@ -15,7 +15,7 @@ from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.duties import duties
@@ -104,13 +104,13 @@ def test_lines_keep_clear_of_it_through_the_step(seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem, _ = random_problem(rng, 0.1)
     points = rng.uniform(-3, 3, (problem.steps + 1, 3, 2))
-    lines = separate(points, duties(problem), problem.duration)
+    hyperplanes = separate(points, duties(problem), problem.duration)
     (piece,), motion = problem.obstacles["block"], problem.motions["block"]
     for k in range(problem.steps):
         for share in np.linspace(0, 1, 9):
             chord = (1 - share) * points[k] + share * points[k + 1]
             moved = motion.at((k + share) * problem.step)
-            assert lines.gap[0, k] <= piece.distance(chord - moved).min() + 1e-9
+            assert hyperplanes.gap[0, k] <= piece.distance(chord - moved).min() + 1e-9
 
 
 @MANY

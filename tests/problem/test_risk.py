@@ -13,7 +13,7 @@ from scipy.optimize import minimize_scalar
 
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load_text, read
-from ensemble_ctrl.ocp.chance import all_lines
+from ensemble_ctrl.ocp.chance import all_hyperplanes
 from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.transcription import Avoiding, transcribe
 from ensemble_ctrl.ocp.truncation import choose, points
@@ -78,15 +78,15 @@ def test_the_program_prices_what_exact_paths_cost(of: Loss) -> None:
     v = np.full(30, 0.7)
     controls = np.column_stack([v, np.concatenate([np.full(10, 0.25), np.full(20, -0.14)])])
     truncation = choose(problem, controls)
-    lines = all_lines(problem, truncation, points(problem, controls, truncation))
-    program = transcribe(problem, truncation, controls, Avoiding(lines, lines.active), 0.0)
+    hyperplanes = all_hyperplanes(problem, truncation, points(problem, controls, truncation))
+    program = transcribe(problem, truncation, controls, Avoiding(hyperplanes, hyperplanes.active), 0.0)
     priceless = problem.with_(objective=replace(problem.objective, cvar=None))
-    without = transcribe(priceless, truncation, controls, Avoiding(lines, lines.active), 0.0)
+    without = transcribe(priceless, truncation, controls, Avoiding(hyperplanes, hyperplanes.active), 0.0)
     values = [float(p.program.functions["grad_f"](p.guess, p.program.parameters)[0]) for p in (program, without)]
     price = values[0] - values[1]
     assert price == pytest.approx(risk_cost(problem, controls), abs=0.06 if of == "terminal" else 0.3)
     if of == "clearance":
-        assert price >= risk_cost(problem, controls) - 1e-6  # lines leave no more than there is
+        assert price >= risk_cost(problem, controls) - 1e-6  # hyperplanes leave no more than there is
 
 
 def test_clearances_are_those_of_shapely() -> None:

@@ -476,7 +476,7 @@ def _mixed_details(nlp_cost: float, solution: Solution) -> dict[str, Any]:
                 "message": r.message,
                 "cost_with_facets": number(r.cost),
                 "cost": None if r.attempt is None else number(r.attempt.value.cost),
-                "switches": r.switches,
+                "switches": r.binaries,
                 "nodes": r.nodes,
                 "objective": number(r.objective),
                 "bound": number(r.bound),

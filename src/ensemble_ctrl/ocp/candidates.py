@@ -81,20 +81,20 @@ class Start(Protocol):
         """Metres."""
 
 
-def tried(seed: Start, coarse: Attempt, fine: Attempt | None, kept: bool) -> Tried:
-    """What became of a seed."""
+def tried(guess: Start, coarse: Attempt, fine: Attempt | None, kept: bool) -> Tried:
+    """What became of a guess."""
     outcome: Outcome = "kept" if kept else "refined" if fine else "coarse" if coarse.iterations else "failed"
     return Tried(
-        seed.name,
-        seed.corners,
-        seed.length,
+        guess.name,
+        guess.corners,
+        guess.length,
         coarse.value.cost,
         coarse.value.gap,
         coarse.value.keeps(0.0),
         coarse.build_seconds + coarse.solve_seconds,
         outcome,
         fine.value.cost if fine else None,
-        seed.kind,
+        guess.kind,
         max(0.0, -coarse.value.gap, -coarse.value.robustness),
     )
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Formula
-from ensemble_ctrl.ocp.lines import Lines, separate
+from ensemble_ctrl.ocp.hyperplanes import Hyperplanes, separate
 from ensemble_ctrl.ocp.truncation import Range, Truncation
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.duties import Duty, chances, duties, other_parts
@@ -108,11 +108,11 @@ def map_size(problem: Problem, curve: Floats) -> float:
     return float(np.ptp(np.concatenate(corners), axis=0).max())
 
 
-def all_lines(problem: Problem, truncation: Truncation, curve: Floats, near: float = np.inf) -> Lines:
-    """Separating lines for the fleet's duties, and for those of a share of it; beyond `near` metres any will do."""
+def all_hyperplanes(problem: Problem, truncation: Truncation, curve: Floats, near: float = np.inf) -> Hyperplanes:
+    """Separating hyperplanes for the duties of the fleet and of a share of it; beyond `near` metres any will do."""
     shift = problem.fleet.shift
-    lines = separate(curve, duties(problem), problem.duration, shift, truncation.parts, near)
+    found = separate(curve, duties(problem), problem.duration, shift, truncation.parts, near)
     if truncation.within is None:
-        return lines
+        return found
     some = [duty for chance in chances(problem) for duty in chance.duties]
-    return lines.joined(separate(curve, some, problem.duration, shift, (truncation.inner,), near)) if some else lines
+    return found.joined(separate(curve, some, problem.duration, shift, (truncation.inner,), near)) if some else found

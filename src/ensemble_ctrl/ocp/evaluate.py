@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
-from ensemble_ctrl.ocp.chance import all_lines, asked, map_size, members_within
-from ensemble_ctrl.ocp.lines import REACH, separate
+from ensemble_ctrl.ocp.chance import all_hyperplanes, asked, map_size, members_within
+from ensemble_ctrl.ocp.hyperplanes import REACH, separate
 from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
@@ -88,12 +88,12 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     excess = float((np.abs(change) - rates).max(initial=-np.inf))
     if in_moments:
         mean = average[:, None]
-        lines = separate(mean, duties(problem), problem.duration, near=REACH * map_size(problem, mean))
+        hyperplanes = separate(mean, duties(problem), problem.duration, near=REACH * map_size(problem, mean))
     else:
         curve = points(problem, controls, truncation)
-        lines = all_lines(problem, truncation, curve, REACH * map_size(problem, curve))
+        hyperplanes = all_hyperplanes(problem, truncation, curve, REACH * map_size(problem, curve))
     cost = -aim.robustness * worst + terminal + effort + risk
-    return Value(cost, worst, terminal, effort, float(lines.gap.min(initial=np.inf)), excess, risk)
+    return Value(cost, worst, terminal, effort, float(hyperplanes.gap.min(initial=np.inf)), excess, risk)
 
 
 def _worst(problem: Problem, controls: Floats, order: int, within: Range | None) -> StateSignals:

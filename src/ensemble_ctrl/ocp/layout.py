@@ -56,9 +56,9 @@ class Numbers(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Layout(Numbers):
-    """Index arrays into the decision vector ``(v, omega, turned, points, levels, slacks, switches)``.
+    """Index arrays into the decision vector ``(v, omega, turned, points, levels, slacks, binaries)``.
 
-    Switches (0 or 1) and more are handed out too.
+    Binaries (0 or 1) and more are handed out too.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Layout(Numbers):
 
     steps: int
     count: int
-    _switches: list[int] = field(default_factory=list)
+    _binaries: list[int] = field(default_factory=list)
     _more: list[int] = field(default_factory=list)
 
     @property
@@ -97,17 +97,17 @@ class Layout(Numbers):
     @property
     def size(self) -> int:
         """Length of the decision vector so far."""
-        return super().size + len(self._switches) + len(self._more)
+        return super().size + len(self._binaries) + len(self._more)
 
     @property
-    def switches(self) -> Ints:
-        """Indices of the switches handed out so far."""
-        return np.array(self._switches, dtype=np.int64)
+    def binaries(self) -> Ints:
+        """Indices of the binaries handed out so far."""
+        return np.array(self._binaries, dtype=np.int64)
 
     def more(self, count: int) -> Ints:
         """Hand out the indices of `count` new variables of another kind."""
         return self._hand_out(self._more, count)
 
-    def switch(self, count: int) -> Ints:
-        """Hand out the indices of `count` new switches."""
-        return self._hand_out(self._switches, count)
+    def binary(self, count: int) -> Ints:
+        """Hand out the indices of `count` new binaries."""
+        return self._hand_out(self._binaries, count)

@@ -1,4 +1,4 @@
-"""What the program adds to the distance from an obstacle, the same for lines and for switches."""
+"""What the program adds to the distance from an obstacle, the same for hyperplanes and for binaries."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 A *neighbourhood* of a plan says, for every convex piece and step, which facets may be chosen.  With one facet each the
 program is an NLP and gives an incumbent at once; with more, Bonmin chooses, and looks only for what costs less.  A
-result is polished with separating lines, of which facets are a special case, and is worth what `evaluate` says, like
-any other plan.
+result is polished with separating hyperplanes, of which facets are a special case, and is worth what `evaluate` says,
+like any other plan.
 
 *Guarantee*: none of optimality.  Bonmin's bound holds among the offered facets only, and even there only if every
 node's local solution is its best one.
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from ensemble_ctrl.ocp.bonmin import BonminOptions, Branching, MixedOutcome, bonmin
 from ensemble_ctrl.ocp.chance import map_size
 from ensemble_ctrl.ocp.evaluate import evaluate
-from ensemble_ctrl.ocp.lines import REACH
+from ensemble_ctrl.ocp.facet_binaries import Choice, Facets, facet_binaries, facets, workspace
+from ensemble_ctrl.ocp.hyperplanes import REACH
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Status, Watch, ipopt
-from ensemble_ctrl.ocp.switches import Choice, Facets, facets, switches, workspace
 from ensemble_ctrl.ocp.transcription import Transcription, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
 from ensemble_ctrl.problem import Problem
@@ -41,7 +41,7 @@ FACET_SLACK = 1e-4
 BETTER = 1e-3
 """By how much less a solution of Bonmin's has to cost."""
 POLISH = 3
-"""Rounds of separating lines after each change of facets."""
+"""Rounds of separating hyperplanes after each change of facets."""
 LIMIT = 7.0
 """Seconds that one run of Bonmin may take, if there are twice as many left."""
 ENOUGH = 7.0
@@ -51,7 +51,7 @@ LEAST = 0.5
 TURN = 20
 """Parts of the horizon by which the change from one facet to the next may move."""
 BLOCKS = 80
-"""On a finer grid neighbouring steps share their switches, to about so many blocks."""
+"""On a finer grid neighbouring steps share their binaries, to about so many blocks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Round:
         How the solver ended.
     cost : float
         As `evaluate` counts it, of the result before it was polished; infinite if there is none.
-    switches, nodes : int
+    binaries, nodes : int
         Binaries of the program, and Bonmin's nodes.
     objective, bound : float
         Of the program, whose smooth robustness and slacks make it differ from `cost`; Bonmin's bound, minus infinity
@@ -84,7 +84,7 @@ class Round:
     status: Status
     message: str
     cost: float = np.inf
-    switches: int = 0
+    binaries: int = 0
     nodes: int = 0
     objective: float = np.inf
     bound: float = -np.inf
@@ -143,20 +143,22 @@ def rounds(
     Yields
     ------
     Round
-        First the separating lines chosen again, so that what lines alone can do is not counted as the facets' merit;
-        then the plan's own facets fixed; then Bonmin in the other `NEIGHBOURHOODS`.
+        First the separating hyperplanes chosen again, so that what they alone can do is not counted as the facets'
+        merit; then the plan's own facets fixed; then Bonmin in the other `NEIGHBOURHOODS`.
     """
     began = time.perf_counter()
-    again = _lines(problem, attempt, options(), watch("lines chosen again"))
+    again = _hyperplanes(problem, attempt, options(), watch("hyperplanes chosen again"))
     better = again if _better(again, attempt) else attempt
-    yield _by_lines("lines chosen again", again, began)
+    yield _by_hyperplanes("hyperplanes chosen again", again, began)
     sides = facets(problem, steps)
     if not sides.pieces or options().time_limit < LEAST:
         return
     search = _Search(problem, options, watch, attempt, sides, better)
     search.centre = start(problem, _averaged(better.controls, steps), _light(attempt.truncation))
-    search.centre = _lines(problem, search.centre, options(), watch("lines on the coarse grid"))
-    yield _by_lines("lines on the coarse grid", _polished(search, "coarse grid", search.centre), search.began)
+    search.centre = _hyperplanes(problem, search.centre, options(), watch("hyperplanes on the coarse grid"))
+    yield _by_hyperplanes(
+        "hyperplanes on the coarse grid", _polished(search, "coarse grid", search.centre), search.began
+    )
     search.seconds()
     began = search.began
     for name, neighbourhood in NEIGHBOURHOODS.items():
@@ -189,14 +191,14 @@ def widened(allowed: Bools, steps: int) -> Bools:
 
 
 def program(problem: Problem, attempt: Attempt, sides: Facets, allowed: Bools) -> tuple[Transcription, Choice]:
-    """The program around `attempt` in which the `allowed` facets may be chosen, with its switches."""
+    """The program around `attempt` in which the `allowed` facets may be chosen, with its binaries."""
     curve = points(problem, attempt.controls, attempt.truncation)
     where, error = workspace(problem, curve), tail(problem, attempt.controls, attempt.truncation)
     near = sides.gaps(curve)
     far = ~sides.of(near >= REACH * map_size(problem, curve))[sides.piece]
     allowed = allowed & far
     block = -(-allowed.shape[1] // BLOCKS)
-    rows = switches(problem, attempt.truncation, sides, where, allowed, error, block)
+    rows = facet_binaries(problem, attempt.truncation, sides, where, allowed, error, block)
     choice = Choice(sides, where, rows, rows.setting(sides.gaps(curve)))
     return transcribe(problem, attempt.truncation, attempt.controls, choice, error), choice
 
@@ -239,7 +241,7 @@ def _round(search: _Search, name: str, neighbourhood: Neighbourhood) -> Round:
         None,
         outcome.status,
         outcome.message,
-        switches=count,
+        binaries=count,
         nodes=outcome.branching.nodes,
         bound=outcome.branching.bound,
     )
@@ -259,7 +261,7 @@ def _round(search: _Search, name: str, neighbourhood: Neighbourhood) -> Round:
 
 
 def _fixed(search: _Search, name: str, transcription: Transcription) -> MixedOutcome:
-    """Solve a program without switches; a solution that needs slack is none."""
+    """Solve a program without binaries; a solution that needs slack is none."""
     began = time.perf_counter()
     outcome = ipopt(
         transcription.program,
@@ -281,7 +283,7 @@ def _branched(search: _Search, name: str, transcription: Transcription) -> Mixed
     """Let Bonmin choose, without slack, for less than the incumbent's cost."""
     layout, options = transcription.layout, search.options()
     discrete = np.zeros(layout.size, dtype=bool)
-    discrete[layout.switches] = True
+    discrete[layout.binaries] = True
     upper, guess = transcription.upper.copy(), transcription.guess.copy()
     upper[layout.slacks] = guess[layout.slacks] = 0.0
     limits = BonminOptions(min(LIMIT, options.time_limit / 2), search.objective - BETTER, log=options.log)
@@ -294,13 +296,13 @@ def _branched(search: _Search, name: str, transcription: Transcription) -> Mixed
 
 
 def _polished(search: _Search, name: str, attempt: Attempt) -> Attempt:
-    """A result on the plan's own grid and order, improved with separating lines, which may lie along any direction."""
+    """A result on the plan's own grid and order, improved with separating hyperplanes along any direction."""
     controls = np.repeat(attempt.controls, len(search.plan.controls) // len(attempt.controls), axis=0)
     fine = start(search.problem, controls, search.plan.truncation)
-    return _lines(search.problem, fine, search.options(), search.watch(f"{name}, polish"))
+    return _hyperplanes(search.problem, fine, search.options(), search.watch(f"{name}, polish"))
 
 
-def _by_lines(name: str, attempt: Attempt, began: float) -> Round:
+def _by_hyperplanes(name: str, attempt: Attempt, began: float) -> Round:
     """A round in which no facet was chosen."""
     status, message = attempt.status, attempt.message
     if status == "failed" and attempt.value.keeps(0.0):  # `improve` returns what it was given
@@ -308,8 +310,8 @@ def _by_lines(name: str, attempt: Attempt, began: float) -> Round:
     return Round(name, attempt, status, message, attempt.value.cost, seconds=_since(began))
 
 
-def _lines(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Watch | None) -> Attempt:
-    """A few rounds with separating lines."""
+def _hyperplanes(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Watch | None) -> Attempt:
+    """A few rounds with separating hyperplanes."""
     return improve(problem, attempt.controls, attempt.truncation, POLISH, options, watch)
 
 

@@ -21,8 +21,8 @@ for turning a little more in step l turns everything that follows about the plac
 - *Growth*: how much larger the set of states is than the node robots' curve, in metres at each grid time.
 
 Nothing is built between solves, and each starts from the last plan: on the whole horizon's grid that plan stands at the
-right times already.  Separating lines are chosen at the guess and fixed for one quadratic program.  The Hessian is that
-of effort and terminal error (Gauss-Newton); a line search on the exact cost guards every step.
+right times already.  Separating hyperplanes are chosen at the guess and fixed for one quadratic program.  The Hessian
+is that of effort and terminal error (Gauss-Newton); a line search on the exact cost guards every step.
 
 *Guarantee*: none; what is found is certified before it is used.
 """
@@ -39,9 +39,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.hyperplanes import Hyperplanes, separate
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.levels import TaskLevels, smooth_maximum
-from ensemble_ctrl.ocp.lines import Lines, separate
 from ensemble_ctrl.ocp.margins import curvature
 from ensemble_ctrl.ocp.quadratic import Quadratic, solve_quadratic
 from ensemble_ctrl.ocp.terminal import terminal_blocks
@@ -175,11 +175,11 @@ class OnlineProgram:
         while count < rounds:
             if count and (timer() - began) * (count + 1) / count > deadline:
                 break
-            lines = point.lines()
-            cost, short = point.cost(lines)
-            change, more = point.change(lines)
+            hyperplanes = point.hyperplanes()
+            cost, short = point.cost(hyperplanes)
+            change, more = point.change(hyperplanes)
             count, inner = count + 1, inner + more
-            found = _searched(point, change, lines, cost)
+            found = _searched(point, change, hyperplanes, cost)
             if found is None:
                 status = "stuck" if short > 1e-3 else "converged"
                 break
@@ -194,11 +194,13 @@ class OnlineProgram:
         return Replanned(point.controls, status, count, inner, cost, short, timer() - began)
 
 
-def _searched(point: _Point, change: Floats, lines: Lines, cost: float) -> tuple[_Point, float, float] | None:
+def _searched(
+    point: _Point, change: Floats, hyperplanes: Hyperplanes, cost: float
+) -> tuple[_Point, float, float] | None:
     """The first point on the way that costs less, with its cost and shortfall; None if there is none."""
     for share in (1.0, 0.5, 0.25, 0.1):
         tried = point.moved(share * change)
-        better, short = tried.cost(lines)
+        better, short = tried.cost(hyperplanes)
         if better < cost - 1e-9:
             return tried, better, short
     return None
@@ -224,14 +226,14 @@ class _Point:
         controls[self.present.free :] += change
         return _Point(self.program, self.present, np.clip(controls, fleet.input_lower, fleet.input_upper))
 
-    def lines(self) -> Lines:
-        """Separating lines of the steps from the first free one on."""
+    def hyperplanes(self) -> Hyperplanes:
+        """Separating hyperplanes of the steps from the first free one on."""
         problem, free = self.program.problem, self.present.free
         begin = free * problem.step + self.present.shift
         left = problem.duration - free * problem.step
         return separate(self.curve[free:], self.program.duties, left, begin=begin, within=2 * NEAR)
 
-    def cost(self, lines: Lines) -> tuple[float, float]:
+    def cost(self, hyperplanes: Hyperplanes) -> tuple[float, float]:
         """The cost, shortfalls included, and the largest shortfall in metres."""
         problem, free = self.program.problem, self.present.free
         aim, step = problem.objective, problem.step
@@ -239,8 +241,9 @@ class _Point:
         total = step * float((u**2).sum(axis=0) @ aim.efforts())
         change = np.diff(self._with_last(), axis=0)
         total += aim.smoothness / step * float((change**2).sum())
-        total += sum(float(price[0]) for _, price in self._ends) / self.robots
-        shorts = [np.maximum(self._keep(lines) - lines.nearest(self.curve[free:]), 0.0)[lines.active].ravel()]
+        total += sum(float(error[0]) for _, error in self._ends) / self.robots
+        away = np.maximum(self._keep(hyperplanes) - hyperplanes.nearest(self.curve[free:]), 0.0)
+        shorts = [away[hyperplanes.active].ravel()]
         if problem.fleet.rate_bounds is not None:
             shorts.append(np.maximum(np.abs(change) - self._rates(), 0.0).ravel())
         if self.program.levels.count:
@@ -258,13 +261,13 @@ class _Point:
     def _levels(self) -> Floats:
         return self.program.levels.values(self._heights)
 
-    def change(self, lines: Lines) -> tuple[Floats, int]:
+    def change(self, hyperplanes: Hyperplanes) -> tuple[Floats, int]:
         """The change of the free commands that the quadratic program here asks for, and its iterations."""
         problem, free = self.program.problem, self.present.free
         fleet, u = problem.fleet, self.controls[free:]
         n, starts = 2 * len(u), _blocks(len(u))
         H, g = self._smooth_cost()
-        line_a, line_b = self._line_rows(lines)
+        line_a, line_b = self._hyperplane_rows(hyperplanes)
         task_a, task_b = self._task_rows()
         rate_a, rate_b = self._rate_rows()
         A = np.concatenate([np.pad(a, [(0, 0), (0, len(g) - a.shape[1])]) for a in (line_a, task_a, rate_a)])
@@ -302,8 +305,8 @@ class _Point:
         if levels:
             H[n + np.arange(levels), n + np.arange(levels)] = PROXIMAL
             g[-1] = -aim.robustness
-        for every, price in self._ends:
-            slope, bend = np.array(price[1]).ravel() / self.robots, np.array(price[2]) / self.robots
+        for every, error in self._ends:
+            slope, bend = np.array(error[1]).ravel() / self.robots, np.array(error[2]) / self.robots
             eigen, vectors = np.linalg.eigh(bend)
             last = np.full_like(every, problem.steps)
             axes = np.repeat(np.eye(2), len(every), axis=0)
@@ -315,22 +318,22 @@ class _Point:
 
     @cached_property
     def _ends(self) -> list[tuple[Ints, Sequence[ca.DM]]]:
-        """The points of each robot, with the price of where they end, its gradient and its Hessian."""
+        """The points of each robot, with the error of where they end, its gradient and its Hessian."""
         if self.program._terminal is None:
             return []
         robots = np.arange(self.curve.shape[1], dtype=np.int64).reshape(self.robots, -1)
         return [(own, self.program._terminal(self.curve[-1, own].T.ravel())) for own in robots]
 
-    def _line_rows(self, lines: Lines) -> tuple[Floats, Floats]:
-        """Rows of the near points at both ends of each step on the free sides of their lines."""
+    def _hyperplane_rows(self, hyperplanes: Hyperplanes) -> tuple[Floats, Floats]:
+        """Rows of the near points at both ends of each step on the free sides of their hyperplanes."""
         free, count = self.present.free, self.curve.shape[1]
-        side, at = np.nonzero(lines.active & (lines.gap < NEAR))
+        side, at = np.nonzero(hyperplanes.active & (hyperplanes.gap < NEAR))
         end = np.repeat([0, 1], count)
         point = np.tile(np.arange(count), 2)
         time_ = (free + at)[:, None] + end
-        normal = lines.normal[side, at]
-        value = np.einsum("rkd,rd->rk", self.curve[time_, point], normal) - lines.drift[side, at][:, end]
-        b = self._keep(lines)[side, at][:, None] - value
+        normal = hyperplanes.normal[side, at]
+        value = np.einsum("rkd,rd->rk", self.curve[time_, point], normal) - hyperplanes.drift[side, at][:, end]
+        b = self._keep(hyperplanes)[side, at][:, None] - value
         used = (b > -NEAR) & (time_ > free)
         for k in (0, 1):
             used[:, k * count : (k + 1) * count] &= _lowest(-b[:, k * count : (k + 1) * count])
@@ -415,14 +418,14 @@ class _Point:
         """Weights of the points in the mean position."""
         return np.asarray(np.tile(self.program.truncation.mean, self.robots) / self.robots)
 
-    def _keep(self, lines: Lines) -> Floats:
+    def _keep(self, hyperplanes: Hyperplanes) -> Floats:
         """What ``normal . p`` has to reach for every pair of a side and a step."""
         problem, free = self.program.problem, self.present.free
         v, omega = problem.fleet.system.rates(*self.controls[free:].T)
         arc = curvature(problem, self.program.truncation, problem.steps) * np.abs(v * omega)
         growth = self.present.growth[free:]
         grown = np.maximum(growth[:-1], growth[1:]) + arc + problem.solve.margin
-        return np.asarray(lines.support + lines.radius[:, None] + grown)
+        return np.asarray(hyperplanes.support + hyperplanes.radius[:, None] + grown)
 
     def _slopes(self, at: Ints, point: Ints, normal: Floats) -> Floats:
         """Slopes of ``normal . point`` at grid times by the free commands, shape (rows, 2 * free steps)."""

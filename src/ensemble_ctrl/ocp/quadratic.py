@@ -5,8 +5,8 @@ r"""A convex quadratic program with soft rows, by a primal-dual interior-point m
     \min_{z, s \ge 0}\; \tfrac12 z^\top H z + g^\top z + c \textstyle\sum_i s_i
     \quad\text{s.t.}\quad A z + s \ge b, \quad l \le z \le u
 
-A row may fall short at the price `c`, so there always is a solution.  With ``y`` the multipliers of the rows, those of
-the shortfalls are ``c - y``: eliminating both leaves one positive definite system in ``z`` for each iteration.
+A row may fall short at the penalty `c`, so there always is a solution.  With ``y`` the multipliers of the rows, those
+of the shortfalls are ``c - y``: eliminating both leaves one positive definite system in ``z`` for each iteration.
 
 S. Mehrotra, On the implementation of a primal-dual interior point method, 1992.
 """
@@ -34,7 +34,7 @@ class Quadratic:
         Positive semidefinite.
     A, b : ndarray, shapes (m, n) and (m,)
         Soft rows.
-    price : float
+    penalty : float
         Of a unit that a row falls short by.
     lower, upper : ndarray, shape (n,)
         Finite bounds, each lower one below the upper.
@@ -44,7 +44,7 @@ class Quadratic:
     g: Floats
     A: Floats
     b: Floats
-    price: float
+    penalty: float
     lower: Floats
     upper: Floats
 
@@ -69,8 +69,8 @@ def solve_quadratic(program: Quadratic, tolerance: float = 1e-5, iterations: int
     z = np.clip(np.zeros(n), *_shrunk(program.lower, program.upper))
     gap = program.A @ z - program.b
     over, short = np.maximum(gap, 0.0) + 1e-2, np.maximum(-gap, 0.0) + 1e-2
-    y = np.where(gap > 0, 1e-2, 0.5) * program.price
-    at = _Iterate(z, over, short, y, program.price - y, np.full(n, 0.1), np.full(n, 0.1))
+    y = np.where(gap > 0, 1e-2, 0.5) * program.penalty
+    at = _Iterate(z, over, short, y, program.penalty - y, np.full(n, 0.1), np.full(n, 0.1))
     for count in range(iterations):
         system = _System(program, at)
         if system.solved(tolerance):

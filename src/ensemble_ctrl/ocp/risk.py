@@ -5,7 +5,7 @@ Members of equal weight stand for the laws. With their losses :math:`L_i`, new v
 .. math:: w \Bigl(t + \frac{1}{n (1 - \alpha)} \sum_i e_i\Bigr), \qquad e_i + t \ge L_i
 
 The loss of a member is its distance from its place at the end; or minus a clearance :math:`c_i`, a variable below what
-each separating line leaves it, and below `ensemble_ctrl.problem.risk.CLEARANCE_CAP`.
+each separating hyperplane leaves it, and below `ensemble_ctrl.problem.risk.CLEARANCE_CAP`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.hyperplanes import Hyperplanes
 from ensemble_ctrl.ocp.layout import Layout
-from ensemble_ctrl.ocp.lines import Lines
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation, positions
 from ensemble_ctrl.problem import Problem
@@ -47,7 +47,7 @@ class RiskRows:
 
 
 def risk_rows(
-    problem: Problem, truncation: Truncation, layout: Layout, curve: Floats, lines: Lines, pairs: Pairs
+    problem: Problem, truncation: Truncation, layout: Layout, curve: Floats, hyperplanes: Hyperplanes, pairs: Pairs
 ) -> RiskRows | None:
     """The risk penalty around a guess whose points are `curve`; None where there is none.
 
@@ -61,8 +61,8 @@ def risk_rows(
         Hands out the new variables.
     curve : ndarray, shape (steps + 1, points, 2)
         Metres.
-    lines : Lines
-        Separating lines at the guess.
+    hyperplanes : Hyperplanes
+        Separating hyperplanes at the guess.
     pairs : ndarray of bool, shape (sides, steps)
         Which of them count.
     """
@@ -82,14 +82,14 @@ def risk_rows(
         clear = layout.more(len(members))
         path = np.einsum("ij,tjd->tid", seen, curve) + offset
         value = np.clip(
-            _left(path, lines, pairs).min(axis=(1, 2), initial=CLEARANCE_CAP), -CLEARANCE_CAP, CLEARANCE_CAP
+            _left(path, hyperplanes, pairs).min(axis=(1, 2), initial=CLEARANCE_CAP), -CLEARANCE_CAP, CLEARANCE_CAP
         )
         loss = -value
-        blocks = [_losses(int(level[0]), excess, clear), *_clearances(layout, seen, offset, lines, pairs, clear)]
+        blocks = [_losses(int(level[0]), excess, clear), *_clearances(layout, seen, offset, hyperplanes, pairs, clear)]
     threshold, _ = value_at_risk(loss, risk.level)
     return RiskRows(
         blocks,
-        [_price(risk, int(level[0]), excess)],
+        [_penalty(risk, int(level[0]), excess)],
         np.concatenate([level, excess, clear]),
         np.concatenate([[-np.inf], np.zeros(len(excess)), np.full(len(clear), -np.inf)]),
         np.concatenate([[np.inf], np.full(len(excess), np.inf), np.full(len(clear), CLEARANCE_CAP)]),
@@ -118,7 +118,7 @@ def _scaled(problem: Problem, members: Floats) -> Floats:
     return np.column_stack(columns) if columns else np.zeros((len(members), 0))
 
 
-def _price(risk: Risk, level: int, excess: Ints) -> Block:
+def _penalty(risk: Risk, level: int, excess: Ints) -> Block:
     """The threshold and what exceeds it."""
     share = len(excess) * (1 - risk.level)
 
@@ -152,23 +152,25 @@ def _losses(level: int, excess: Ints, clear: Ints) -> Block:
     return Block("risk", lambda z, d: z[0] + z[1] + z[2], columns, none, low, low + np.inf)
 
 
-def _left(path: Floats, lines: Lines, pairs: Pairs) -> Floats:
+def _left(path: Floats, hyperplanes: Hyperplanes, pairs: Pairs) -> Floats:
     """What each line that counts leaves each member at both ends of its step, shape (members, pairs, 2)."""
     side, at = np.nonzero(pairs)
-    normal, keep = lines.normal[side, at], (lines.support + lines.radius[:, None])[side, at]
-    ends = [np.einsum("kid,kd->ik", path[at + end], normal) - lines.drift[side, at, end] - keep for end in (0, 1)]
+    normal, keep = hyperplanes.normal[side, at], (hyperplanes.support + hyperplanes.radius[:, None])[side, at]
+    ends = [np.einsum("kid,kd->ik", path[at + end], normal) - hyperplanes.drift[side, at, end] - keep for end in (0, 1)]
     return np.stack(ends, axis=-1)
 
 
-def _clearances(layout: Layout, seen: Floats, offset: Floats, lines: Lines, pairs: Pairs, clear: Ints) -> list[Block]:
+def _clearances(
+    layout: Layout, seen: Floats, offset: Floats, hyperplanes: Hyperplanes, pairs: Pairs, clear: Ints
+) -> list[Block]:
     """Each member's clearance is below what every line leaves it at both ends of the step."""
     side, at = np.nonzero(pairs)
     if not len(side):
         return []
     n, members = layout.count, len(seen)
-    keep = (lines.support + lines.radius[:, None])[side, at][:, None] + lines.drift[side, at]
+    keep = (hyperplanes.support + hyperplanes.radius[:, None])[side, at][:, None] + hyperplanes.drift[side, at]
     who, pair = (index.ravel() for index in np.meshgrid(np.arange(members), np.arange(len(side)), indexing="ij"))
-    normal = lines.normal[side, at][pair]
+    normal = hyperplanes.normal[side, at][pair]
     levels = keep[pair] - (normal * offset[who]).sum(axis=1, keepdims=True)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:

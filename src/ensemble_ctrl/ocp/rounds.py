@@ -1,4 +1,4 @@
-"""Rounds of solving: separating lines are re-chosen at each solution, and pairs that it violates are added."""
+"""Rounds of solving: separating hyperplanes are re-chosen at each solution, and pairs that it violates are added."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp.chance import all_lines, map_size
+from ensemble_ctrl.ocp.chance import all_hyperplanes, map_size
 from ensemble_ctrl.ocp.evaluate import Value, evaluate
-from ensemble_ctrl.ocp.lines import REACH, Lines
+from ensemble_ctrl.ocp.hyperplanes import REACH, Hyperplanes
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Status, Watch, ipopt
 from ensemble_ctrl.ocp.transcription import Avoiding, Transcription, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
@@ -66,23 +66,23 @@ def start(problem: Problem, controls: Floats, truncation: Truncation) -> Attempt
 
 
 def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Watch | None) -> Attempt:
-    """One choice of lines: solve, and solve again with the pairs that the solution violates."""
+    """One choice of hyperplanes: solve, and solve again with the pairs that the solution violates."""
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
     reach = REACH * map_size(problem, curve)
-    lines = all_lines(problem, truncation, curve, reach)
+    hyperplanes = all_hyperplanes(problem, truncation, curve, reach)
     error = tail(problem, guess, truncation)
     in_moments = problem.solve.guarantee == "moment"
-    pairs = (lines.gap < reach) & (not in_moments)
+    pairs = (hyperplanes.gap < reach) & (not in_moments)
     total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)
     for _ in range(4):
         began = time.perf_counter()
-        program = transcribe(problem, truncation, guess, Avoiding(lines, pairs), error)
+        program = transcribe(problem, truncation, guess, Avoiding(hyperplanes, pairs), error)
         built = time.perf_counter()
         outcome = ipopt(program.program, program.guess, program.lower, program.upper, options, watch)
         controls = program.controls(outcome.x)
         total = _after(problem, total, program, outcome, controls, built - began, time.perf_counter() - built)
-        missing = _violated(problem, lines, points(problem, controls, truncation)) & ~pairs
+        missing = _violated(problem, hyperplanes, points(problem, controls, truncation)) & ~pairs
         if outcome.status != "solved" or in_moments or not missing.any() or options.left <= 0:
             break
         pairs |= _widened(missing)
@@ -121,10 +121,12 @@ def with_work(kept: Attempt, before: Attempt, after: Attempt) -> Attempt:
     )
 
 
-def _violated(problem: Problem, lines: Lines, curve: Floats) -> NDArray[np.bool_]:
+def _violated(problem: Problem, hyperplanes: Hyperplanes, curve: Floats) -> NDArray[np.bool_]:
     """Pairs whose line the new points cross, shape (sides, steps)."""
-    short = lines.nearest(curve) - lines.support - lines.radius[:, None] < problem.solve.margin - TIGHT
-    return np.asarray(short & lines.active)
+    short = (
+        hyperplanes.nearest(curve) - hyperplanes.support - hyperplanes.radius[:, None] < problem.solve.margin - TIGHT
+    )
+    return np.asarray(short & hyperplanes.active)
 
 
 def _widened(pairs: NDArray[np.bool_]) -> NDArray[np.bool_]:

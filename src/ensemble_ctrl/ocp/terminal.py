@@ -1,4 +1,4 @@
-r"""The price of where the fleet ends, in the program and exactly.
+r"""The penalty of where the fleet ends, in the program and exactly.
 
 With the fleet's final positions :math:`p(q)` and :math:`E` the mean over the parameters' laws, the terminal term is
 ``objective.terminal`` times
@@ -42,15 +42,15 @@ def terminal_blocks(problem: Problem, truncation: Truncation, layout: Layout) ->
         return []
     match aim.target:
         case MomentTarget() as target:
-            price = _moments_price(target, truncation)
+            error = _moments_error(target, truncation)
         case SpreadTarget() as target:
-            price = _spread_price(target, truncation, problem.fleet.shift_covariance)
+            error = _spread_error(target, truncation, problem.fleet.shift_covariance)
         case _:
-            price = _places_price(_places(problem, truncation), truncation)
+            error = _places_error(_places(problem, truncation), truncation)
     n = layout.count
 
     def terminal(z: ca.SX, d: ca.SX) -> ca.SX:
-        cost: ca.SX = aim.terminal * price(z[:n], z[n:])
+        cost: ca.SX = aim.terminal * error(z[:n], z[n:])
         return cost
 
     none = np.zeros((1, 0))
@@ -90,19 +90,19 @@ def _places(problem: Problem, truncation: Truncation) -> Floats:
     return np.asarray(np.linalg.lstsq(root * truncation.evaluation(nodes), root * wanted, rcond=None)[0])
 
 
-def _places_price(wanted: Floats, truncation: Truncation) -> Any:
+def _places_error(wanted: Floats, truncation: Truncation) -> Any:
     """Twice the mean square distance from places, which are points too."""
     weight, at = ca.DM(truncation.square), ca.DM(wanted)
 
-    def price(x: ca.SX, y: ca.SX) -> ca.SX:
+    def error(x: ca.SX, y: ca.SX) -> ca.SX:
         off = [x - at[:, 0], y - at[:, 1]]
         cost: ca.SX = ca.bilin(weight, off[0], off[0]) + ca.bilin(weight, off[1], off[1])
         return cost
 
-    return price
+    return error
 
 
-def _moments_price(target: MomentTarget, truncation: Truncation) -> Any:
+def _moments_error(target: MomentTarget, truncation: Truncation) -> Any:
     """Weighted squares of the errors of some moments."""
     count = len(target.moments)
     image, wanted, weights = (
@@ -111,20 +111,20 @@ def _moments_price(target: MomentTarget, truncation: Truncation) -> Any:
         ca.DM(np.asarray(target.weights)),
     )
 
-    def price(x: ca.SX, y: ca.SX) -> ca.SX:
+    def error(x: ca.SX, y: ca.SX) -> ca.SX:
         off = [ca.mtimes(image, x) - wanted[:, 0], ca.mtimes(image, y) - wanted[:, 1]]
         cost: ca.SX = ca.dot(weights, off[0] ** 2 + off[1] ** 2)
         return cost
 
-    return price
+    return error
 
 
-def _spread_price(target: SpreadTarget, truncation: Truncation, start: Floats) -> Any:
+def _spread_error(target: SpreadTarget, truncation: Truncation, start: Floats) -> Any:
     """Twice the squared Wasserstein distance."""
     average, square, F = ca.DM(truncation.mean), ca.DM(truncation.square / 2), target.covariance
     det_f = max(float(np.linalg.det(F)), 0.0)
 
-    def price(x: ca.SX, y: ca.SX) -> ca.SX:
+    def error(x: ca.SX, y: ca.SX) -> ca.SX:
         mean = [ca.dot(average, x), ca.dot(average, y)]
         xx = ca.bilin(square, x, x) - mean[0] ** 2 + start[0, 0]
         yy = ca.bilin(square, y, y) - mean[1] ** 2 + start[1, 1]
@@ -135,4 +135,4 @@ def _spread_price(target: SpreadTarget, truncation: Truncation, start: Floats) -
         cost: ca.SX = 2 * (off + xx + yy + float(np.trace(F)) - 2 * ca.sqrt(inner + ROUND))
         return cost
 
-    return price
+    return error

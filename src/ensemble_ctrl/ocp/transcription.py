@@ -1,6 +1,6 @@
 r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in nodal coordinates::
 
-    minimise    -w_rho level + w_T |m(T) - m_F|^2 + sum_n (w_v v_n^2 + w_omega omega_n^2) dt + price * slacks
+    minimise    -w_rho level + w_T |m(T) - m_F|^2 + sum_n (w_v v_n^2 + w_omega omega_n^2) dt + w_s sum(slacks)
                 (+ a risk penalty, `ensemble_ctrl.ocp.risk`)
 
     over        v_n, omega_n         the broadcast commands of step n
@@ -16,7 +16,7 @@ r"""The optimal-control problem ``eq:WayPointObsAvoid`` of Arias et al., in noda
                 level + slack >= margin
                 the rows of the task, which keep `level` at or below its robustness (`ensemble_ctrl.ocp.task`)
 
-Slacks have a price at which they are zero wherever a plan is possible.
+The slack weight w_s is so large that slacks are zero wherever a plan is possible.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import Mean
 from ensemble_ctrl.ocp.arrays import CasadiArrays
 from ensemble_ctrl.ocp.chance import asked
+from ensemble_ctrl.ocp.facet_binaries import Choice, binary_blocks
+from ensemble_ctrl.ocp.hyperplanes import Hyperplanes, separate
 from ensemble_ctrl.ocp.layout import Layout
-from ensemble_ctrl.ocp.lines import Lines, separate
 from ensemble_ctrl.ocp.margins import bulge, curvature, keeping
 from ensemble_ctrl.ocp.moment_form import moment_blocks, region_blocks
 from ensemble_ctrl.ocp.program import Block, Build, Program, assemble
 from ensemble_ctrl.ocp.risk import RiskRows, risk_rows
-from ensemble_ctrl.ocp.switches import Choice, switch_blocks
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.terminal import terminal_blocks
 from ensemble_ctrl.ocp.truncation import Truncation, node_drives, points
@@ -51,9 +51,9 @@ Pairs = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Avoiding:
-    """Separating lines at the guess, and which pairs of a side and a step are constrained by theirs."""
+    """Separating hyperplanes at the guess, and which pairs of a side and a step are constrained by theirs."""
 
-    lines: Lines
+    hyperplanes: Hyperplanes
     pairs: Pairs
 
     @property
@@ -93,7 +93,7 @@ def transcribe(
     controls : ndarray, shape (steps, 2)
         The guess; its length is the number of steps of the program.
     avoiding : Avoiding or Choice
-        How obstacles are kept out of: fixed separating lines, or facets chosen by switches.
+        How obstacles are kept out of: fixed separating hyperplanes, or facets chosen by binaries.
     tail : float
         Truncation error in metres that the margins cover.
     """
@@ -112,7 +112,7 @@ def transcribe(
     rated = bool(parts or fewer)
     blocks = [_turning(problem, layout, step), _moving(problem, truncation, layout, step)]
     if isinstance(avoiding, Choice):
-        blocks += switch_blocks(problem, truncation, layout, avoiding, slack, tail)
+        blocks += binary_blocks(problem, truncation, layout, avoiding, slack, tail)
         blocks += region_blocks(problem, truncation, layout) if in_moments else []
     elif in_moments:
         blocks += moment_blocks(problem, truncation, layout)
@@ -131,7 +131,7 @@ def transcribe(
     if risk is not None:
         guess[risk.index], lower[risk.index], upper[risk.index] = risk.guess, risk.lower, risk.upper
     if isinstance(avoiding, Choice):
-        _switching(avoiding, layout, guess, lower, upper)
+        _choosing(avoiding, layout, guess, lower, upper)
     return Transcription(assemble(layout.size, blocks, terms), layout, truncation, guess, lower, upper)
 
 
@@ -171,16 +171,16 @@ def _avoiding(
     problem: Problem, truncation: Truncation, layout: Layout, slack: Ints, avoiding: Avoiding, tail: float
 ) -> list[Block]:
     """Every point of a cell, at both ends of the step, on the free side of the pair's line, or short by the slack."""
-    lines = avoiding.lines
+    hyperplanes = avoiding.hyperplanes
     side, at = np.nonzero(avoiding.pairs)
-    keep = lines.radius[side] + keeping(problem, truncation, tail)
-    level = lines.support[side, at] + keep
-    data = np.column_stack([lines.normal[side, at], level[:, None] + lines.drift[side, at]])
+    keep = hyperplanes.radius[side] + keeping(problem, truncation, tail)
+    level = hyperplanes.support[side, at] + keep
+    data = np.column_stack([hyperplanes.normal[side, at], level[:, None] + hyperplanes.drift[side, at]])
     columns = np.column_stack([layout.controls[at], slack, layout.points[at], layout.points[at + 1]])
     arc = curvature(problem, truncation, layout.steps)
     blocks = []
-    for cell, part in enumerate(lines.parts):
-        rows = lines.cell[side] == cell
+    for cell, part in enumerate(hyperplanes.parts):
+        rows = hyperplanes.cell[side] == cell
         if rows.any():
             low = np.zeros((int(rows.sum()), 2 * len(part)))
             build = _on_its_side(problem, arc, part)
@@ -203,9 +203,9 @@ def _on_its_side(problem: Problem, arc: float, part: Floats) -> Build:
     return build
 
 
-def _switching(choice: Choice, layout: Layout, guess: Floats, lower: Floats, upper: Floats) -> None:
-    """Start and bounds of the switches, and the workspace that their rows rely on."""
-    n, index = layout.count, layout.switches
+def _choosing(choice: Choice, layout: Layout, guess: Floats, lower: Floats, upper: Floats) -> None:
+    """Start and bounds of the binaries, and the workspace that their rows rely on."""
+    n, index = layout.count, layout.binaries
     guess[index], lower[index], upper[index] = choice.setting, 0.0, 1.0
     for at, low, high in zip(layout.points[1:], choice.where.low[1:], choice.where.high[1:], strict=True):
         lower[at], upper[at] = np.repeat(low, n), np.repeat(high, n)
@@ -269,9 +269,9 @@ def _terms(problem: Problem, truncation: Truncation, layout: Layout, rated: bool
 def _risk(
     problem: Problem, truncation: Truncation, layout: Layout, curve: Floats, avoiding: Avoiding | Choice
 ) -> RiskRows | None:
-    """The risk penalty; clearances are those that fixed lines leave."""
+    """The risk penalty; clearances are those that fixed hyperplanes leave."""
     if isinstance(avoiding, Avoiding):
-        return risk_rows(problem, truncation, layout, curve, avoiding.lines, avoiding.pairs)
+        return risk_rows(problem, truncation, layout, curve, avoiding.hyperplanes, avoiding.pairs)
     none = separate(curve, (), problem.duration)
     return risk_rows(problem, truncation, layout, curve, none, none.active)
 

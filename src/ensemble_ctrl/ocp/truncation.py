@@ -66,7 +66,7 @@ class Truncation:
     laws : tuple of Law, optional
         What moments are taken against, one law for each bent parameter; all uniform if not given.
     cells : int
-        Equal parts of the first bent parameter's range that have separating lines of their own.
+        Equal parts of the first bent parameter's range that have separating hyperplanes of their own.
     joint : pair of ndarray, optional
         Scaled members, shape (members, bent parameters), and weights that sum to 2, of a law that is no product; means
         and squares are over it in place of `laws`.

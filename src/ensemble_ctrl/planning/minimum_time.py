@@ -31,8 +31,8 @@ from ensemble_ctrl.constraints.stl import And, Eventually, Inside, conjuncts, ke
 from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
+from ensemble_ctrl.ocp.guesses.roadmap import roadmap_guesses
 from ensemble_ctrl.ocp.rounds import Attempt, improve
-from ensemble_ctrl.ocp.seeds import seeds
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
 from ensemble_ctrl.ocp.truncation import coarse
 from ensemble_ctrl.planning import planner
@@ -344,7 +344,7 @@ class _Search:
         steps = coarse_steps(problem)
         found = self._improved(problem, [planner.given(problem, guess, steps) for guess in guesses])
         if not found and not self._over():
-            found = self._improved(problem, [s.controls for s in seeds(problem, steps, problem.solve.routes)])
+            found = self._improved(problem, [s.controls for s in roadmap_guesses(problem, steps, problem.solve.routes)])
         return [a.controls for a in sorted(found, key=lambda a: a.value.cost)]
 
     def _improved(self, problem: Problem, guesses: list[Floats]) -> list[Attempt]:

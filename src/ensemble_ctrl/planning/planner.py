@@ -1,6 +1,6 @@
-"""From a problem to the best controls found: seeds, a coarse search over routes, and a fine solve.
+"""From a problem to the best controls found: guesses, a coarse search over routes, and a fine solve.
 
-1. Geometric routes of different kinds around the obstacles give first guesses (`ensemble_ctrl.ocp.seeds`).
+1. Geometric routes of different kinds around the obstacles give first guesses (`ensemble_ctrl.ocp.guesses.roadmap`).
 2. Each is solved on a coarse grid at a low order, side by side where there are several cores; the best is kept, or the
    best few where every route is tried: each of them goes through what follows, and the best certified one is the plan.
    Where none of them leads to a plan, curves that the robots can drive, reversing where they may, are tried in the same
@@ -33,10 +33,10 @@ from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
 from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.curved import BATCHES, Curves, curved
-from ensemble_ctrl.ocp.guesses.shaken import shaken
+from ensemble_ctrl.ocp.guesses.perturbed import perturbed
+from ensemble_ctrl.ocp.guesses.roadmap import Guess, roadmap_guesses
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
-from ensemble_ctrl.ocp.seeds import Seed, seeds
 from ensemble_ctrl.ocp.shooting import search as shooting
 from ensemble_ctrl.ocp.shooting.guess import guesses
 from ensemble_ctrl.ocp.shooting.traced import require_traceable
@@ -233,9 +233,9 @@ def solve(
     search.tell("guess")
     steps = coarse_steps(problem)
     starts = (
-        [Seed(given(problem, guess, steps), np.zeros((0, 2)), 0.0)]
+        [Guess(given(problem, guess, steps), np.zeros((0, 2)), 0.0)]
         if guess is not None
-        else seeds(problem, steps, problem.solve.routes)
+        else roadmap_guesses(problem, steps, problem.solve.routes)
     )
     seconds["guess"] = time.perf_counter() - search.began
     search.tell("solve")
@@ -380,10 +380,10 @@ def screen(problem: Problem, *, progress: Progress | None = None, curves: Curved
     """
     search, steps = _Search(problem, progress, None), coarse_steps(problem)
 
-    def by_routes() -> list[Seed]:
-        return seeds(problem, steps, problem.solve.routes)
+    def by_routes() -> list[Guess]:
+        return roadmap_guesses(problem, steps, problem.solve.routes)
 
-    def by_curves() -> list[Seed]:
+    def by_curves() -> list[Guess]:
         return _curves(search, BATCHES[0], steps) if ompl_paths.available() else []
 
     ways = {"never": (by_routes,), "after": (by_routes, by_curves), "before": (by_curves, by_routes)}[curves]
@@ -485,7 +485,7 @@ def _finish(search: _Search, found: Attempt) -> _Finished:
 class _Tries:
     """Guesses with their coarse solutions, and those of them that were finished, by their places."""
 
-    starts: list[Seed] = field(default_factory=list)
+    starts: list[Guess] = field(default_factory=list)
     solved: list[Attempt] = field(default_factory=list)
     finished: dict[int, _Finished] = field(default_factory=dict)
 
@@ -512,7 +512,9 @@ class _Tries:
         return [tried(seed, coarse, fine.get(i), i == self.which) for i, (seed, coarse) in enumerate(pairs)]
 
 
-def _try(search: _Search, tries: _Tries, starts: list[Seed], worth: Callable[[Attempt], bool] = lambda _: True) -> None:
+def _try(
+    search: _Search, tries: _Tries, starts: list[Guess], worth: Callable[[Attempt], bool] = lambda _: True
+) -> None:
     """Solve guesses on the coarse grid, and finish the best of them if they are worth that."""
     first = len(tries.starts)
     solved = _coarse_all(search, [seed.controls for seed in starts])
@@ -523,25 +525,25 @@ def _try(search: _Search, tries: _Tries, starts: list[Seed], worth: Callable[[At
     tries.finished |= {first + i: end for i, end in zip(chosen, finished, strict=False)}
 
 
-def _further(search: _Search, tries: _Tries, steps: int) -> Iterator[list[Seed]]:
-    """More guesses, a few at a time, as long as there is no good plan: curves by OMPL, and shaken commands."""
+def _further(search: _Search, tries: _Tries, steps: int) -> Iterator[list[Guess]]:
+    """More guesses, a few at a time, as long as there is no good plan: curves by OMPL, and perturbed commands."""
     if search.over() or _is_good(search.problem, tries.best):
         return
     for batch in BATCHES if ompl_paths.available() else ():
         found = _curves(search, batch, steps)
         if found:
             yield found
-    yield list(shaken(search.problem, tries.solved[tries.which].controls))
+    yield list(perturbed(search.problem, tries.solved[tries.which].controls))
 
 
-def _curves(search: _Search, batch: Sequence[Curves], steps: int) -> list[Seed]:
+def _curves(search: _Search, batch: Sequence[Curves], steps: int) -> list[Guess]:
     """The most promising curves of a batch as they are: the best few by how far they fall short, and the shortest."""
     problem = search.problem
 
-    def work(own: _Search, candidate: int) -> list[Seed]:
+    def work(own: _Search, candidate: int) -> list[Guess]:
         return curved(problem, batch[candidate], steps, own.over)
 
-    every = [seed for seeds in search.side_by_side("curves", work, len(batch)) for seed in seeds or ()]
+    every = [curve for some in search.side_by_side("curves", work, len(batch)) for curve in some or ()]
     found = list({(seed.name, round(seed.length, 6)): seed for seed in every}.values())
     ranks = [_rank(start(problem, seed.controls, coarse(problem))) for seed in found]
     ranked = sorted(range(len(found)), key=lambda i: ranks[i])

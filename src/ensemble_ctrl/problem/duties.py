@@ -1,7 +1,7 @@
 """A task in two parts: what must be kept out of all the time, and the rest.
 
-Conjuncts of the form ``G[a,b] avoid(...)`` are safety: the planner turns them into separating lines for whole step
-intervals, replay and certificate check them at every instant.  Everything else has a robustness.
+Conjuncts of the form ``G[a,b] avoid(...)`` are safety: the planner turns them into separating hyperplanes for whole
+step intervals, replay and certificate check them at every instant.  Everything else has a robustness.
 """
 
 from __future__ import annotations

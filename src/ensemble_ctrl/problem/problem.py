@@ -126,12 +126,12 @@ class SolveOptions:
         Metres that the program keeps to spare: from obstacles beyond the robot's radius, and in the task's robustness.
     routes : int or "all"
         How many geometric routes are tried before the best is refined; ``all`` tries every way of passing the obstacles
-        without loops (`ensemble_ctrl.ocp.seeds.ALL` at most) and refines the best few.
+        without loops (`ensemble_ctrl.ocp.guesses.roadmap.ALL` at most) and refines the best few.
     max_iterations : int
         Iterations of one solve.
     cells : int
-        Equal parts of the (first) parameter's range that have separating lines of their own: more rows, and less is
-        asked of a wide fleet, whose members may be on different sides of a line at one time.
+        Equal parts of the (first) parameter's range that have separating hyperplanes of their own: more rows, and less
+        is asked of a wide fleet, whose members may be on different sides of an obstacle at one time.
     """
 
     method: Method = "nlp"

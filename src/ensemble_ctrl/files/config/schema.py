@@ -210,7 +210,7 @@ class Solve(Model):
     max_iterations: Annotated[int, BeforeValidator(whole(1, 1_000_000))] = SolveOptions.max_iterations
     """Iterations of one solve."""
     cells: Annotated[int, BeforeValidator(whole(1, 64))] = SolveOptions.cells
-    """Parts of the first parameter's range with separating lines of their own; for wide fleets."""
+    """Parts of the first parameter's range with separating hyperplanes of their own; for wide fleets."""
 
 
 class Verify(Model):

@@ -1,1 +1,1 @@
-"""Further guesses for searches that geometric routes did not lead to a plan: curved paths, and shaken commands."""
+"""Further guesses for searches that geometric routes did not lead to a plan: curved paths, and perturbed commands."""

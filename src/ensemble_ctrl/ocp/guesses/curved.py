@@ -1,4 +1,4 @@
-"""Guesses that drive curves: the trips of `ensemble_ctrl.ocp.seeds` with Reeds-Shepp or Dubins paths as their legs.
+"""Guesses that drive curves: the trips of `ensemble_ctrl.ocp.guesses.roadmap` along Reeds-Shepp or Dubins paths.
 
 Routes have corners, and the robot that follows them drives forwards. Where it has to back out, or to arrive with some
 heading, a path by OMPL is a guess from which the program finds a plan.
@@ -18,7 +18,7 @@ from shapely.ops import unary_union
 from ensemble_ctrl.ocp.chance import all_duties
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
 from ensemble_ctrl.ocp.guesses.ompl_paths import Surroundings, curve
-from ensemble_ctrl.ocp.seeds import Seed, Trip, schedule, trips
+from ensemble_ctrl.ocp.guesses.roadmap import Guess, Trip, schedule, trips
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -57,7 +57,7 @@ BATCHES = (
 """What is looked for side by side, and then if that is no help."""
 
 
-def curved(problem: Problem, curves: Curves, steps: int, stop: Callable[[], bool]) -> list[Seed]:
+def curved(problem: Problem, curves: Curves, steps: int, stop: Callable[[], bool]) -> list[Guess]:
     """Guesses on a grid of `steps`, one for each heading at the end that a path was found for; shortest first."""
     ways = trips(problem, curves.trip + 1)
     if len(ways) <= curves.trip or (curves.radius < 1 and not problem.fleet.system.turns_in_place):
@@ -73,8 +73,8 @@ def curved(problem: Problem, curves: Curves, steps: int, stop: Callable[[], bool
         end = round(float(np.rad2deg(poses[-1, 2]))) % 360
         name = f"{way} path of radius {radius:.2g} m that ends at {end} deg"
         corners = poses[:: max(len(poses) // 60, 1), :2]
-        found.append(Seed(driven(problem, poses, times, steps), corners, length, names, name, "curve"))
-    return sorted(found, key=lambda seed: seed.length)
+        found.append(Guess(driven(problem, poses, times, steps), corners, length, names, name, "curve"))
+    return sorted(found, key=lambda guess: guess.length)
 
 
 def _surroundings(problem: Problem, clearance: float) -> Surroundings:

@@ -14,10 +14,10 @@ from ensemble_ctrl.problem.duties import duties, grounded, other_parts
 
 Floats = NDArray[np.float64]
 
-LOOKS = 4
-"""Times in a step at which the distance from obstacles is looked at."""
+SUBSTEPS = 4
+"""Samples per step at which the distance from obstacles is measured."""
 MEMBERS = {0: 1, 1: 17, 2: 7, 3: 4}
-"""Chebyshev points for each of so many parameters, else 3, ends included: the members looked at."""
+"""Chebyshev points for each of so many parameters, else 3, ends included: the members sampled."""
 FLEET = 400
 """Members drawn for a task that speaks of the fleet as a whole."""
 INFINITE = 1e6
@@ -29,11 +29,11 @@ def evaluate(problem: OdeProblem, controls: Floats) -> Value:
     fleet, aim, step = problem.fleet, problem.objective, problem.duration / len(controls)
     effort, excess = _commands(problem, controls, step)
     members = fleet.bent_members(_spread(len(fleet.names)))
-    fine = np.repeat(controls, LOOKS, axis=0)
-    states = fleet.integrated(fine, members, step / LOOKS, 1)
+    fine = np.repeat(controls, SUBSTEPS, axis=0)
+    states = fleet.integrated(fine, members, step / SUBSTEPS, 1)
     if not np.isfinite(states).all():
         return Value(INFINITE, -INFINITE, 0.0, effort, -INFINITE, excess)
-    worst = _robustness(problem, states[:, ::LOOKS], controls)
+    worst = _robustness(problem, states[:, ::SUBSTEPS], controls)
     gap = _gap(problem, states[..., fleet.place_columns])
     terminal = _terminal(problem, controls)
     return Value(-aim.robustness * worst + terminal + effort, worst, terminal, effort, gap, excess)
@@ -71,7 +71,7 @@ def _robustness(problem: OdeProblem, states: Floats, controls: Floats) -> float:
 
 
 def _gap(problem: OdeProblem, paths: Floats) -> float:
-    """Smallest distance, beyond the radius, of any member from what it is to keep out of at the times looked at."""
+    """Smallest distance, beyond the radius, of any member from what it is to keep out of at the sampled times."""
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     return min((float(duty.distances(paths, times).min(initial=np.inf)) for duty in duties(problem)), default=np.inf)
 

@@ -9,9 +9,9 @@ from itertools import islice, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, skeletons
 from ensemble_ctrl.ocp.shooting.transcription import Iterate
 from ensemble_ctrl.ocp.shooting.ways import resampled, ways
-from ensemble_ctrl.ocp.skeleton import Skeleton, skeletons
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.problem.ode_fleet import OdeFleet

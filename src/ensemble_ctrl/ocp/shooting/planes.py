@@ -1,4 +1,4 @@
-"""Separating planes between the fleet and convex obstacles, fixed for a round as lines are in the plane.
+"""Separating planes between the fleet and convex obstacles, fixed for a round as hyperplanes are in the plane.
 
 A plane with unit normal `n` keeps points clear of an obstacle by ``min n.p - max n.vertex``.  The best plane is along
 the shortest way between both convex hulls (Gilbert's algorithm on their difference); where they overlap, along the

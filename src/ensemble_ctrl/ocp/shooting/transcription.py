@@ -1,6 +1,6 @@
 r"""The optimal-control problem for a fleet that follows a differential equation, by multiple shooting::
 
-    minimise    -w_rho level + 2 w_T E|p(T) - r|^2 + w_u sum_n |u_n - u_rest|^2 dt + price * slacks
+    minimise    -w_rho level + 2 w_T E|p(T) - r|^2 + w_u sum_n |u_n - u_rest|^2 dt + w_s sum(slacks)
 
     over        u_n         the broadcast commands of step n, in half widths of their bounds
                 X_jn        the state of the Gauss-node robot j at grid time n

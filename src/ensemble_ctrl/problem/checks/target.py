@@ -33,7 +33,7 @@ def target_findings(problem: Problem) -> Iterator[Finding]:
 
 
 def _risk(problem: Problem) -> Iterator[Finding]:
-    """Distances need places to be away from; clearances are those that separating lines leave the fleet."""
+    """Distances need places to be away from; clearances are those that separating hyperplanes leave the fleet."""
     risk, target = problem.objective.cvar, problem.objective.target
     if risk is None:
         return

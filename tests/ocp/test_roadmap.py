@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.ocp.routes import LONGEST, Route
-from ensemble_ctrl.ocp.seeds import ALL, combined, seeds
+from ensemble_ctrl.ocp.guesses.roadmap import ALL, combined, roadmap_guesses
+from ensemble_ctrl.ocp.guesses.routes import LONGEST, Route
 from ensemble_ctrl.ocp.truncation import positions
 from ensemble_ctrl.problem import Problem, Routes
 from ensemble_ctrl.systems import Unicycle
@@ -29,7 +29,7 @@ WANTED: tuple[Routes, Routes] = ("all", 8)
 @pytest.mark.parametrize("steps", [32, 160])
 def test_seeds_keep_the_bounds_and_arrive(steps: int, heading_from: Literal["x", "y"]) -> None:
     problem = five(fleet=replace(FLEET, system=Unicycle(heading_from)))
-    found = seeds(problem, steps, 2)
+    found = roadmap_guesses(problem, steps, 2)
     assert len(found) == 2
     assert found[0].length < found[1].length
     for seed in found:
@@ -43,7 +43,7 @@ def test_seeds_keep_the_bounds_and_arrive(steps: int, heading_from: Literal["x",
 
 def test_both_conventions_drive_the_same_path() -> None:
     paths = [
-        positions(problem, seeds(problem, 32, 1)[0].controls, NOMINAL)
+        positions(problem, roadmap_guesses(problem, 32, 1)[0].controls, NOMINAL)
         for problem in (five(fleet=replace(FLEET, system=Unicycle(axis))) for axis in ("x", "y"))
     ]
     np.testing.assert_allclose(paths[0], paths[1], atol=1e-9)
@@ -56,7 +56,7 @@ def test_any_bounds_are_kept(ends: tuple[float, float, float, float]) -> None:
     lower, upper = np.sort(np.reshape(ends, (2, 2)), axis=0)
     fleet = replace(FLEET, input_lower=lower, input_upper=upper)
     problem = replace_unchecked(five(), fleet)
-    for seed in seeds(problem, 32, 1):
+    for seed in roadmap_guesses(problem, 32, 1):
         assert (seed.controls >= lower).all()
         assert (seed.controls <= upper).all()
 
@@ -71,7 +71,7 @@ def replace_unchecked(problem: Problem, fleet: object) -> Problem:
 def test_without_a_route_the_guess_is_a_straight_line() -> None:
     ring = np.array([[[5, 8], [4, 4.2]], [[5, 8], [6.8, 7]], [[5, 5.2], [4, 7]], [[7.8, 8], [4, 7]]])
     problem = five().with_(obstacles={"wall": tuple(Obstacle.box(box) for box in ring)})
-    (only,) = seeds(problem, 32, 2)
+    (only,) = roadmap_guesses(problem, 32, 2)
     np.testing.assert_array_equal(only.corners, [[1, 1], [6.5, 5.5]])
     assert np.linalg.norm(positions(problem, only.controls, NOMINAL)[0, -1] - [6.5, 5.5]) < 0.3
 
@@ -81,13 +81,13 @@ def test_two_visits_are_driven_in_order() -> None:
     regions = {"goal": problem.regions["goal"], "way": type(problem.regions["goal"]).box([[0, 1], [3, 4]])}
     task = parse("F[14,16] in(goal) and F[4,6] in(way) and G avoid(obstacles)")
     both = problem.with_(task=task, regions=regions)
-    path = positions(both, seeds(both, 160, 1)[0].controls, NOMINAL)[0]
+    path = positions(both, roadmap_guesses(both, 160, 1)[0].controls, NOMINAL)[0]
     assert np.linalg.norm(path - [0.5, 3.5], axis=1)[40:61].min() < 0.4
     assert np.linalg.norm(path[-1] - [6.5, 5.5]) < 0.4
 
 
 def test_all_routes_are_every_kind_once_and_hold_the_few_shortest() -> None:
-    every, few = (seeds(five(), 32, wanted) for wanted in WANTED)
+    every, few = (roadmap_guesses(five(), 32, wanted) for wanted in WANTED)
     assert len(few) == 8
     assert few[0].length == every[0].length
     assert {seed.name for seed in few} <= {seed.name for seed in every}
@@ -98,7 +98,9 @@ def test_all_routes_are_every_kind_once_and_hold_the_few_shortest() -> None:
 
 
 def test_all_routes_of_an_open_map_are_one() -> None:
-    assert [s.name for s in seeds(five().with_(obstacles={}, task=parse("F in(goal)")), 32, "all")] == ["straight"]
+    assert [s.name for s in roadmap_guesses(five().with_(obstacles={}, task=parse("F in(goal)")), 32, "all")] == [
+        "straight"
+    ]
 
 
 @given(st.lists(st.lists(st.floats(0, 9), min_size=1, max_size=4), max_size=4), st.integers(1, 300))

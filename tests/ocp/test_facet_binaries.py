@@ -1,4 +1,4 @@
-"""Big-M rows: a switch at 1 keeps the points out, a switch at 0 takes nothing of the workspace away."""
+"""Big-M rows: a binary at 1 keeps the points out, a binary at 0 takes nothing of the workspace away."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.ocp.facet_binaries import Choice, Facets, Workspace, binary_blocks, facet_binaries, facets, workspace
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.margins import keeping, largest_bulge
 from ensemble_ctrl.ocp.mixed import best, held, widened
-from ensemble_ctrl.ocp.switches import Choice, Facets, Workspace, facets, switch_blocks, switches, workspace
 from ensemble_ctrl.ocp.truncation import Truncation, points
 from ensemble_ctrl.problem import Guarantee, Problem
 
@@ -61,18 +61,18 @@ class Case:
         allowed = (random.random((len(self.sides.piece), STEPS)) <= share) | best(
             self.sides, self.sides.gaps(self.curve)
         )
-        self.rows = switches(problem, self.truncation, self.sides, self.where, allowed, self.tail, block)
+        self.rows = facet_binaries(problem, self.truncation, self.sides, self.where, allowed, self.tail, block)
         self.choice = Choice(self.sides, self.where, self.rows, self.rows.setting(self.sides.gaps(self.curve)))
         self.layout = Layout(STEPS, self.truncation.count)
         self.slack = self.layout.slack(self.choice.slacks)
-        self.blocks = switch_blocks(problem, self.truncation, self.layout, self.choice, self.slack, self.tail)
+        self.blocks = binary_blocks(problem, self.truncation, self.layout, self.choice, self.slack, self.tail)
 
     def keeps(self, curve: Floats, setting: Floats, controls: Floats | None = None, slack: float = 0.0) -> bool:
-        """Whether the points with these switches satisfy every row."""
+        """Whether the points with these binaries satisfy every row."""
         x = np.zeros(self.layout.size)
         x[self.layout.controls] = np.zeros((STEPS, 2)) if controls is None else controls
         x[self.layout.points] = np.concatenate([curve[..., 0], curve[..., 1]], axis=1)
-        x[self.layout.switches], x[self.slack] = setting, slack
+        x[self.layout.binaries], x[self.slack] = setting, slack
         for block in self.blocks:
             z, d = ca.SX.sym("z", block.columns.shape[1]), ca.SX.sym("d", block.data.shape[1])
             row = ca.Function("row", [z, d], [block.build(z, d)])
@@ -123,7 +123,7 @@ def test_a_plan_that_holds_facets_is_admitted(guarantee: Guarantee, seed: int) -
 @settings(max_examples=30, deadline=None)
 @given(seed=seeds)
 def test_a_switch_at_zero_takes_nothing_away(guarantee: Guarantee, seed: int) -> None:
-    """With every switch at 0, all of the workspace satisfies the rows that have one, whatever the commands."""
+    """With every binary at 0, all of the workspace satisfies the rows that have one, whatever the commands."""
     case = Case(shapes(guarantee), np.random.default_rng(seed))
     switched = [
         b for b in case.blocks if b.name.startswith("avoiding") and b.columns.shape[1] > 3 + 4 * case.layout.count
@@ -197,7 +197,7 @@ def test_windows_and_reach_leave_rows_out() -> None:
     low = np.tile([-1.0, -1.0], (STEPS + 1, 1))
     sides = facets(away, STEPS)
     everything = np.ones((len(sides.piece), STEPS), dtype=bool)
-    rows = switches(away, truncation_of(away), sides, Workspace(low, low + 9), everything, 0.0, 1)
+    rows = facet_binaries(away, truncation_of(away), sides, Workspace(low, low + 9), everything, 0.0, 1)
     assert 0 not in rows.piece, "nobody gets to the far one"
     assert 1 in rows.piece
 
@@ -217,7 +217,7 @@ def test_without_duties_there_is_nothing() -> None:
     assert sides.pieces == 0
     nowhere = np.zeros((0, STEPS), dtype=bool)
     box = Workspace(np.zeros((STEPS + 1, 2)), np.ones((STEPS + 1, 2)))
-    assert switches(free, truncation_of(free), sides, box, nowhere, 0.0, 1).count == 0
+    assert facet_binaries(free, truncation_of(free), sides, box, nowhere, 0.0, 1).count == 0
 
 
 @settings(max_examples=50, deadline=None)

@@ -1,17 +1,17 @@
 r"""The disjunction over facets with binaries: big-M rows, and which facets may be chosen where.
 
 An obstacle is avoided in a step if one of its facets has the whole fleet on its free side at both ends of the step.
-With a switch :math:`z_f \in \{0, 1\}` for each facet that may be chosen,
+With a binary :math:`z_f \in \{0, 1\}` for each facet that may be chosen,
 
 .. math:: n_f \cdot P_i + \text{slack} + M_f (1 - z_f) \ge b_f + \text{radius} + \text{margin} + \text{tail}
           + \text{sagitta} \quad \text{for every point } i, \qquad \sum_f z_f \ge 1 .
 
-``M_f`` is the most by which the row can fall short where the fleet can be at that time (`Workspace`), so a switch at 0
+``M_f`` is the most by which the row can fall short where the fleet can be at that time (`Workspace`), so a binary at 0
 takes nothing away, and no row is looser than it must be.  With the guarantee ``moment`` the rows are the paper's, on
 moments (``eq:setPolyObsArr`` of Arias et al., One Ring to Rule Them All).
 
 *Guarantee*: with ``hull``, a solution keeps every member of the truncated model out through the whole step, as with
-separating lines; with ``nodes`` the Gauss-node robots at the grid times; with ``moment`` in effect the mean robot.
+separating hyperplanes; with ``nodes`` the Gauss-node robots at the grid times; with ``moment`` in effect the mean one.
 """
 
 from __future__ import annotations
@@ -101,32 +101,32 @@ class Workspace:
 
 
 @dataclass(frozen=True, eq=False)
-class Switches:
-    """Rows to keep out, one for each facet that may be chosen in a step, and the switches they read.
+class FacetBinaries:
+    """Rows to keep out, one for each facet that may be chosen in a step, and the binaries they read.
 
     Attributes
     ----------
     facet, step, piece : ndarray of int, shape (rows,)
         Of each row.
     big_m : ndarray, shape (rows,)
-        Metres by which the row may fall short while its switch is 0.
-    switch : ndarray of int, shape (rows,)
-        Which switch it reads; -1 where the facet is the only choice, so that the row always holds.
+        Metres by which the row may fall short while its binary is 0.
+    binary : ndarray of int, shape (rows,)
+        Which binary it reads; -1 where the facet is the only choice, so that the row always holds.
     groups : tuple of tuple of int
-        Switches of which one at least is 1.
+        Binaries of which one at least is 1.
     """
 
     facet: Ints
     step: Ints
     piece: Ints
     big_m: Floats
-    switch: Ints
+    binary: Ints
     groups: tuple[tuple[int, ...], ...]
 
     @property
     def count(self) -> int:
-        """How many switches there are."""
-        return int(self.switch.max(initial=-1)) + 1
+        """How many binaries there are."""
+        return int(self.binary.max(initial=-1)) + 1
 
     @property
     def pair(self) -> Ints:
@@ -135,10 +135,10 @@ class Switches:
         return np.asarray(np.unique(keys, return_inverse=True)[1], dtype=np.int64)
 
     def setting(self, gaps: Floats) -> Floats:
-        """Switches at 1 exactly where a facet's rows hold, or fall short the least of their group, shape (count,)."""
+        """1 exactly where a facet's rows hold, or fall short the least of their group, shape (count,)."""
         worst = np.full(self.count, np.inf)
-        read = self.switch >= 0
-        np.minimum.at(worst, self.switch[read], gaps[self.facet[read], self.step[read]])
+        read = self.binary >= 0
+        np.minimum.at(worst, self.binary[read], gaps[self.facet[read], self.step[read]])
         on = np.zeros(self.count)
         for group in self.groups:
             on[max(group, key=lambda s: worst[s])] = 1.0
@@ -147,7 +147,7 @@ class Switches:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """A program's switches with all they refer to.
+    """A program's binaries with all they refer to.
 
     Attributes
     ----------
@@ -155,15 +155,15 @@ class Choice:
         All facets.
     where : Workspace
         Where the program lets the points be; what `rows.big_m` relies on.
-    rows : Switches
-        Rows and switches.
-    setting : ndarray, shape (switches,)
-        The switches to start from.
+    rows : FacetBinaries
+        Rows and binaries.
+    setting : ndarray, shape (binaries,)
+        The binaries to start from.
     """
 
     sides: Facets
     where: Workspace
-    rows: Switches
+    rows: FacetBinaries
     setting: Floats
 
     @property
@@ -212,10 +212,10 @@ def workspace(problem: Problem, curve: Floats) -> Workspace:
     )
 
 
-def switches(
+def facet_binaries(
     problem: Problem, truncation: Truncation, sides: Facets, where: Workspace, allowed: Bools, tail: float, block: int
-) -> Switches:
-    """The rows and switches needed for a choice among the `allowed` facets.
+) -> FacetBinaries:
+    """The rows and binaries needed for a choice among the `allowed` facets.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def switches(
     tail : float
         Truncation error in metres.
     block : int
-        Steps that share their switches where the same facets are allowed.
+        Steps that share their binaries where the same facets are allowed.
 
     Notes
     -----
@@ -249,26 +249,26 @@ def switches(
     facet, step = np.nonzero(offered)
     options = np.zeros((sides.pieces, allowed.shape[1]), dtype=np.int64)
     np.add.at(options, sides.piece, offered)
-    switch, groups = _shared(sides, offered, facet, step, options, block)
+    binary, groups = _shared(sides, offered, facet, step, options, block)
     big_m = np.maximum(needed - least, 0.0)
     if problem.solve.guarantee == "moment":  # the paper's M is also above |a x|
         big_m = np.maximum.reduce([big_m, where.most(sides.normal), where.most(-sides.normal)])
-    return Switches(facet, step, sides.piece[facet], big_m[facet, step], switch, groups)
+    return FacetBinaries(facet, step, sides.piece[facet], big_m[facet, step], binary, groups)
 
 
-def switch_blocks(
+def binary_blocks(
     problem: Problem, truncation: Truncation, layout: Layout, choice: Choice, slack: Ints, tail: float
 ) -> list[Block]:
     """The rows of a choice with a `slack` for each pair, and the rows that demand a facet of each group."""
     sides, chosen = choice.sides, choice.rows
-    index = layout.switch(chosen.count)
+    index = layout.binary(chosen.count)
     blocks = [_choosing(index, size, groups) for size, groups in _by_size(chosen.groups).items()]
     build = _moment_rows if problem.solve.guarantee == "moment" else _point_rows
-    for read in (chosen.switch >= 0, chosen.switch < 0):
+    for read in (chosen.binary >= 0, chosen.binary < 0):
         if read.any():
             columns = [slack[chosen.pair[read], None], layout.controls[chosen.step[read]]]
             columns += [layout.points[chosen.step[read]], layout.points[chosen.step[read] + 1]]
-            columns += [index[chosen.switch[read], None]] if chosen.switch[read][0] >= 0 else []
+            columns += [index[chosen.binary[read], None]] if chosen.binary[read][0] >= 0 else []
             blocks.append(build(problem, truncation, sides, chosen, read, np.hstack(columns), tail))
     return blocks
 
@@ -276,8 +276,8 @@ def switch_blocks(
 def _shared(
     sides: Facets, offered: Bools, facet: Ints, step: Ints, options: Ints, block: int
 ) -> tuple[Ints, tuple[tuple[int, ...], ...]]:
-    """Number the switches: steps of one block in which a piece offers the same facets share theirs."""
-    switch = np.full(len(facet), -1, dtype=np.int64)
+    """Number the binaries: steps of one block in which a piece offers the same facets share theirs."""
+    binary = np.full(len(facet), -1, dtype=np.int64)
     numbers: dict[tuple[int, int, bytes], int] = {}
     groups: dict[tuple[int, int, bytes], list[int]] = defaultdict(list)
     next_one = 0
@@ -291,12 +291,12 @@ def _shared(
             numbers[key] = next_one
             groups[piece, k // block, menu].append(next_one)
             next_one += 1
-        switch[row] = numbers[key]
-    return switch, tuple(tuple(group) for group in groups.values())
+        binary[row] = numbers[key]
+    return binary, tuple(tuple(group) for group in groups.values())
 
 
 def _by_size(groups: tuple[tuple[int, ...], ...]) -> dict[int, list[tuple[int, ...]]]:
-    """Groups with the same number of switches together."""
+    """Groups with the same number of binaries together."""
     found: dict[int, list[tuple[int, ...]]] = defaultdict(list)
     for group in groups:
         found[len(group)].append(group)
@@ -304,7 +304,7 @@ def _by_size(groups: tuple[tuple[int, ...], ...]) -> dict[int, list[tuple[int, .
 
 
 def _choosing(index: Ints, size: int, groups: list[tuple[int, ...]]) -> Block:
-    """At least one switch of each group."""
+    """At least one binary of each group."""
     one = np.ones((len(groups), 1))
     columns = index[np.array(groups)]
     return Block("choosing", lambda z, d: ca.sum1(z), columns, np.zeros((len(groups), 0)), one, one + size)
@@ -314,12 +314,12 @@ def _point_rows(
     problem: Problem,
     truncation: Truncation,
     sides: Facets,
-    chosen: Switches,
+    chosen: FacetBinaries,
     read: Bools,
     columns: Ints,
     tail: float,
 ) -> Block:
-    """The rows on points, with a switch if there is a column for it."""
+    """The rows on points, with a binary if there is a column for it."""
     n, arc = truncation.count, curvature(problem, truncation, sides.active.shape[1])
     switched = columns.shape[1] > 3 + 4 * n
 
@@ -340,12 +340,12 @@ def _moment_rows(
     problem: Problem,
     truncation: Truncation,
     sides: Facets,
-    chosen: Switches,
+    chosen: FacetBinaries,
     read: Bools,
     columns: Ints,
     tail: float,
 ) -> Block:
-    """The paper's rows on the moments of every order, at both ends of the step; without a switch, with z = 1."""
+    """The paper's rows on the moments of every order, at both ends of the step; without a binary, with z = 1."""
     n, image = truncation.count, ca.DM(truncation.to_moments)
     positive, negative = truncation.basis.signed_moments()
     switched = columns.shape[1] > 3 + 4 * n

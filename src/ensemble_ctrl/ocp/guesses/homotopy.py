@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.ocp.routes import swept
+from ensemble_ctrl.ocp.guesses.routes import swept
 
 Floats = NDArray[np.float64]
 
 
-def sides(corners: Floats, obstacles: Mapping[str, Sequence[Obstacle]]) -> str:
+def homotopy(corners: Floats, obstacles: Mapping[str, Sequence[Obstacle]]) -> str:
     """A route's name, such as ``o1 left, o3 right``: o1 lies to its left, and is passed first.
 
     Parameters

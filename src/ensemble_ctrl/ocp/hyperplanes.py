@@ -1,4 +1,4 @@
-"""Separating lines between the fleet and convex obstacles: the disjunction over facets, decided.
+"""Separating hyperplanes between the fleet and convex obstacles: the disjunction over facets, decided.
 
 A line with unit normal `n` keeps a set of points clear of an obstacle by ``min n.p - max n.vertex``.  With the lines
 fixed, avoiding is a set of linear rows.  Re-choosing them at the solution of the last round keeps that solution
@@ -25,7 +25,7 @@ REACH = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class Hyperplanes:
     """For each pair of a convex piece and a step, the best line found, or one for each cell of the fleet.
 
     A *side* is a piece as seen by one cell; sides are numbered by cell, then piece.
@@ -62,12 +62,12 @@ class Lines:
     drift: Floats
     gap: Floats
 
-    def joined(self, other: Lines) -> Lines:
+    def joined(self, other: Hyperplanes) -> Hyperplanes:
         """All sides of both."""
         cell = np.concatenate([self.cell, other.cell + len(self.parts)])
         names = ("radius", "active", "normal", "support", "drift", "gap")
         rest = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in names]
-        return Lines(self.parts + other.parts, cell, *rest)
+        return Hyperplanes(self.parts + other.parts, cell, *rest)
 
     def nearest(self, points: Floats) -> Floats:
         """Smallest ``n . p`` over a cell's points, relative to the piece, at both ends of each step, (sides, steps)."""
@@ -91,8 +91,8 @@ def separate(
     near: float = np.inf,
     begin: float = 0.0,
     within: float = np.inf,
-) -> Lines:
-    """Best separating lines for every step, points at both its ends together.
+) -> Hyperplanes:
+    """Best separating hyperplanes for every step, points at both its ends together.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def separate(
     pieces = [(piece, duty) for duty in duties for piece in duty.pieces]
     if not pieces:
         none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
-        return Lines(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), pairs, none, pairs, none)
+        return Hyperplanes(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), pairs, none, pairs, none)
     times = np.linspace(begin, begin + duration, steps + 1)
     offsets, bent = [duty.offsets(times) for _, duty in pieces], [duty.bends(times) for _, duty in pieces]
     moved, bends = np.tile(offsets, (len(parts), 1, 1)), np.tile(bent, (len(parts), 1))
@@ -134,7 +134,7 @@ def separate(
     active = np.tile([duty.steps(steps, duration, begin) for _, duty in pieces], (len(parts), 1)) & (gap < np.inf)
     gap = np.where(active, gap - bends - radius[:, None], np.inf)
     cell = np.repeat(np.arange(len(parts)), len(pieces))
-    return Lines(parts, cell, radius, active, normal, support + bends, drift, gap)
+    return Hyperplanes(parts, cell, radius, active, normal, support + bends, drift, gap)
 
 
 def _both_ends(points: Floats) -> Floats:

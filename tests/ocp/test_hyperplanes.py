@@ -1,4 +1,4 @@
-"""Separating lines against shapely's distance between convex hulls."""
+"""Separating hyperplanes against shapely's distance between convex hulls."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.ocp.lines import separate
+from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.problem.duties import Duty
 
 Floats = NDArray[np.float64]
@@ -30,17 +30,17 @@ def test_the_gap_is_a_lower_bound_and_close_where_they_are_apart(seed: int, away
     assert piece is not None
     angle = rng.uniform(0, 2 * np.pi)
     points = rng.normal(size=(4, 5, 2)) * [0.6, 0.1] + away * np.array([np.cos(angle), np.sin(angle)])
-    lines = separate(points, [Duty("o", (piece,), 0.0, 0.0, 3.0)], 3.0)
-    np.testing.assert_allclose(np.linalg.norm(lines.normal, axis=-1), 1.0, rtol=1e-12)
+    hyperplanes = separate(points, [Duty("o", (piece,), 0.0, 0.0, 3.0)], 3.0)
+    np.testing.assert_allclose(np.linalg.norm(hyperplanes.normal, axis=-1), 1.0, rtol=1e-12)
     for n in range(3):
         both = np.concatenate([points[n], points[n + 1]])
         distance = shapely.MultiPoint(both).convex_hull.distance(shapely.Polygon(piece.vertices))
-        assert lines.gap[0, n] <= distance + 1e-12
+        assert hyperplanes.gap[0, n] <= distance + 1e-12
         if distance > 0.02:
-            assert lines.gap[0, n] >= 0.99 * distance - 3e-3
-        along = lines.normal[0, n]
-        np.testing.assert_allclose(lines.support[0, n], (piece.vertices @ along).max(), atol=1e-14)
-        np.testing.assert_allclose((both @ along).min() - lines.support[0, n], lines.gap[0, n], atol=1e-12)
+            assert hyperplanes.gap[0, n] >= 0.99 * distance - 3e-3
+        along = hyperplanes.normal[0, n]
+        np.testing.assert_allclose(hyperplanes.support[0, n], (piece.vertices @ along).max(), atol=1e-14)
+        np.testing.assert_allclose((both @ along).min() - hyperplanes.support[0, n], hyperplanes.gap[0, n], atol=1e-12)
 
 
 def test_the_gap_is_negative_where_no_line_separates() -> None:
@@ -64,14 +64,14 @@ def test_both_ends_of_a_step_count_together() -> None:
 def test_radius_and_window_of_a_duty() -> None:
     pieces = (Obstacle.box([[0, 1], [0, 1]]), Obstacle.box([[5, 6], [0, 1]]))
     points = np.full((5, 1, 2), 3.0) * [1, 0]
-    lines = separate(points, [Duty("o", pieces, 0.25, 1.0, 2.5)], 4.0)
-    np.testing.assert_array_equal(lines.active, [[False, True, True, False]] * 2)
-    np.testing.assert_allclose(lines.gap[:, 1:3], 1.75, atol=1e-12)
-    assert np.isinf(lines.gap[:, [0, 3]]).all()
-    np.testing.assert_array_equal(lines.radius, [0.25, 0.25])
+    hyperplanes = separate(points, [Duty("o", pieces, 0.25, 1.0, 2.5)], 4.0)
+    np.testing.assert_array_equal(hyperplanes.active, [[False, True, True, False]] * 2)
+    np.testing.assert_allclose(hyperplanes.gap[:, 1:3], 1.75, atol=1e-12)
+    assert np.isinf(hyperplanes.gap[:, [0, 3]]).all()
+    np.testing.assert_array_equal(hyperplanes.radius, [0.25, 0.25])
 
 
 def test_nothing_to_keep_out_of() -> None:
-    lines = separate(np.zeros((4, 2, 2)), [], 1.0)
-    assert lines.gap.shape == (0, 3)
-    assert lines.normal.shape == (0, 3, 2)
+    hyperplanes = separate(np.zeros((4, 2, 2)), [], 1.0)
+    assert hyperplanes.gap.shape == (0, 3)
+    assert hyperplanes.normal.shape == (0, 3, 2)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp.seeds import Seed
+from ensemble_ctrl.ocp.guesses.roadmap import Guess
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -20,7 +20,7 @@ AMPLITUDE = 0.25
 """Size of the waves, as a share of half the width of the commands' bounds."""
 
 
-def shaken(problem: Problem, controls: Floats) -> Iterator[Seed]:
+def perturbed(problem: Problem, controls: Floats) -> Iterator[Guess]:
     """`COUNT` guesses around commands of shape (steps, n_u), drawn by the problem's seed.
 
     Parameters
@@ -36,7 +36,7 @@ def shaken(problem: Problem, controls: Floats) -> Iterator[Seed]:
     for k in range(COUNT):
         moved = controls + waves @ random.normal(size=(WAVES + 1, controls.shape[1])) / np.sqrt(WAVES + 1) * size
         commands = np.clip(moved, fleet.input_lower, fleet.input_upper)
-        yield Seed(commands, np.zeros((0, 2)), 0.0, (), f"commands with waves added, {k + 1}", "waves")
+        yield Guess(commands, np.zeros((0, 2)), 0.0, (), f"commands with waves added, {k + 1}", "waves")
 
 
-__all__ = ["COUNT", "shaken"]
+__all__ = ["COUNT", "perturbed"]

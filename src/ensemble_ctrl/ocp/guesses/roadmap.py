@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.ocp.chance import all_duties
-from ensemble_ctrl.ocp.drive import follow, smoothed
-from ensemble_ctrl.ocp.routes import LONGEST, Route, corridor_route, routes
-from ensemble_ctrl.ocp.sides import distinct, sides
-from ensemble_ctrl.ocp.skeleton import Skeleton, Visit, skeletons
+from ensemble_ctrl.ocp.guesses.drive import follow, smoothed
+from ensemble_ctrl.ocp.guesses.homotopy import distinct, homotopy
+from ensemble_ctrl.ocp.guesses.routes import LONGEST, Route, corridor_route, routes
+from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, Visit, skeletons
 from ensemble_ctrl.problem import Problem, Routes
 from ensemble_ctrl.problem.duties import named_pieces
 
@@ -31,7 +31,7 @@ FEW = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Seed:
+class Guess:
     """A guess.
 
     Attributes
@@ -45,7 +45,7 @@ class Seed:
     visits : tuple of str
         Regions in the order they are visited.
     name : str
-        On which side of the route each obstacle that it passes lies, different for different seeds.
+        On which side of the route each obstacle that it passes lies, different for different guesses.
     kind : str
         What it was made from: a route, a curve, or other commands.
     """
@@ -71,7 +71,7 @@ class Trip:
         return sum(leg.length for leg in self.legs)
 
 
-def seeds(problem: Problem, steps: int, wanted: Routes) -> list[Seed]:
+def roadmap_guesses(problem: Problem, steps: int, wanted: Routes) -> list[Guess]:
     """Guesses on a grid of `steps`, shortest route first; a straight line where there is no route.
 
     Parameters
@@ -90,7 +90,7 @@ def seeds(problem: Problem, steps: int, wanted: Routes) -> list[Seed]:
 
 
 def trips(problem: Problem, wanted: Routes) -> list[Trip]:
-    """Orders of visits with their routes, shortest first; as for `seeds`."""
+    """Orders of visits with their routes, shortest first; as for `roadmap_guesses`."""
     every = wanted == "all"
     most, longest = (ALL, LONGEST) if wanted == "all" else (wanted, LONGER)
     planner = _Trips(problem, most, every)
@@ -194,7 +194,7 @@ def combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route,
 def _name(problem: Problem, trip: Trip) -> str:
     """What a trip is called: the sides of its one leg, or those of each leg with where it leads to."""
     obstacles = {duty.name: duty.pieces for duty in all_duties(problem)}
-    told = [sides(leg.corners, obstacles) for leg in trip.legs]
+    told = [homotopy(leg.corners, obstacles) for leg in trip.legs]
     if len(told) <= 1:
         return "".join(told) or "straight"
     targets = [visit.name for visit in trip.visits] + ["target"]
@@ -221,13 +221,13 @@ def _projected(region: Polyhedron, point: Floats) -> Floats:
     return point
 
 
-def _seed(problem: Problem, trip: Trip, steps: int) -> Seed:
+def _seed(problem: Problem, trip: Trip, steps: int) -> Guess:
     """Controls that follow a trip in time."""
     grid = np.linspace(0.0, problem.duration, steps + 1)
     times, corners = (np.concatenate(part) for part in zip(*_timed(problem, trip), strict=True))
     path = np.stack([np.interp(grid, times, corners[:, axis]) for axis in (0, 1)], axis=1)
     names = tuple(visit.name for visit in trip.visits)
-    return Seed(follow(problem, smoothed(path)), corners, trip.length, names)
+    return Guess(follow(problem, smoothed(path)), corners, trip.length, names)
 
 
 def _timed(problem: Problem, trip: Trip) -> Iterator[tuple[Floats, Floats]]:

@@ -9,32 +9,33 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
+import re
 from functools import cache
 from math import floor
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "src" / "ensemble_ctrl"
 LEFT_OUT = ("cli", "report", "files/export", "planning/online", "planning/suggest")
 """Packages that decide no plan and no proof."""
 
 
-def source(problem: Path) -> str:
+def source(problem: Path, left_out: tuple[str, ...] = LEFT_OUT) -> str:
     """Digest of a problem file, of the maps and samples beside it, and of the code that plans and proves."""
     beside = [path for path in sorted(problem.parent.iterdir()) if path.is_file() and path.suffix != ".yaml"]
-    found = hashlib.sha256(_code().encode())
+    found = hashlib.sha256(_code(left_out).encode())
     for path in (problem, *beside):
         found.update(path.read_bytes())
     return found.hexdigest()[:16]
 
 
 @cache
-def _code() -> str:
+def _code(left_out: tuple[str, ...]) -> str:
     """Digest of the code without its comments and docstrings, which decide nothing."""
     found = hashlib.sha256()
     for path in sorted(PACKAGE.rglob("*.py")):
-        if not path.relative_to(PACKAGE).as_posix().startswith(LEFT_OUT):
+        if not path.relative_to(PACKAGE).as_posix().startswith(left_out):
             found.update(ast.dump(_bare(ast.parse(path.read_text(encoding="utf-8")))).encode())
     return found.hexdigest()
 
@@ -78,10 +79,8 @@ def block(page: str, name: str, lines: list[str] | None = None) -> tuple[str, st
     ValueError
         If the page has no such block.
     """
-    begin, end = f"<!-- begin {name}: python docs/make_tables.py {name} -->\n", f"<!-- end {name} -->"
-    before, first, rest = page.partition(begin)
-    there, last, after = rest.partition(end)
-    if not (first and last):
+    found = re.search(rf"(<!-- begin {name}: [^\n]* -->\n)(.*?)(<!-- end {name} -->)", page, re.DOTALL)
+    if found is None:
         raise ValueError(f"no block {name!r} in the page")
-    text = there if lines is None else "\n".join(lines) + "\n"
-    return before + begin + text + end + after, text
+    text = found[2] if lines is None else "\n".join(lines) + "\n"
+    return page[: found.start(2)] + text + page[found.end(2) :], text

@@ -1,0 +1,94 @@
+"""What benchmarks measured on one machine: each writes a file, from which the pages are made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from printed.table import Rows, Timed, header, metres
+
+
+def programs_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """The planner and programs written by hand."""
+    yield from header("program", "guess", "process", "iterations", "objective", "clearance of nine robots", "for whom")
+    for row in rows:
+        objective = f"{row['objective']:.2f}".replace("-", "−")
+        cells = (row["program"], row["guess"], seconds(row["process"]), str(row["iterations"]), objective)
+        yield f"| {' | '.join(cells)} | {metres(row['clearance'])} | {row['whom']} |"
+    yield from ("", f"Time of a whole process, median of {rows[0]['runs']}, on {machine}.")
+
+
+def seconds(value: float) -> str:
+    """A time to two digits."""
+    if value < 0.995:
+        return f"{1e3 * value:.2g} ms" if value < 0.0995 else f"{value:.2f} s"
+    return f"{value:.1f} s" if value < 9.95 else f"{value:.0f} s"
+
+
+def milliseconds(value: float) -> str:
+    """A time to two digits, in milliseconds."""
+    return f"{float(f'{1e3 * value:.2g}'):.0f} ms"
+
+
+def loop_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Many runs of one robot, robots outside the range, and several robots."""
+    (row,) = rows
+    median, most, largest = (milliseconds(value) for value in row["seconds"])
+    yield f"The times are those of the processor ({machine}), proof included:"
+    yield ""
+    yield from header("what", "measured")
+    yield f"| endings of {row['runs']} runs | {', '.join(f'{n} `{name}`' for name, n in row['endings'].items())} |"
+    collisions = f"{row['collisions']}; {metres(row['clearance'])} is the smallest clearance"
+    yield f"| collisions, of true paths at ten samples per step | {collisions} |"
+    yield f"| in the goal within its window | {row['in_goal']} |"
+    yield f"| replanning: median, 95 %, largest of {row['plans']:,} | {median}, {most}, {largest} |"
+    apart = " / ".join(metres(value) for value in row["spread"])
+    yield f"| spread of the ends (RMS from their mean), with the loop / under the first plan alone | {apart} |"
+    yield from ("", *outside_lines(row["outside"]))
+
+
+def outside_lines(robots: Rows) -> Iterator[str]:
+    """Robots outside the range that is assumed."""
+    tractions = ", ".join(f"{one['traction']:g}" for one in robots)
+    noticed = _of(len(robots), sum(one["noticed"] for one in robots))
+    hit = _of(len(robots), sum(one["clearance"] < 0 for one in robots))
+    endings = " or ".join(f"`{name}`" for name in sorted({one["ending"] for one in robots}))
+    yield f"Of {len(robots)} robots with a traction outside the assumed range ({tractions}), {noticed} were noticed"
+    yield f"and {hit} hit an obstacle. They ended as {endings}."
+
+
+def _of(total: int, part: int) -> str:
+    """A part of several robots in words."""
+    return {0: "none", total: "all"}.get(part, str(part))
+
+
+def several_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Three robots under one broadcast, and one."""
+    (row,) = rows
+    three, one = ([milliseconds(value) for value in row[key]] for key in ("three", "one"))
+    yield f"Replanning takes {three[0]} at the median and {three[2]} at most for these three robots, {one[0]} and"
+    yield f"{one[2]} for `ada` alone (processor time, on the machine named above)."
+
+
+def front_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """What the first page says of the loop."""
+    (row,) = rows
+    median, most, _ = (milliseconds(value) for value in row["seconds"])
+    yield f"Replanning online, proof included, takes {median} at the median and {most} at the 95th percentile"
+    yield "(`python benchmarks/online.py`)."
+
+
+def map_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Grids as pieces, and fields of poles."""
+    yield from header("", "pieces", "time")
+    for row in rows:
+        yield f"| {row['what']} | {row['pieces']} | {seconds(row['seconds'])} |"
+    yield from ("", f"(`python benchmarks/maps.py`; {machine}.)")
+
+
+TABLES = {
+    "programs": Timed("docs/benchmarks.md", "programs", programs_lines),
+    "loop": Timed("docs/online.md", "online", loop_lines),
+    "several": Timed("docs/online.md", "online", several_lines),
+    "replanning": Timed("README.md", "online", front_lines),
+    "maps": Timed("docs/maps.md", "maps", map_lines),
+}
