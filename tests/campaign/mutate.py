@@ -86,7 +86,7 @@ FAMILIES_FOR: dict[str, tuple[str, ...]] = {
     "constraints/stl/implied.py": ("plain", "windows", "shares"),
     "constraints/polyhedron.py": ("windows", "plain", "far", "nested", "scaled"),
     "constraints/motion.py": ("moving",),
-    "problem/duties.py": ("windows", "plain", "shares", "moving"),
+    "problem/specification.py": ("windows", "plain", "shares", "moving"),
 }
 """The modules that prove, with the families of cases that each is tried with. Those that only read and print (tokens,
 texts, maps) are left to their own tests."""

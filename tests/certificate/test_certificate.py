@@ -29,7 +29,6 @@ from ensemble_ctrl.constraints.stl import (
 )
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import grounded, other_parts
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
@@ -137,7 +136,7 @@ def test_task_bound_holds_for_every_member(seed: int, steps: int, width: float, 
         members = np.concatenate([members, problem.fleet.corners])
     substeps = SPLITS[-1]
     fine = trajectories(problem, controls, members, substeps)
-    formula = grounded(problem, other_parts(problem)[0])
+    formula = problem.specification.parts[0].formula
     dense = member_robustness(formula, StateSignals(fine, ("x", "y"), problem.step / substeps), ExactOps())
     assert bound.covered
     # a fleet of finitely many members has a mean and shares of its own

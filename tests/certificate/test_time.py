@@ -19,7 +19,6 @@ from ensemble_ctrl.certificate.remaining import certify_set
 from ensemble_ctrl.certificate.schedule import Schedule, extremes
 from ensemble_ctrl.constraints.stl import Predicate, negation_normal_form, parse
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.report.words import certificate_words
 
 from .monitor import Floats, Signal, always, box_distance, driven, eventually, until
@@ -299,8 +298,8 @@ def test_far_boxes_are_looked_at_where_they_are() -> None:
 @pytest.mark.parametrize(("end", "steps"), [(4.0, [3, 4]), (4.000000005, [3, 4]), (4.5, [4]), (3.9, [])])
 def test_a_plan_keeps_out_in_windows_that_are_about_an_instant(end: float, steps: list[int]) -> None:
     begin = min(4.0, end)
-    [duty] = duties(problem_of(f"G[{begin!r}, {end!r}] avoid(o)", box=[[30, 40], [0, 1]]))
-    assert np.flatnonzero(duty.steps(10, 10.0)).tolist() == (steps or [3])
+    [avoid] = problem_of(f"G[{begin!r}, {end!r}] avoid(o)", box=[[30, 40], [0, 1]]).specification.avoid
+    assert np.flatnonzero(avoid.steps(10, 10.0)).tolist() == (steps or [3])
 
 
 @pytest.mark.parametrize("law", ["range: [0.9, 1.1]", "law: normal, mean: 1.0, deviation: 0.04, range: [0.9, 1.1]"])

@@ -211,7 +211,7 @@ def test_one_choice_needs_no_switch_and_blocks_share_theirs() -> None:
     np.testing.assert_array_equal(shared.rows.facet, single.rows.facet)
 
 
-def test_without_duties_there_is_nothing() -> None:
+def test_without_obstacles_there_is_nothing() -> None:
     free = shapes().with_(task=parse("F[3,4] in(goal)"))
     sides = facets(free, STEPS)
     assert sides.pieces == 0

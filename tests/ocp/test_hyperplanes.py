@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.ocp.hyperplanes import separate
-from ensemble_ctrl.problem.duties import Duty
+from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ def test_the_gap_is_a_lower_bound_and_close_where_they_are_apart(seed: int, away
     assert piece is not None
     angle = rng.uniform(0, 2 * np.pi)
     points = rng.normal(size=(4, 5, 2)) * [0.6, 0.1] + away * np.array([np.cos(angle), np.sin(angle)])
-    hyperplanes = separate(points, [Duty("o", (piece,), 0.0, 0.0, 3.0)], 3.0)
+    hyperplanes = separate(points, [AvoidConstraint("o", (piece,), 0.0, 0.0, 3.0)], 3.0)
     np.testing.assert_allclose(np.linalg.norm(hyperplanes.normal, axis=-1), 1.0, rtol=1e-12)
     for n in range(3):
         both = np.concatenate([points[n], points[n + 1]])
@@ -48,7 +48,7 @@ def test_the_gap_is_negative_where_no_line_separates() -> None:
     inside = np.full((2, 3, 2), 0.4)
     through = np.array([[[-1.0, 0.5]], [[2.0, 0.5]]])
     for points in (inside, through):
-        assert separate(points, [Duty("o", (square,), 0.0, 0.0, 1.0)], 1.0).gap[0, 0] < -0.3
+        assert separate(points, [AvoidConstraint("o", (square,), 0.0, 0.0, 1.0)], 1.0).gap[0, 0] < -0.3
 
 
 def test_both_ends_of_a_step_count_together() -> None:
@@ -56,15 +56,15 @@ def test_both_ends_of_a_step_count_together() -> None:
     square = Obstacle.box([[0, 1], [0, 1]])
     points = np.array([[[-0.2, 0.7]], [[0.3, 1.1]], [[0.6, 1.4]]])
     assert (square.distance(points) > 0).all()
-    gap = separate(points, [Duty("o", (square,), 0.0, 0.0, 2.0)], 2.0).gap[0]
+    gap = separate(points, [AvoidConstraint("o", (square,), 0.0, 0.0, 2.0)], 2.0).gap[0]
     assert gap[0] < 0
     assert 0.0999 < gap[1] <= 0.1 + 1e-12
 
 
-def test_radius_and_window_of_a_duty() -> None:
+def test_radius_and_window_of_what_is_avoided() -> None:
     pieces = (Obstacle.box([[0, 1], [0, 1]]), Obstacle.box([[5, 6], [0, 1]]))
     points = np.full((5, 1, 2), 3.0) * [1, 0]
-    hyperplanes = separate(points, [Duty("o", pieces, 0.25, 1.0, 2.5)], 4.0)
+    hyperplanes = separate(points, [AvoidConstraint("o", pieces, 0.25, 1.0, 2.5)], 4.0)
     np.testing.assert_array_equal(hyperplanes.active, [[False, True, True, False]] * 2)
     np.testing.assert_allclose(hyperplanes.gap[:, 1:3], 1.75, atol=1e-12)
     assert np.isinf(hyperplanes.gap[:, [0, 3]]).all()

@@ -15,7 +15,6 @@ from ensemble_ctrl.ocp.levels import TaskLevels, smooth_maximum
 from ensemble_ctrl.ocp.online import OnlineProgram, Present, _blocks, _Point
 from ensemble_ctrl.ocp.truncation import coarse, points
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import grounded, other_parts
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
@@ -104,7 +103,7 @@ def test_levels_are_a_lower_bound_of_the_robustness() -> None:
     curve = points(problem, controls, truncation)
     levels = TaskLevels.of(problem, truncation, curve)
     value = levels.values(levels.heights(curve, truncation.mean, np.zeros(161)))[-1]
-    part = grounded(problem, other_parts(problem)[0])
+    part = problem.specification.parts[0].formula
     members = points(problem, controls, replace(truncation, hull=False)).transpose(1, 0, 2)
     exact = float(robustness(part, StateSignals(members, ("x", "y"), problem.step), ExactOps()))
     assert exact - np.log(21) / 20 - 0.05 <= value <= exact

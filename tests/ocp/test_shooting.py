@@ -26,8 +26,8 @@ from ensemble_ctrl.ocp.shooting.planes import separate
 from ensemble_ctrl.ocp.shooting.search import Stage, nominal, whole
 from ensemble_ctrl.ocp.shooting.transcription import transcribe
 from ensemble_ctrl.ocp.shooting.ways import resampled, way, ways
-from ensemble_ctrl.problem.duties import Duty, duties
 from ensemble_ctrl.problem.evaluation.sampled import replay
+from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
 BLOCK = Obstacle.box([[1.5, 2.5], [-1.0, 0.4]])
@@ -55,7 +55,7 @@ def test_planes_separate_whatever_can_be_separated(d: int) -> None:
     piece = Obstacle.box([[-1, 1]] * 2) if d == 2 else Solid.hull(generator.standard_normal((10, 3)))
     middles = np.cumsum(0.5 * generator.standard_normal((60, 1, d)), axis=0)
     points = middles + 0.3 * generator.standard_normal((60, 5, d))
-    planes = separate(points, [Duty("o", (piece,), 0.1, 0.0, 4.0)], 4.0)
+    planes = separate(points, [AvoidConstraint("o", (piece,), 0.1, 0.0, 4.0)], 4.0)
     both = np.concatenate([points[:-1], points[1:]], axis=1)
     seen = set()
     for k, group in enumerate(both):
@@ -72,7 +72,7 @@ def test_planes_separate_whatever_can_be_separated(d: int) -> None:
 def test_the_plane_of_one_point_is_at_its_distance() -> None:
     solid = Solid.hull(np.random.default_rng(3).standard_normal((10, 3)))
     points = 4 * np.random.default_rng(4).standard_normal((30, 1, 3))
-    planes = separate(np.repeat(points, 2, axis=0), [Duty("o", (solid,), 0.0, 0.0, 1.0)], 1.0)
+    planes = separate(np.repeat(points, 2, axis=0), [AvoidConstraint("o", (solid,), 0.0, 0.0, 1.0)], 1.0)
     np.testing.assert_allclose(planes.gap[0, ::2], solid.distance(points[:, 0]), atol=2e-2)
 
 
@@ -123,7 +123,7 @@ def test_simulated_states_keep_the_programs_dynamics(guarantee: str) -> None:
     iterate = stage.simulated(controls)
     positions = iterate.states[:, :2].transpose(0, 2, 1)
     points = np.einsum("ij,tjd->tid", stage.truncation.to_points, positions)
-    planes = separate(points, [Duty("block", (BLOCK,), 0.1, 0.0, 6.0)], 6.0)
+    planes = separate(points, [AvoidConstraint("block", (BLOCK,), 0.1, 0.0, 6.0)], 6.0)
     shooting = transcribe(given, stage.truncation, iterate, planes, planes.active, 1, (0.0, 0.0))
     g = np.array(shooting.program.functions["g"](shooting.guess, shooting.program.parameters)).ravel()
     rows = {name: slice(a, b) for name, a, b in shooting.program.rows}
@@ -166,7 +166,7 @@ def test_the_program_costs_what_the_plan_is_worth(task: str) -> None:
     controls = np.random.default_rng(0).uniform(-0.2, 0.2, (some.steps, 2))
     iterate = stage.simulated(controls)
     places = np.einsum("ij,tdj->tid", stage.truncation.to_points, iterate.states[:, some.fleet.place_columns])
-    planes = separate(places, duties(some), some.duration)
+    planes = separate(places, some.specification.avoid, some.duration)
     program = transcribe(some, stage.truncation, iterate, planes, planes.active, stage.substeps, (0.0, 0.0))
     x = program.guess.copy()
     x[program.layout.slacks] = 0.0

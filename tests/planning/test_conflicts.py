@@ -17,7 +17,6 @@ from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import load, load_text
 from ensemble_ctrl.problem import OdeProblem, Problem
-from ensemble_ctrl.problem.duties import other_parts
 from ensemble_ctrl.problem.evaluation.conflicts import conflicts, unit_of_parts
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.problem.ode_fleet import OdeFleet
@@ -55,15 +54,15 @@ def test_nothing_fails_where_nothing_is_asked_in_vain() -> None:
     assert conflicts(problem, FORWARD) == ()
 
 
-def test_times_of_a_visit_and_of_a_duty() -> None:
+def test_times_of_a_visit_and_of_avoidance() -> None:
     way = {"way": Polyhedron.box([[2.0, 2.5], [2.2, 2.6]])}
     problem = five().with_(obstacles={}, regions=way, task=parse("F[8,10] in(way)"))
     (visit,) = conflicts(problem, FORWARD)
     assert (visit.parameters["traction"], visit.time) == (1.1, 8.0)  # already past: the start of the window is closest
     assert visit.amount == pytest.approx(1 + 1.1 * 2 - 2.5, abs=1e-9)
-    (duty,) = conflicts(problem.with_(task=parse("G[4,6] in(way)")), FORWARD)
-    assert (duty.parameters["traction"], duty.time) == (0.9, 4.0)
-    assert duty.amount == pytest.approx(2.2 - (1 + 0.9), abs=1e-9)
+    (failed,) = conflicts(problem.with_(task=parse("G[4,6] in(way)")), FORWARD)
+    assert (failed.parameters["traction"], failed.time) == (0.9, 4.0)
+    assert failed.amount == pytest.approx(2.2 - (1 + 0.9), abs=1e-9)
 
 
 def test_a_region_that_must_be_avoided_conflicts_too() -> None:
@@ -75,7 +74,7 @@ def test_a_region_that_must_be_avoided_conflicts_too() -> None:
         assert 0.1 < only.amount < 0.25
 
 
-def test_only_the_window_of_a_duty_counts() -> None:
+def test_only_the_window_of_avoidance_counts() -> None:
     wall = {"wall": (Obstacle.box([[2, 2.5], [2, 2.5]]),)}
     early, late = (five().with_(obstacles=wall, task=parse(f"G[{w}] avoid(wall)")) for w in ("0,3", "4,8"))
     assert conflicts(early, FORWARD) == ()
@@ -148,7 +147,7 @@ def test_what_falls_short_is_said_in_its_unit(system: OdeSystem, task: str, word
     (found,) = conflicts(problem, np.zeros((4, 2)))
     assert conflict_text(found).startswith(f"{found.what} by {words} (")
     run = replay(problem, np.zeros((4, 2)))
-    shown = dict(measured(run, unit_of_parts(problem, other_parts(problem))))
+    shown = dict(measured(run, unit_of_parts(problem, problem.specification.parts)))
     assert shown["robustness"].startswith(f"-9.0000{words.removeprefix('9')} ")
 
 

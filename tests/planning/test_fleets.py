@@ -16,7 +16,6 @@ from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.truncation import points
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from tests.paths import CONFIGS
 
@@ -82,7 +81,9 @@ def test_cells_do_what_no_single_line_can() -> None:
     asked, found = problem("cells"), solution("cells")
     truncation = found.attempt.truncation
     curve = points(asked, found.controls, truncation)
-    whole, own = (separate(curve, duties(asked), asked.duration, parts=parts) for parts in (None, truncation.parts))
+    whole, own = (
+        separate(curve, asked.specification.avoid, asked.duration, parts=parts) for parts in (None, truncation.parts)
+    )
     assert len(truncation.parts) == 4
     assert whole.gap.min() < -0.05
     assert own.gap.min() > 0

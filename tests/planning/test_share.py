@@ -20,7 +20,6 @@ from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, Truncat
 from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import chances
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.report.text import measured, proven
@@ -71,8 +70,8 @@ def random_problem(rng: np.random.Generator, text: str) -> tuple[Problem, Floats
 
 def true_share(problem: Problem, controls: Floats) -> float:
     """The laws' mass of the members of a dense grid that do the part, by replay of each."""
-    (chance,) = chances(problem)
-    single, fine = problem.with_(task=chance.part.child, steps=16 * problem.steps), np.repeat(controls, 16, axis=0)
+    (chance,) = problem.specification.chance
+    single, fine = problem.with_(task=chance.share.child, steps=16 * problem.steps), np.repeat(controls, 16, axis=0)
     return float(1 - replay(single, fine, parameters=even_members(problem)).violating.mean())
 
 
@@ -181,8 +180,8 @@ def test_a_share_is_cheaper_than_everybody() -> None:
     (seen,) = replay(problem, found.controls, members=2000, substeps=5).shares
     assert seen.low <= true_share(problem, found.controls) + 0.01
     assert seen.high >= bound.share
-    (chance,) = chances(problem)
-    everybody = solve(problem.with_(task=chance.part.child))
+    (chance,) = problem.specification.chance
+    everybody = solve(problem.with_(task=chance.share.child))
     assert found.attempt.value.cost < everybody.attempt.value.cost - 0.05
 
 
@@ -251,10 +250,10 @@ def test_boxes_have_the_mass_and_none_is_larger_than_it_must_be() -> None:
         ends = [fleet.parameters["traction"].to_parameter(np.array([end])) for end in box[0]]
         assert 0.9 <= fleet.mass(*ends) <= 0.91
     assert ranges(problem.with_(task=parse("F in(goal)"))) == (None,)
-    (chance,) = chances(problem)
-    assert chance.part == problem.task
-    assert [d.name for d in chance.duties] == list(problem.obstacles)
-    assert chances(problem.with_(task=Share(1.0, parse("F in(goal)")))) == ()
+    (chance,) = problem.specification.chance
+    assert chance.share == problem.task
+    assert [d.name for d in chance.avoid] == list(problem.obstacles)
+    assert problem.with_(task=Share(1.0, parse("F in(goal)"))).specification.chance == ()
 
 
 @pytest.mark.parametrize(

@@ -22,8 +22,8 @@ from ensemble_ctrl.constraints.stl import (
 )
 from ensemble_ctrl.files.config import dump, load_text
 from ensemble_ctrl.problem.checks import coverage_text, findings
-from ensemble_ctrl.problem.duties import NOTHING_ASKED, clearances, duties, other_parts
 from ensemble_ctrl.problem.evaluation.sampled import replay
+from ensemble_ctrl.problem.specification import NOTHING_ASKED, clearances
 from ensemble_ctrl.report import summary_lines
 from ensemble_ctrl.report.words import certificate_words
 
@@ -184,8 +184,10 @@ def test_a_thousand_windows_that_contain_each_other_are_one() -> None:
         f"G[0,{20 - i / 1000:g}] avoid(obstacles) and F[0,{20 - i / 1000:g}] in(goal)" for i in range(500)
     )
     many, one = problem(text), problem("G avoid(obstacles) and F[0,19.501] in(goal)")
-    assert [(d.name, d.begin, d.end) for d in duties(many)] == [(d.name, d.begin, d.end) for d in duties(one)]
-    assert other_parts(many) == other_parts(one)
+    assert [(d.name, d.begin, d.end) for d in many.specification.avoid] == [
+        (d.name, d.begin, d.end) for d in one.specification.avoid
+    ]
+    assert [part.written for part in many.specification.parts] == [part.written for part in one.specification.parts]
     controls = np.tile([0.08, 0.01], (100, 1))
     for parameters in ([0.9], [1.1]):
         left, right = (replay(p, controls, parameters=parameters).robustness for p in (many, one))

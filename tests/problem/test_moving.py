@@ -18,7 +18,6 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
@@ -104,7 +103,7 @@ def test_lines_keep_clear_of_it_through_the_step(seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem, _ = random_problem(rng, 0.1)
     points = rng.uniform(-3, 3, (problem.steps + 1, 3, 2))
-    hyperplanes = separate(points, duties(problem), problem.duration)
+    hyperplanes = separate(points, problem.specification.avoid, problem.duration)
     (piece,), motion = problem.obstacles["block"], problem.motions["block"]
     for k in range(problem.steps):
         for share in np.linspace(0, 1, 9):

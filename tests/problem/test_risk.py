@@ -19,10 +19,10 @@ from ensemble_ctrl.ocp.transcription import Avoiding, transcribe
 from ensemble_ctrl.ocp.truncation import choose, points
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Objective, Problem
-from ensemble_ctrl.problem.duties import clearances
 from ensemble_ctrl.problem.evaluation.arrival import risk
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.risk import Loss, Risk, value_at_risk
+from ensemble_ctrl.problem.specification import clearances
 from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]

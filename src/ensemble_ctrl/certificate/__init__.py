@@ -33,7 +33,7 @@ TRUSTED = tuple(
         ),
         "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
         "core.": ("errors", "plain", "readonly", "values"),
-        "problem.": ("duties",),
+        "problem.": ("specification",),
     }.items()
     for module in modules
 )

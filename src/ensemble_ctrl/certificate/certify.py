@@ -1,4 +1,4 @@
-"""The certificate of a plan: bounds for every duty and every part of the task, and a verdict."""
+"""The certificate of a plan: bounds for every avoided obstacle and every part of the task, and a verdict."""
 
 from __future__ import annotations
 
@@ -21,19 +21,15 @@ from ensemble_ctrl.certificate.task import TaskBound, bound_task
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.plain import at_least
 from ensemble_ctrl.core.values import shown
-from ensemble_ctrl.problem.duties import (
+from ensemble_ctrl.problem.specification import (
     NOTHING_ASKED,
     NOTHING_AVOIDED,
-    Chance,
-    Duty,
-    chances,
-    duties,
-    grounded,
-    other_parts,
+    AvoidConstraint,
+    ChanceConstraint,
+    TaskPart,
 )
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.constraints.stl.formula import Formula
     from ensemble_ctrl.moments import Law
     from ensemble_ctrl.problem import Problem
     from ensemble_ctrl.problem.ensemble import Member
@@ -76,7 +72,7 @@ class Certificate:
     proven : {"yes", "no", "undecided"}
         ``yes``: every bound is positive or zero. ``no``: `counter_example` violates the task.
     clearances : tuple of Bound
-        Proven and sampled clearance for each duty.
+        Proven and sampled clearance for each avoidance constraint.
     parts : tuple of TaskBound
         Proven and sampled robustness of the other parts of the task.
     counter_example : CounterExample or None
@@ -115,7 +111,7 @@ class Certificate:
 
     @property
     def robustness(self) -> float:
-        """Smallest proven robustness of the parts that are not duties, in `unit`; infinite without such parts."""
+        """Smallest proven robustness of the parts that do not only avoid, in `unit`; infinite without such parts."""
         return min((b.proven for b in self.parts), default=np.inf)
 
     @property
@@ -168,11 +164,12 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     if len(controls) != problem.steps:
         raise ProblemError(f"controls: expected a row for each of {problem.steps} steps, got {len(controls)}")
     proof = PROOFS[problem.fleet.enclosure](problem, controls, laws)
-    some = {id(chance.part): chance for chance in chances(problem)}
+    specification = problem.specification
+    chances = {id(chance.part): chance for chance in specification.chance}
     try:
-        clearances = tuple(proof.clearance(duty) for duty in duties(problem))
+        clearances = tuple(proof.clearance(avoid) for avoid in specification.avoid)
         parts = tuple(
-            proof.share(some[id(part)]) if id(part) in some else proof.part(part) for part in other_parts(problem)
+            proof.share(chances[id(part)]) if id(part) in chances else proof.part(part) for part in specification.parts
         )
         looked, reason = proof.boxes, ""
     except Unenclosed as error:
@@ -219,13 +216,13 @@ class Proof(Protocol):
     def boxes(self) -> int:
         """Boxes looked at for clearances so far."""
 
-    def clearance(self, duty: Duty) -> Bound:
-        """The clearance of one duty."""
+    def clearance(self, avoid: AvoidConstraint) -> Bound:
+        """The clearance from one obstacle or region."""
 
-    def part(self, part: Formula) -> TaskBound:
+    def part(self, part: TaskPart) -> TaskBound:
         """The robustness of one part of the task."""
 
-    def share(self, chance: Chance) -> TaskBound:
+    def share(self, chance: ChanceConstraint) -> TaskBound:
         """The robustness of a part for a share of the fleet."""
 
 
@@ -252,15 +249,15 @@ class ArcsProof:
         """Boxes looked at for clearances so far."""
         return self._prover.boxes
 
-    def clearance(self, duty: Duty) -> Bound:
-        """The clearance of one duty."""
-        return _clearance(self._prover, self.problem, duty)
+    def clearance(self, avoid: AvoidConstraint) -> Bound:
+        """The clearance from one obstacle or region."""
+        return _clearance(self._prover, self.problem, avoid)
 
-    def part(self, part: Formula) -> TaskBound:
+    def part(self, part: TaskPart) -> TaskBound:
         """The robustness of one part of the task."""
         return part_bound(self.problem, self.controls, self.laws, part, self._fleet)
 
-    def share(self, chance: Chance) -> TaskBound:
+    def share(self, chance: ChanceConstraint) -> TaskBound:
         """The robustness of a part for a share of the fleet."""
         return _share(self.problem, self.controls, self.laws, self._fleet, chance)
 
@@ -276,16 +273,16 @@ PROOFS: dict[str, Callable[[Any, Floats, Mapping[str, Law]], Proof]] = {"arcs": 
 """Where bounds come from, by the name of a fleet's enclosure."""
 
 
-def _clearance(prover: Prover, problem: Problem, duty: Duty) -> Bound:
-    """The worst piece of one duty."""
-    return nearest_piece(prover, duty, Spans.of(duty.begin, duty.end, problem.duration, prover.flow.steps))
+def _clearance(prover: Prover, problem: Problem, avoid: AvoidConstraint) -> Bound:
+    """The worst piece of what is avoided."""
+    return nearest_piece(prover, avoid, Spans.of(avoid.begin, avoid.end, problem.duration, prover.flow.steps))
 
 
 def part_bound(
     problem: Problem,
     controls: Floats,
     ranges: Mapping[str, Ranged],
-    part: Formula,
+    part: TaskPart,
     fleet: Fleet,
     wanted: float = 0.0,
     cells: int = 0,
@@ -294,21 +291,22 @@ def part_bound(
 
     `wanted` is the robustness in metres that would do, `fleet` and `cells` as for `bound_task`.
     """
-    formula = grounded(problem, part)
     for split in SPLITS:
-        bound = bound_task(problem, controls, ranges, formula, fleet, split, cells)
+        bound = bound_task(problem, controls, ranges, part.formula, fleet, split, cells)
         if bound.proven >= wanted or bound.sampled < wanted:
             break
     return replace(bound, part=str(part))
 
 
-def _share(problem: Problem, controls: Floats, laws: Mapping[str, Law], fleet: Fleet, chance: Chance) -> TaskBound:
+def _share(
+    problem: Problem, controls: Floats, laws: Mapping[str, Law], fleet: Fleet, chance: ChanceConstraint
+) -> TaskBound:
     """The bound of ``share(p, f)``: that of `f` for all members of a box with enough mass, if one is proven."""
     best: TaskBound | None = None
     for box, mass in boxes(problem, controls, fleet, chance):
         prover = Prover(Flow.of(problem, controls, box), problem.fleet.names)
-        bounds = [_clearance(prover, problem, duty).proven for duty in chance.duties]
-        bounds += [part_bound(problem, controls, box, part, fleet).proven for part in chance.others]
+        bounds = [_clearance(prover, problem, avoid).proven for avoid in chance.avoid]
+        bounds += [part_bound(problem, controls, box, part, fleet).proven for part in chance.rest]
         found = TaskBound(str(chance.part), min(bounds, default=np.inf), np.inf, {}, share=mass)
         if best is None or found.proven > best.proven:
             best = found
@@ -320,10 +318,10 @@ def _share(problem: Problem, controls: Floats, laws: Mapping[str, Law], fleet: F
     if found.sampled < 0 and problem.fleet.radius > 0:
         # predicates grow obstacles by the radius with sharp corners: what is refuted is refuted without it
         bare = problem.with_(fleet=replace(problem.fleet, radius=0.0))
-        found = replace(found, sampled=part_bound(bare, controls, laws, chance.part, fleet).sampled)
+        found = replace(found, sampled=part_bound(bare, controls, laws, TaskPart.of(bare, chance.share), fleet).sampled)
     if best is not None and best.proven >= found.proven:
         return replace(best, sampled=found.sampled)
-    return replace(found, share=chance.part.p) if found.proven >= 0 else found
+    return replace(found, share=chance.share.p) if found.proven >= 0 else found
 
 
 def _counter_example(clearances: Sequence[Bound], parts: Sequence[TaskBound]) -> CounterExample | None:

@@ -23,8 +23,8 @@ from ensemble_ctrl.constraints.obstacle import Obstacle
 
 if TYPE_CHECKING:
     from ensemble_ctrl.constraints.motion import Motion
-    from ensemble_ctrl.problem.duties import Duty
     from ensemble_ctrl.problem.ensemble import Member
+    from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -109,12 +109,12 @@ class Search(Protocol):
         """Proven and sampled clearance; what is proven to be further away than `enough` isn't looked at closely."""
 
 
-def nearest_piece(search: Search, duty: Duty, spans: Spans) -> Bound:
-    """The worst piece of one duty; those that look nearest come first, so that the others need only be far enough."""
+def nearest_piece(search: Search, avoid: AvoidConstraint, spans: Spans) -> Bound:
+    """The worst piece; those that look nearest come first, so that the others need only be far enough."""
     found: list[Bound] = []
-    for piece in sorted(duty.pieces, key=lambda piece: search.nearness(piece, spans, duty.motion)):
+    for piece in sorted(avoid.pieces, key=lambda piece: search.nearness(piece, spans, avoid.motion)):
         enough = min((b.sampled for b in found), default=np.inf)
-        found.append(search.bound(duty.name, piece, spans, duty.radius, duty.motion, enough=enough))
+        found.append(search.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, enough=enough))
     worst = min(found, key=lambda b: b.sampled)
     return replace(worst, proven=min(b.proven for b in found))
 

@@ -24,7 +24,6 @@ from ensemble_ctrl.certificate.enclosure import UNIT, Flow
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.constraints.stl import Known
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import duties, other_parts
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +43,7 @@ class SetCertificate:
     proven : bool
         Whether every robot of the set does the rest of the task.
     clearance, robustness : float
-        Proven lower bounds in metres, infinite without duties or without other parts.
+        Proven lower bounds in metres, infinite without obstacles or without other parts.
     worst : str
         The obstacle or the part that decides.
     seconds : float
@@ -114,17 +113,19 @@ def certify_set(
     growth = (away + 2 * np.sin(min(turn, np.pi) / 2) * _distance(flow, prover)) * (1 + 64 * UNIT)
     growth = growth if more is None else growth + more
     found, fleet = [(np.inf, "no obstacle")], problem.fleet
-    for duty in duties(problem):
-        spans = Spans.of(duty.begin, duty.end, problem.duration, flow.steps)
-        for piece in duty.pieces:
-            bound = prover.bound(duty.name, piece, spans, duty.radius, duty.motion, growth, SPARE)
-            found.append((bound.proven, f"avoid({duty.name})"))
+    for avoid in problem.specification.avoid:
+        spans = Spans.of(avoid.begin, avoid.end, problem.duration, flow.steps)
+        for piece in avoid.pieces:
+            bound = prover.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, growth, SPARE)
+            found.append((bound.proven, f"avoid({avoid.name})"))
     clearance, nearest = min(found)
     largest = float(growth.max())
     robustness, hardest = np.inf, ""
-    for part in other_parts(problem):
-        value = part.value if isinstance(part, Known) else -np.inf
-        if not isinstance(part, Known) and np.isfinite(largest):
+    for part in problem.specification.parts:
+        value = -np.inf
+        if isinstance(part.formula, Known):
+            value = part.formula.value
+        elif np.isfinite(largest):
             value = part_bound(problem, controls, fleet.parameters, part, fleet, largest, CELLS).proven - largest
         robustness, hardest = min((robustness, hardest), (value, str(part)))
     worst = nearest if clearance < robustness else hardest

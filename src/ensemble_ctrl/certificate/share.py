@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import Flow, Range, Track
 from ensemble_ctrl.certificate.task import MASS_ERROR, CellSignals, scheduled
-from ensemble_ctrl.problem.duties import Chance, grounded
+from ensemble_ctrl.problem.specification import ChanceConstraint
 
 if TYPE_CHECKING:
     from ensemble_ctrl.moments import Law
@@ -33,7 +33,9 @@ LOOKS = 4
 """Times looked at in each step."""
 
 
-def boxes(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance) -> Iterator[tuple[dict[str, Range], float]]:
+def boxes(
+    problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConstraint
+) -> Iterator[tuple[dict[str, Range], float]]:
     """Ranges of the members that seem to do a chance part, with their mass; with more and more to spare.
 
     Only those with the mass that the part asks for.
@@ -50,7 +52,7 @@ def boxes(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance) -> I
         seen.add(box)
         low, high = _ends(fleet, axes, box)
         mass = _certain(fleet, low, high)
-        if mass >= chance.part.p:
+        if mass >= chance.share.p:
             ends = zip(fleet.names, low.tolist(), high.tolist(), strict=True)
             yield {name: Range(a, b) for name, a, b in ends}, mass
 
@@ -80,7 +82,7 @@ def _ends(fleet: Fleet, axes: list[Floats], box: tuple[tuple[int, int], ...]) ->
     return low, high
 
 
-def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance, members: Floats) -> Floats:
+def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConstraint, members: Floats) -> Floats:
     """How well each member does the part, about: at some times of each step."""
     laws = dict(fleet.parameters)
     flow = Flow.of(problem, np.repeat(controls, LOOKS, axis=0), laws)
@@ -90,10 +92,10 @@ def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: Chance, mem
     for rows in blocks:
         path = Track.of(flow, members[rows]).position
         times = np.linspace(0.0, problem.duration, path.shape[1])
-        for duty in chance.duties:
-            values[rows] = np.minimum(values[rows], duty.distances(path, times).min(axis=1, initial=np.inf))
-    for part in chance.others:
-        found = scheduled(problem, controls, laws, grounded(problem, part), LOOKS)
+        for avoid in chance.avoid:
+            values[rows] = np.minimum(values[rows], avoid.distances(path, times).min(axis=1, initial=np.inf))
+    for part in chance.rest:
+        found = scheduled(problem, controls, laws, part.formula, LOOKS)
         if found is None:
             continue
         fine, schedule = found

@@ -14,11 +14,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.ocp.hyperplanes import Hyperplanes, separate
 from ensemble_ctrl.ocp.truncation import Range, Truncation
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import Duty, chances, duties, other_parts
+from ensemble_ctrl.problem.specification import TaskPart
 
 Floats = NDArray[np.float64]
 Sides = tuple[Callable[[float], tuple[float, float]], ...]
@@ -29,10 +28,10 @@ SPARE = 0.03
 
 def ranges(problem: Problem) -> tuple[Range | None, ...]:
     """The boxes to try, in scaled bent parameters; only None where the whole fleet has to do everything."""
-    found = chances(problem)
+    found = problem.specification.chance
     if not found or problem.solve.guarantee == "moment" or problem.solve.method == "minlp" or not problem.fleet.bent:
         return (None,)
-    share = max(chance.part.p for chance in found)
+    share = max(chance.share.p for chance in found)
     share += SPARE * (1 - share)
     boxes = (_box(problem, sides, share) for sides in _choices(len(problem.fleet.bent)))
     return tuple(dict.fromkeys(boxes))
@@ -90,29 +89,26 @@ def members_within(scaled: Floats, within: Range) -> Floats:
     return np.asarray(low + (scaled + 1) / 2 * (high - low))
 
 
-def asked(problem: Problem, within: Range | None) -> tuple[list[Formula], list[Formula]]:
-    """Parts of the task that are not duties: those for everybody, and those for the members in a box alone."""
-    some = () if within is None else chances(problem)
-    everybody = [part for part in other_parts(problem) if not any(part is chance.part for chance in some)]
-    return everybody, [part for chance in some for part in chance.others]
-
-
-def all_duties(problem: Problem) -> tuple[Duty, ...]:
-    """What anybody has to keep out of."""
-    return (*duties(problem), *(duty for chance in chances(problem) for duty in chance.duties))
+def asked(problem: Problem, within: Range | None) -> tuple[tuple[TaskPart, ...], tuple[TaskPart, ...]]:
+    """Parts of the task with a robustness: those for everybody, and those for the members in a box alone."""
+    specification = problem.specification
+    if within is None:
+        return specification.parts, ()
+    return specification.rest, tuple(part for chance in specification.chance for part in chance.rest)
 
 
 def map_size(problem: Problem, curve: Floats) -> float:
     """Larger side of the box around the fleet's way and the obstacles, metres."""
-    corners = [curve.reshape(-1, 2), *(piece.vertices for duty in all_duties(problem) for piece in duty.pieces)]
+    pieces = (piece for avoid in problem.specification.avoided_by_anyone for piece in avoid.pieces)
+    corners = [curve.reshape(-1, 2), *(piece.vertices for piece in pieces)]
     return float(np.ptp(np.concatenate(corners), axis=0).max())
 
 
 def all_hyperplanes(problem: Problem, truncation: Truncation, curve: Floats, near: float = np.inf) -> Hyperplanes:
-    """Separating hyperplanes for the duties of the fleet and of a share of it; beyond `near` metres any will do."""
+    """Separating hyperplanes for what the fleet, and a share of it, avoids; beyond `near` metres any will do."""
     shift = problem.fleet.shift
-    found = separate(curve, duties(problem), problem.duration, shift, truncation.parts, near)
+    found = separate(curve, problem.specification.avoid, problem.duration, shift, truncation.parts, near)
     if truncation.within is None:
         return found
-    some = [duty for chance in chances(problem) for duty in chance.duties]
+    some = [avoid for chance in problem.specification.chance for avoid in chance.avoid]
     return found.joined(separate(curve, some, problem.duration, shift, (truncation.inner,), near)) if some else found

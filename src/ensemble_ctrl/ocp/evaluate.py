@@ -16,7 +16,6 @@ from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import duties, grounded
 
 Floats = NDArray[np.float64]
 
@@ -72,13 +71,14 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     else:
         signals = _worst(problem, controls, order, None)
     formulas, fewer = asked(problem, truncation.within)
-    whole = signals if in_moments or not any(map(reads_fleet, formulas)) else _fleet(problem, controls)
+    of_fleet = not in_moments and any(reads_fleet(part.written) for part in formulas)
+    whole = _fleet(problem, controls) if of_fleet else signals
     values = [
-        float(robustness(grounded(problem, part), whole if reads_fleet(part) else signals, ops)) for part in formulas
+        float(robustness(part.formula, whole if reads_fleet(part.written) else signals, ops)) for part in formulas
     ]
     if fewer:
         within = _worst(problem, controls, order, truncation.within)
-        values += [float(robustness(grounded(problem, part), within, ops)) for part in fewer]
+        values += [float(robustness(part.formula, within, ops)) for part in fewer]
     worst = min(values, default=0.0)
     terminal = terminal_cost(problem, controls, order)
     change = np.diff(controls, axis=0) / step
@@ -88,7 +88,8 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     excess = float((np.abs(change) - rates).max(initial=-np.inf))
     if in_moments:
         mean = average[:, None]
-        hyperplanes = separate(mean, duties(problem), problem.duration, near=REACH * map_size(problem, mean))
+        avoid, near = problem.specification.avoid, REACH * map_size(problem, mean)
+        hyperplanes = separate(mean, avoid, problem.duration, near=near)
     else:
         curve = points(problem, controls, truncation)
         hyperplanes = all_hyperplanes(problem, truncation, curve, REACH * map_size(problem, curve))

@@ -28,7 +28,6 @@ from ensemble_ctrl.ocp.margins import bulge, curvature, keeping, largest_bulge
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import duties
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -173,16 +172,16 @@ class Choice:
 
 
 def facets(problem: Problem, steps: int) -> Facets:
-    """Every facet that the task's duties speak of, on a grid of `steps`."""
-    pieces = [(piece, duty) for duty in duties(problem) for piece in duty.pieces]
-    rows = [(*piece.unit_rows(), duty) for piece, duty in pieces]
+    """Every facet of what the task avoids, on a grid of `steps`."""
+    pieces = [(piece, avoid) for avoid in problem.specification.avoid for piece in avoid.pieces]
+    rows = [(*piece.unit_rows(), avoid) for piece, avoid in pieces]
     index = [np.full(len(h), i) for i, (_, h, _) in enumerate(rows)]
-    active = [np.tile(duty.steps(steps, problem.duration), (len(h), 1)) for _, h, duty in rows]
+    active = [np.tile(avoid.steps(steps, problem.duration), (len(h), 1)) for _, h, avoid in rows]
     shift = np.zeros(2) if problem.solve.guarantee == "moment" else problem.fleet.shift
     return Facets(
         np.concatenate(index) if rows else np.zeros(0, np.int64),
         np.concatenate([G for G, _, _ in rows]) if rows else np.zeros((0, 2)),
-        np.concatenate([h + duty.radius + np.abs(G) @ shift for G, h, duty in rows]) if rows else np.zeros(0),
+        np.concatenate([h + avoid.radius + np.abs(G) @ shift for G, h, avoid in rows]) if rows else np.zeros(0),
         np.concatenate(active) if rows else np.zeros((0, steps), dtype=bool),
     )
 
@@ -198,7 +197,8 @@ def workspace(problem: Problem, curve: Floats) -> Workspace:
         Points of a plan, metres; all of them are inside.
     """
     fleet = problem.fleet
-    corners = [fleet.start[None], curve.reshape(-1, 2), *(p.vertices for d in duties(problem) for p in d.pieces)]
+    pieces = (piece for avoid in problem.specification.avoid for piece in avoid.pieces)
+    corners = [fleet.start[None], curve.reshape(-1, 2), *(piece.vertices for piece in pieces)]
     corners += [r.vertices for r in problem.regions.values() if r.is_bounded and not r.is_empty]
     corners += [] if problem.objective.place is None else [problem.objective.place[None]]
     every = np.concatenate(corners)

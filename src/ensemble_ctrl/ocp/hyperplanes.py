@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.problem.duties import Duty
+from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -84,7 +84,7 @@ class Hyperplanes:
 
 def separate(
     points: Floats,
-    duties: Sequence[Duty],
+    avoid: Sequence[AvoidConstraint],
     duration: float,
     shift: Floats | None = None,
     parts: tuple[Floats, ...] | None = None,
@@ -98,7 +98,7 @@ def separate(
     ----------
     points : ndarray, shape (steps + 1, points, 2)
         Metres.
-    duties : sequence of Duty
+    avoid : sequence of AvoidConstraint
         What to keep out of, and when.
     duration : float
         Seconds from the first point to the last.
@@ -116,22 +116,22 @@ def separate(
     shift = np.zeros(2) if shift is None else shift
     parts = (np.eye(points.shape[1]),) if parts is None else parts
     steps = len(points) - 1
-    pieces = [(piece, duty) for duty in duties for piece in duty.pieces]
+    pieces = [(piece, each) for each in avoid for piece in each.pieces]
     if not pieces:
         none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
         return Hyperplanes(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), pairs, none, pairs, none)
     times = np.linspace(begin, begin + duration, steps + 1)
-    offsets, bent = [duty.offsets(times) for _, duty in pieces], [duty.bends(times) for _, duty in pieces]
+    offsets, bent = [each.offsets(times) for _, each in pieces], [each.bends(times) for _, each in pieces]
     moved, bends = np.tile(offsets, (len(parts), 1, 1)), np.tile(bent, (len(parts), 1))
     found = [
-        _found(_both_ends(own - offset[:, None]), piece.vertices, shift, near + duty.radius + float(bend.max()), within)
+        _found(_both_ends(own - offset[:, None]), piece.vertices, shift, near + each.radius + float(bend.max()), within)
         for own in (part @ points for part in parts)
-        for (piece, duty), offset, bend in zip(pieces, offsets, bent, strict=True)
+        for (piece, each), offset, bend in zip(pieces, offsets, bent, strict=True)
     ]
     normal, support, gap = (np.stack(column) for column in zip(*found, strict=True))
     drift = np.stack([np.einsum("otd,otd->ot", normal, end) for end in (moved[:, :-1], moved[:, 1:])], axis=-1)
-    radius = np.tile([duty.radius for _, duty in pieces], len(parts))
-    active = np.tile([duty.steps(steps, duration, begin) for _, duty in pieces], (len(parts), 1)) & (gap < np.inf)
+    radius = np.tile([each.radius for _, each in pieces], len(parts))
+    active = np.tile([each.steps(steps, duration, begin) for _, each in pieces], (len(parts), 1)) & (gap < np.inf)
     gap = np.where(active, gap - bends - radius[:, None], np.inf)
     cell = np.repeat(np.arange(len(parts)), len(pieces))
     return Hyperplanes(parts, cell, radius, active, normal, support + bends, drift, gap)

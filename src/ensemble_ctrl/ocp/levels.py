@@ -16,7 +16,6 @@ from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.task import SHARPNESS, GuessValues, Level, LevelOps, PointSignals, Reading, Row, minimum_of
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import grounded, other_parts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,7 +36,7 @@ class TaskLevels:
     Attributes
     ----------
     count : int
-        How many levels; 0 for a task of duties alone.
+        How many levels; 0 for a task that only avoids.
     row_level, at : ndarray of int, shape (rows,)
         ``level <= x px + y py + offset`` for every point at grid time `at`.
     x, y, offset : ndarray, shape (rows,)
@@ -66,7 +65,7 @@ class TaskLevels:
         readings: dict[Reading, Floats] = {"all": np.eye(truncation.count), "mean": truncation.mean[None, :]}
         ops = LevelOps(layout, GuessValues(curve, readings), np.inf)
         signals = PointSignals(problem.steps, problem.step)
-        whole = minimum_of([(grounded(problem, part), signals) for part in other_parts(problem)], ops)
+        whole = minimum_of([(part.formula, signals) for part in problem.specification.parts], ops)
         if whole:
             ops.below.append((layout.level(), whole))
         pairs = [(low - first, term) for low, part in ops.below for term in part]

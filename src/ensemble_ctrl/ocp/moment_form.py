@@ -19,7 +19,6 @@ from ensemble_ctrl.ocp.program import Block, Build
 from ensemble_ctrl.ocp.task import SHARPNESS
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import duties, other_parts, window_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -41,13 +40,13 @@ def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Layout) 
     """``eq:setPolyObsArr`` at order 0: the mean is on the free side of some facet, by a smooth OR."""
     n, mean = layout.count, ca.DM(truncation.mean).T
     by_facets: dict[int, list[tuple[int, Floats, Floats]]] = defaultdict(list)
-    for duty in duties(problem):
-        times = _times(duty.steps(layout.steps, problem.duration))
-        for piece in duty.pieces:
+    for avoid in problem.specification.avoid:
+        times = _times(avoid.steps(layout.steps, problem.duration))
+        for piece in avoid.pieces:
             G, h = piece.unit_rows()
-            moved = duty.offsets(times * problem.duration / layout.steps)
+            moved = avoid.offsets(times * problem.duration / layout.steps)
             pairs = zip(times.tolist(), moved @ G.T, strict=True)
-            by_facets[len(h)] += [(k, G, h + duty.radius + drift) for k, drift in pairs]
+            by_facets[len(h)] += [(k, G, h + avoid.radius + drift) for k, drift in pairs]
 
     def build(facets: int) -> Build:
         def rows(z: ca.SX, d: ca.SX) -> ca.SX:
@@ -75,11 +74,11 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: La
     """``eq:setPolyObsArr`` at orders 1..N; of parallel facets only the tightest row is kept, for the others follow."""
     rows: dict[tuple[int, float, float], float] = {}
     big = _big_m(problem)
-    for duty in duties(problem):
-        for k in _times(duty.steps(layout.steps, problem.duration)).tolist():
-            for piece in duty.pieces:
+    for avoid in problem.specification.avoid:
+        for k in _times(avoid.steps(layout.steps, problem.duration)).tolist():
+            for piece in avoid.pieces:
                 normals, levels = piece.unit_rows()
-                moved = levels + normals @ duty.offsets(np.array([k * problem.duration / layout.steps]))[0]
+                moved = levels + normals @ avoid.offsets(np.array([k * problem.duration / layout.steps]))[0]
                 for (gx, gy), h in zip(normals, moved, strict=True):
                     sign = 1.0 if (gx, gy) > (0.0, 0.0) else -1.0
                     key = (k, round(sign * float(gx), 12), round(sign * float(gy), 12))
@@ -97,13 +96,12 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: La
 def region_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
     """``eq:polyhedron_moment`` for every ``G[a,b] in(region)``, all orders and all faces."""
     blocks = []
-    for part in other_parts(problem):
-        if isinstance(part, Always) and isinstance(part.child, Inside):
-            begin, end = window_of(problem, part)
+    for part in problem.specification.parts:
+        if isinstance(part.written, Always) and isinstance(part.written.child, Inside):
             grid = np.linspace(0.0, problem.duration, layout.steps + 1)
-            inside = (grid >= begin - 1e-9) & (grid <= end + 1e-9)
+            inside = (grid >= part.begin - 1e-9) & (grid <= part.end + 1e-9)
             times = np.flatnonzero(inside & (grid > 0))
-            blocks.append(_region_block(problem.regions[part.child.name], times, truncation, layout))
+            blocks.append(_region_block(problem.regions[part.written.child.name], times, truncation, layout))
     return blocks
 
 
@@ -143,9 +141,9 @@ def _big_m(problem: Problem) -> float:
     corners = [corner[None] for corner in corners]
     corners += [] if problem.objective.place is None else [problem.objective.place[None]]
     corners += [
-        (piece.vertices[:, None] + duty.offsets(times)).reshape(-1, 2)
-        for duty in duties(problem)
-        for piece in duty.pieces
+        (piece.vertices[:, None] + avoid.offsets(times)).reshape(-1, 2)
+        for avoid in problem.specification.avoid
+        for piece in avoid.pieces
     ]
     corners += [r.vertices for r in problem.regions.values() if r.is_bounded and not r.is_empty]
     return max(BIG_M, 4 * float(np.abs(np.concatenate(corners)).max()))

@@ -48,7 +48,7 @@ from ensemble_ctrl.ocp.terminal import terminal_blocks
 from ensemble_ctrl.ocp.truncation import Truncation, plain, points
 from ensemble_ctrl.ocp.weights import RATE_SPARE, SLACK_WEIGHT
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import Duty, duties
+from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -153,7 +153,7 @@ class OnlineProgram:
     problem: Problem
     truncation: Truncation
     levels: TaskLevels
-    duties: tuple[Duty, ...]
+    avoid: tuple[AvoidConstraint, ...]
     _terminal: ca.Function | None
 
     @classmethod
@@ -161,7 +161,7 @@ class OnlineProgram:
         """Ready for moments 0..order; `controls` of shape (steps, n_u) are any commands."""
         truncation = plain((order,) * len(problem.fleet.bent), hull=True)
         levels = TaskLevels.of(problem, truncation, points(problem, controls, truncation))
-        return cls(problem, truncation, levels, duties(problem), _terminal(problem, truncation))
+        return cls(problem, truncation, levels, problem.specification.avoid, _terminal(problem, truncation))
 
     def solve(
         self, present: Present, deadline: float = np.inf, rounds: int = 4, timer: Timer = time.perf_counter
@@ -231,7 +231,7 @@ class _Point:
         problem, free = self.program.problem, self.present.free
         begin = free * problem.step + self.present.shift
         left = problem.duration - free * problem.step
-        return separate(self.curve[free:], self.program.duties, left, begin=begin, within=2 * NEAR)
+        return separate(self.curve[free:], self.program.avoid, left, begin=begin, within=2 * NEAR)
 
     def cost(self, hyperplanes: Hyperplanes) -> tuple[float, float]:
         """The cost, shortfalls included, and the largest shortfall in metres."""

@@ -21,8 +21,8 @@ from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation, positions
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import clearances
 from ensemble_ctrl.problem.risk import CLEARANCE_CAP, Risk, value_at_risk
+from ensemble_ctrl.problem.specification import clearances
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

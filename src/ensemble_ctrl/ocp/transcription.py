@@ -42,7 +42,6 @@ from ensemble_ctrl.ocp.terminal import terminal_blocks
 from ensemble_ctrl.ocp.truncation import Truncation, node_drives, points
 from ensemble_ctrl.ocp.weights import LEVEL_WEIGHT, RATE_SPARE, SLACK_WEIGHT
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import grounded
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -104,8 +103,8 @@ def transcribe(
     slack = layout.slack(avoiding.slacks)
     in_moments = problem.solve.guarantee == "moment"
     everybody, some = asked(problem, truncation.within)
-    parts = [grounded(problem, Mean(part) if in_moments else part) for part in everybody]
-    fewer = [grounded(problem, part) for part in some]
+    parts = [Mean(part.formula) if in_moments else part.formula for part in everybody]
+    fewer = [part.formula for part in some]
     curve = points(problem, controls, truncation)
     inner = (fewer, truncation.inner) if fewer else None
     task = task_rows(parts, level, layout, step, truncation.mean, curve, problem.fleet.shift, some=inner)

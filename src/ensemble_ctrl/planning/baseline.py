@@ -27,12 +27,12 @@ def unconstrained(problem: Problem) -> Problem:
     Parameters
     ----------
     problem : Problem
-        With safety duties (``G avoid(...)``) or regions to stay in from the start to the end (``G in(...)``).
+        With obstacles to avoid (``G avoid(...)``) or regions to stay in from the start to the end (``G in(...)``).
 
     Returns
     -------
     Problem
-        Without the duties, with every region to stay in widened to more than the fleet can drive, and without
+        Without obstacles, with every region to stay in widened to more than the fleet can drive, and without
         a certificate or a twin of its own. Visits, the objective and the fleet are as they were.
 
     Notes
@@ -65,7 +65,7 @@ def unconstrained(problem: Problem) -> Problem:
 
 
 def _holds_back(problem: Problem, part: Formula) -> bool:
-    """Whether a conjunct is a duty, or a stay through the whole horizon."""
+    """Whether a conjunct only avoids, or is a stay through the whole horizon."""
     resolved = resolve(part, problem.duration)
     if not isinstance(resolved, Always):
         return False

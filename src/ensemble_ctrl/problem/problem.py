@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.motion import Motion
-from ensemble_ctrl.constraints.stl import Formula, conjuncts, without_implied
+from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays, ReadOnlyMapping
 from ensemble_ctrl.core.values import expect, flag, numbers
@@ -21,6 +20,7 @@ from ensemble_ctrl.problem.ensemble import Ensemble
 from ensemble_ctrl.problem.fleet import Fleet, frozen
 from ensemble_ctrl.problem.ode_fleet import OdeFleet
 from ensemble_ctrl.problem.risk import Risk
+from ensemble_ctrl.problem.specification import Specification
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
 
 if TYPE_CHECKING:
@@ -289,10 +289,14 @@ class Problem:
         """Grid times in seconds, shape (steps + 1,)."""
         return np.linspace(0.0, self.duration, self.steps + 1)
 
-    @cached_property
-    def conjuncts(self) -> tuple[Formula, ...]:
-        """What has to hold, all of it: the task's conjuncts but for those that others imply."""
-        return without_implied(conjuncts(self.task), self.duration)
+    @property
+    def specification(self) -> Specification:
+        """The compiled task: made once, and again only for a copy to which another map or task was given."""
+        compiled = self.__dict__.get("_specification")
+        if not isinstance(compiled, Specification) or not compiled.is_of(self):
+            compiled = Specification.of(self)
+            object.__setattr__(self, "_specification", compiled)
+        return compiled
 
     @property
     def pieces(self) -> tuple[tuple[str, Obstacle], ...]:

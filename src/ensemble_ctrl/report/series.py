@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, leaves, member_robustness
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import duties, grounded, other_parts, window_of
 from ensemble_ctrl.problem.evaluation.sampled import states
+from ensemble_ctrl.problem.specification import TaskPart
 
 Floats = NDArray[np.float64]
 
@@ -124,13 +124,13 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
         return out
 
     clearances: dict[str, Floats] = {}
-    for duty in duties(problem):
-        closest = least(duty.distances(paths, times).min(axis=1, initial=np.inf))
-        clearances[duty.name] = np.minimum(clearances.get(duty.name, np.inf), closest)
+    for avoid in problem.specification.avoid:
+        closest = least(avoid.distances(paths, times).min(axis=1, initial=np.inf))
+        clearances[avoid.name] = np.minimum(clearances.get(avoid.name, np.inf), closest)
     signals = StateSignals(whole[:, ::LOOKS], fleet.states, problem.step)
     parts = {
-        str(part): least(np.asarray(member_robustness(grounded(problem, part), signals, ExactOps()))[:, 0])
-        for part in other_parts(problem)
+        str(part): least(np.asarray(member_robustness(part.formula, signals, ExactOps()))[:, 0])
+        for part in problem.specification.parts
     }
     near = _closest(clearances, DRAWN_CLEARANCE)
     far = tuple(name for name in clearances if name not in near)
@@ -146,13 +146,13 @@ def _closest(curves: dict[str, Floats], far: float = np.inf) -> dict[str, Floats
 
 def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series]:
     """The closest of all obstacles, if any has to be avoided."""
-    kept = duties(problem)
+    kept = problem.specification.avoid
     if not kept:
         return
     least = np.full(paths.shape[:2], np.inf)
-    for duty in kept:
-        when = duty.during(times)
-        least[:, when] = np.minimum(least[:, when], duty.distances(paths, times))
+    for avoid in kept:
+        when = avoid.during(times)
+        least[:, when] = np.minimum(least[:, when], avoid.distances(paths, times))
     least[~np.isfinite(least)] = np.nan
     window = min(d.begin for d in kept), max(d.end for d in kept)
     yield Series("closest obstacle", least.min(axis=0), least.max(axis=0), *window)
@@ -162,14 +162,14 @@ def _asked(problem: Problem, whole: Floats) -> Iterator[Series]:
     """The other places and predicates of the task, once each."""
     signals = StateSignals(whole, problem.fleet.states, problem.step)
     seen: set[str] = set()
-    for part in other_parts(problem):
-        window = window_of(problem, part)
-        for leaf in leaves(part):
+    for part in problem.specification.parts:
+        for leaf in leaves(part.written):
             if str(leaf) in seen:
                 continue
             seen.add(str(leaf))
-            value = np.asarray(member_robustness(grounded(problem, leaf), signals, ExactOps(), 0, signals.steps))
-            yield Series(str(leaf), value.min(axis=0), value.max(axis=0), *window)
+            formula = TaskPart.of(problem, leaf).formula
+            value = np.asarray(member_robustness(formula, signals, ExactOps(), 0, signals.steps))
+            yield Series(str(leaf), value.min(axis=0), value.max(axis=0), part.begin, part.end)
 
 
 def _worst(series: Series) -> float:

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from ensemble_ctrl.core.plain import at_least
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.problem.checks import coverage_text
-from ensemble_ctrl.problem.duties import NOTHING_ASKED, NOTHING_AVOIDED
 from ensemble_ctrl.problem.ensemble import Ensemble
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task, units_of_parts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
 from ensemble_ctrl.problem.fleet import START_COLUMNS
+from ensemble_ctrl.problem.specification import NOTHING_ASKED, NOTHING_AVOIDED
 from ensemble_ctrl.report.tried import tried
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from math import floor, isfinite, log10
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import NOTHING_ASKED
 from ensemble_ctrl.problem.evaluation.conflicts import units_of_parts
+from ensemble_ctrl.problem.specification import NOTHING_ASKED
 from ensemble_ctrl.report.text import member_text, percent, unit_of
 
 LIMITS = (

@@ -14,7 +14,6 @@ import ensemble_ctrl as ec
 from ensemble_ctrl.certificate import claim
 from ensemble_ctrl.certificate.general.proof import GeneralProof
 from ensemble_ctrl.constraints import Obstacle, Solid
-from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.systems.arrays import cos, sin
 from tests.paths import CONFIGS
@@ -71,10 +70,10 @@ def test_obstacles_that_move() -> None:
     controls = np.column_stack([0.4 + 0.2 * np.sin(5 * t), 0.3 * np.cos(7 * t)])
     arcs = ec.certify(problem, controls)
     general = GeneralProof(twin(problem), controls, problem.fleet.parameters)
-    moving = [duty for duty in duties(problem) if duty.motion is not None]
+    moving = [avoid for avoid in problem.specification.avoid if avoid.motion is not None]
     assert moving
-    for duty in moving:
-        one, other = next(b for b in arcs.clearances if b.obstacle == duty.name), general.clearance(duty)
+    for avoid in moving:
+        one, other = next(b for b in arcs.clearances if b.obstacle == avoid.name), general.clearance(avoid)
         assert one.proven <= other.sampled + 1e-9
         assert other.proven <= one.sampled + 1e-9
         assert one.proven == pytest.approx(other.proven, abs=2e-3)

@@ -23,7 +23,6 @@ from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import Commands, Errors, PoseSet
 from ensemble_ctrl.planning.online.remaining import remaining
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
 
@@ -231,11 +230,11 @@ def test_what_is_left_of_a_window_holds_all_of_its_rest(begin: float, end: float
     first, last = (Fraction(repr(time)) for time in (begin, end))
     for k in range(steps):
         now = Fraction("1.4") / steps * k
-        left = duties(remaining(problem, k, [], pose, np.array([[1.0, 1.0]])))
+        left = remaining(problem, k, [], pose, np.array([[1.0, 1.0]])).specification.avoid
         if last < now:
             assert not left
             continue
-        (duty,) = left
-        low, high = (Fraction(repr(time)) + now for time in (duty.begin, duty.end))
+        (avoid,) = left
+        low, high = (Fraction(repr(time)) + now for time in (avoid.begin, avoid.end))
         assert low <= max(first, now) <= low + Fraction(1, 10**15)
         assert high - Fraction(1, 10**15) <= last <= high

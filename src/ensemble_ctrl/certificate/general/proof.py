@@ -20,8 +20,8 @@ from ensemble_ctrl.certificate.share import weighed
 from ensemble_ctrl.certificate.task import TaskBound
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.constraints.stl.leaves import Predicate
-from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet, resolve
-from ensemble_ctrl.problem.duties import Chance, Duty, grounded
+from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet
+from ensemble_ctrl.problem.specification import AvoidConstraint, ChanceConstraint, TaskPart
 
 if TYPE_CHECKING:
     from ensemble_ctrl.moments import Law
@@ -88,14 +88,14 @@ class GeneralProof:
         """Boxes looked at for clearances so far."""
         return self._prover.boxes
 
-    def clearance(self, duty: Duty) -> Bound:
-        """The worst piece of one duty."""
-        spans = Spans.of(duty.begin, duty.end, self.problem.duration, len(self.controls))
-        return nearest_piece(self._prover, duty, spans)
+    def clearance(self, avoid: AvoidConstraint) -> Bound:
+        """The worst piece of what is avoided."""
+        spans = Spans.of(avoid.begin, avoid.end, self.problem.duration, len(self.controls))
+        return nearest_piece(self._prover, avoid, spans)
 
-    def part(self, part: Formula) -> TaskBound:
+    def part(self, part: TaskPart) -> TaskBound:
         """The bound of one part of the task, on finer time where the pieces' bounds stand in the way."""
-        formula = negation_normal_form(resolve(grounded(self.problem, part), self.problem.duration))
+        formula = negation_normal_form(part.formula)
         states = tuple(sorted({name for predicate in _predicates(formula) for name, _ in predicate.coefficients}))
         duration, steps, parts = self.problem.duration, len(self.controls), self.enclosure.parts
         bound = TaskBound(str(part), -np.inf, np.inf, {}, covered=False)
@@ -105,16 +105,16 @@ class GeneralProof:
                 break
             elements = Elements.of(schedule.mesh, duration, steps, parts)
             fleet = weighed(self.problem, self.laws)
-            bound = bound_task(self.enclosure, schedule, elements, states, fleet, reads_fleet(part))
+            bound = bound_task(self.enclosure, schedule, elements, states, fleet, reads_fleet(part.written))
             if bound.proven >= 0 or bound.sampled < 0:
                 break
         unit = self.problem.fleet.unit_of(states)
         return replace(bound, part=str(part), unit="" if unit == "m" else unit)
 
-    def share(self, chance: Chance) -> TaskBound:
+    def share(self, chance: ChanceConstraint) -> TaskBound:
         """The bound of ``share(p, f)``: the cells whose members all do `f`, weighed."""
         found = self.part(chance.part)
-        return replace(found, share=chance.part.p) if found.proven >= 0 else found
+        return replace(found, share=chance.share.p) if found.proven >= 0 else found
 
 
 def _predicates(formula: Formula) -> Iterator[Predicate]:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPoint
 from shapely.ops import unary_union
 
-from ensemble_ctrl.ocp.chance import all_duties
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
 from ensemble_ctrl.ocp.guesses.ompl_paths import Surroundings, curve
 from ensemble_ctrl.ocp.guesses.roadmap import Guess, Trip, schedule, trips
@@ -79,8 +78,9 @@ def curved(problem: Problem, curves: Curves, steps: int, stop: Callable[[], bool
 
 def _surroundings(problem: Problem, clearance: float) -> Surroundings:
     """What a robot keeps out of, standing, at a clearance."""
-    fleet, duties = problem.fleet, [duty for duty in all_duties(problem) if duty.motion is None]
-    pieces = [(piece, duty.radius) for duty in duties for piece in duty.pieces]
+    fleet = problem.fleet
+    static = [avoid for avoid in problem.specification.avoided_by_anyone if avoid.motion is None]
+    pieces = [(piece, avoid.radius) for avoid in static for piece in avoid.pieces]
     places = [fleet.start[None], *(piece.vertices for piece, _ in pieces)]
     places += [region.vertices for region in problem.regions.values() if region.is_bounded]
     corners = np.concatenate(places)

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
-from ensemble_ctrl.ocp.chance import all_duties
 from ensemble_ctrl.ocp.guesses.drive import follow, smoothed
 from ensemble_ctrl.ocp.guesses.homotopy import distinct, homotopy
 from ensemble_ctrl.ocp.guesses.routes import LONGEST, Route, corridor_route, routes
 from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, Visit, skeletons
 from ensemble_ctrl.problem import Problem, Routes
-from ensemble_ctrl.problem.duties import named_pieces
+from ensemble_ctrl.problem.specification import named_pieces
 
 Floats = NDArray[np.float64]
 
@@ -146,7 +145,8 @@ class _Trips:
         if corridor:
             found = corridor_route(start, goal, [self.problem.regions[name] for name in corridor])
             return [found or straight]
-        pieces = [piece for duty in all_duties(self.problem) if duty.motion is None for piece in duty.pieces]
+        static = [each for each in self.problem.specification.avoided_by_anyone if each.motion is None]
+        pieces = [piece for avoid in static for piece in avoid.pieces]
         pieces += [piece for name in sorted(closed) for piece in named_pieces(self.problem, name)]
         return self._kinds(start, goal, pieces) or [straight]
 
@@ -193,7 +193,7 @@ def combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route,
 
 def _name(problem: Problem, trip: Trip) -> str:
     """What a trip is called: the sides of its one leg, or those of each leg with where it leads to."""
-    obstacles = {duty.name: duty.pieces for duty in all_duties(problem)}
+    obstacles = {avoid.name: avoid.pieces for avoid in problem.specification.avoided_by_anyone}
     told = [homotopy(leg.corners, obstacles) for leg in trip.legs]
     if len(told) <= 1:
         return "".join(told) or "straight"

@@ -28,10 +28,9 @@ from ensemble_ctrl.constraints.stl import (
     Share,
     Until,
     conjuncts,
-    resolve,
 )
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import avoided
+from ensemble_ctrl.problem.specification import avoided
 
 Floats = NDArray[np.float64]
 
@@ -71,7 +70,7 @@ class Skeleton:
     doors : tuple of Door
         What is closed until when.
     corridor : tuple of str
-        Regions of which one must always be occupied; empty for no such duty.
+        Regions of which one must always be occupied; empty if none must.
     """
 
     visits: tuple[Visit, ...] = ()
@@ -173,7 +172,7 @@ class _Reader:
 
 def skeletons(problem: Problem) -> list[Skeleton]:
     """Every way of doing the problem's task that its operators spell out, at most `MOST`."""
-    found = _Reader(problem).read(resolve(problem.task, problem.duration), 0.0, 0.0)
+    found = _Reader(problem).read(problem.specification.task, 0.0, 0.0)
     return [_within(s, problem.duration) for s in found] or [Skeleton()]
 
 

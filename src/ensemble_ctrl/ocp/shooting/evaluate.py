@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.ocp.evaluate import Value
 from ensemble_ctrl.problem import OdeProblem
-from ensemble_ctrl.problem.duties import duties, grounded, other_parts
 
 Floats = NDArray[np.float64]
 
@@ -58,9 +57,9 @@ def _spread(parameters: int) -> Floats:
 
 
 def _robustness(problem: OdeProblem, states: Floats, controls: Floats) -> float:
-    """Exact robustness of the task without its duties, worst of the members at the grid times."""
+    """Exact robustness of the task's other parts than avoidance, worst of the members at the grid times."""
     fleet, step = problem.fleet, problem.duration / len(controls)
-    formulas = [grounded(problem, part) for part in other_parts(problem)]
+    formulas = [part.formula for part in problem.specification.parts]
     signals, ops = StateSignals(states, fleet.states, step), ExactOps()
     whole = signals
     if any(map(reads_fleet, formulas)):
@@ -73,7 +72,8 @@ def _robustness(problem: OdeProblem, states: Floats, controls: Floats) -> float:
 def _gap(problem: OdeProblem, paths: Floats) -> float:
     """Smallest distance, beyond the radius, of any member from what it is to keep out of at the sampled times."""
     times = np.linspace(0.0, problem.duration, paths.shape[1])
-    return min((float(duty.distances(paths, times).min(initial=np.inf)) for duty in duties(problem)), default=np.inf)
+    found = (avoid.distances(paths, times).min(initial=np.inf) for avoid in problem.specification.avoid)
+    return min(map(float, found), default=np.inf)
 
 
 def _terminal(problem: OdeProblem, controls: Floats) -> float:

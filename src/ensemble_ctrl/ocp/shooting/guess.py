@@ -13,7 +13,6 @@ from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, skeletons
 from ensemble_ctrl.ocp.shooting.transcription import Iterate
 from ensemble_ctrl.ocp.shooting.ways import resampled, ways
 from ensemble_ctrl.problem import OdeProblem
-from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.problem.ode_fleet import OdeFleet
 
 Floats = NDArray[np.float64]
@@ -67,8 +66,8 @@ def guesses(problem: OdeProblem, steps: int) -> list[Guess]:
 
 def _legs(problem: OdeProblem, stops: list[Stop], count: int) -> list[list[Floats]]:
     """Up to `count` ways from each stop to the next."""
-    pieces = [piece for duty in duties(problem) for piece in duty.pieces]
-    keep = max((duty.radius for duty in duties(problem)), default=0.0) + problem.solve.margin
+    pieces = [piece for avoid in problem.specification.avoid for piece in avoid.pieces]
+    keep = max((avoid.radius for avoid in problem.specification.avoid), default=0.0) + problem.solve.margin
     places = [problem.fleet.position, *(stop.place for stop in stops)]
     return [ways(a, b, pieces, keep, count) for a, b in pairwise(places)]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.problem.duties import Duty
+from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
 
@@ -49,24 +49,24 @@ class Planes:
     gap: Floats
 
 
-def separate(points: Floats, duties: Sequence[Duty], duration: float) -> Planes:
+def separate(points: Floats, avoid: Sequence[AvoidConstraint], duration: float) -> Planes:
     """Best separating planes for every step, points at both its ends together.
 
     Parameters
     ----------
     points : ndarray, shape (steps + 1, points, d)
         Metres.
-    duties : sequence of Duty
+    avoid : sequence of AvoidConstraint
         What to keep out of, and when.
     duration : float
         Seconds from the first point to the last.
     """
     steps, d = len(points) - 1, points.shape[2]
-    pieces = [(piece, duty) for duty in duties for piece in duty.pieces]
+    pieces = [(piece, each) for each in avoid for piece in each.pieces]
     both = np.concatenate([points[:-1], points[1:]], axis=1)
     found = [_best(both, piece) for piece, _ in pieces]
-    radius = np.array([duty.radius for _, duty in pieces])
-    active = np.array([duty.steps(steps, duration) for _, duty in pieces], dtype=bool).reshape(-1, steps)
+    radius = np.array([each.radius for _, each in pieces])
+    active = np.array([each.steps(steps, duration) for _, each in pieces], dtype=bool).reshape(-1, steps)
     normal = np.array([n for n, _, _ in found]).reshape(-1, steps, d)
     support = np.array([s for _, s, _ in found]).reshape(-1, steps)
     gap = np.array([g for _, _, g in found]).reshape(-1, steps)

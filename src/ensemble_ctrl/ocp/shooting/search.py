@@ -18,7 +18,6 @@ from ensemble_ctrl.ocp.shooting.transcription import Iterate, transcribe
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Watch, ipopt
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import OdeProblem
-from ensemble_ctrl.problem.duties import duties
 from ensemble_ctrl.systems.integration import rk4
 
 Floats = NDArray[np.float64]
@@ -152,7 +151,7 @@ def _round(
     problem, began = stage.problem, time.perf_counter()
     positions = iterate.states[:, problem.fleet.place_columns].transpose(0, 2, 1)
     points = np.einsum("ij,tjd->tid", stage.truncation.to_points, positions)
-    planes = separate(points, duties(problem), problem.duration)
+    planes = separate(points, problem.specification.avoid, problem.duration)
     program = transcribe(problem, stage.truncation, iterate, planes, planes.active, stage.substeps, spare)
     built = time.perf_counter()
     outcome = ipopt(program.program, program.guess, program.lower, program.upper, options, watch)

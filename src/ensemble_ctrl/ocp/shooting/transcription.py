@@ -33,7 +33,6 @@ from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.ocp.weights import LEVEL_WEIGHT, RATE_SPARE, SHOOTING_SLACK_WEIGHT
 from ensemble_ctrl.problem import OdeProblem
-from ensemble_ctrl.problem.duties import grounded, other_parts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -106,7 +105,7 @@ def transcribe(
     middle, half = (lower + upper) / 2, np.maximum((upper - lower) / 2, 1e-9)
     level, short = layout.level(), layout.slack(1)
     slack = layout.slack(int(pairs.sum()))
-    parts = [grounded(problem, part) for part in other_parts(problem)]
+    parts = [part.formula for part in problem.specification.parts]
     places = truncation.to_points
     mean = truncation.mean @ places
     curve = guess.states.transpose(0, 2, 1)

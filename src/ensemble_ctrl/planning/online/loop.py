@@ -26,7 +26,7 @@ from ensemble_ctrl.planning.online.settings import OnlineSettings
 from ensemble_ctrl.planning.online.tracker import Tracker
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import Duty, duties
+from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
 Source = Literal["new", "kept", "stopped", "recovered"]
@@ -365,7 +365,7 @@ class Receding:
             self.stop(f"{reached} may be in {name}")
 
     def judged(self) -> float:
-        """Robustness of the parts of the task that are not duties, along the past of every robot.
+        """Robustness of the parts of the task with one, along the past of every robot.
 
         Returns
         -------
@@ -382,32 +382,33 @@ class Receding:
 
     def entered(self) -> str:
         """Which robot must have been in which obstacle, by the measurements; empty for none."""
-        kept = duties(self.problem)
+        kept = self.problem.specification.avoid
         for name, tracker in self.trackers.items():
             for k, pose in enumerate(tracker.past):
                 time = k * self.problem.step
-                for duty in (duty for duty in kept if self._counts(duty, time)):
-                    if _gap(duty, pose, time) < -pose.away:
-                        return f"{self._called(name)} was in {duty.name}"
+                for avoid in (avoid for avoid in kept if self._counts(avoid, time)):
+                    if _gap(avoid, pose, time) < -pose.away:
+                        return f"{self._called(name)} was in {avoid.name}"
         return ""
 
     def _reached(self, name: str) -> str:
         """Which robot may be in an obstacle that has just come and has to be avoided; empty for none."""
         time = self._added[name]
-        new = [duty for duty in duties(self.problem) if duty.name == name and self._counts(duty, time)]
+        avoided = self.problem.specification.avoid
+        new = [avoid for avoid in avoided if avoid.name == name and self._counts(avoid, time)]
         for robot, tracker in self.trackers.items():
             pose = tracker.pose(time)
-            if pose is not None and any(_gap(duty, pose, time) < pose.away for duty in new):
+            if pose is not None and any(_gap(avoid, pose, time) < pose.away for avoid in new):
                 return self._called(robot)
         return ""
 
-    def _counts(self, duty: Duty, time: float) -> bool:
+    def _counts(self, avoid: AvoidConstraint, time: float) -> bool:
         """Whether something must be kept out of at a time; what came later need not be."""
-        if time < self._added.get(duty.name, 0.0):
+        if time < self._added.get(avoid.name, 0.0):
             return False
         if self.options.horizon == "receding":
-            return time >= duty.begin  # the window begins anew at every present
-        return bool(duty.during(np.array([time]))[0])
+            return time >= avoid.begin  # the window begins anew at every present
+        return bool(avoid.during(np.array([time]))[0])
 
     @property
     def given_up(self) -> bool:
@@ -647,7 +648,8 @@ class Receding:
         if self.options.horizon == "receding" and shift > 0:
             self.plan = np.concatenate([self.plan[shift:], np.zeros((min(shift, len(self.plan)), 2))])
             self.base += shift
-            lasting = all(duty.begin <= 0 and duty.end >= self.problem.duration for duty in duties(self.problem))
+            avoided, end = self.problem.specification.avoid, self.problem.duration
+            lasting = all(avoid.begin <= 0 and avoid.end >= end for avoid in avoided)
             self._evidence = self._evidence.of_a_period() if lasting else NOTHING
 
     def _stand(self) -> None:
@@ -685,7 +687,7 @@ class Receding:
         self._events = []
 
 
-def _gap(duty: Duty, pose: PoseSet, time: float) -> float:
+def _gap(avoid: AvoidConstraint, pose: PoseSet, time: float) -> float:
     """How far the middle of a set of poses is from what must be kept out of, metres."""
-    here = pose.position - duty.offsets(np.array([time]))[0]
-    return min(float(piece.distance(here)) for piece in duty.pieces) - duty.radius
+    here = pose.position - avoid.offsets(np.array([time]))[0]
+    return min(float(piece.distance(here)) for piece in avoid.pieces) - avoid.radius

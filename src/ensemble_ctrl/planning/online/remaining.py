@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import (
-    Always,
     And,
     Eventually,
     ExactOps,
@@ -26,13 +25,10 @@ from ensemble_ctrl.constraints.stl import (
     Predicate,
     Signals,
     Until,
-    conjuncts,
     ground,
-    kept_out,
     negation_normal_form,
     progressed,
     reads_fleet,
-    resolve,
     robustness,
     settled,
 )
@@ -44,8 +40,8 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.online.propagation import PoseSet
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.problem.checks import Finding
-from ensemble_ctrl.problem.duties import other_parts, window_of
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.specification import AvoidThroughout, TaskPart
 
 Floats = NDArray[np.float64]
 
@@ -114,7 +110,7 @@ class _Element:
 
 
 class Progress:
-    """What is left of the parts of a task that are not duties, along a past that is a tube.
+    """What is left of the parts of a task with a robustness, along a past that is a tube.
 
     Time is cut into the grid times and the open intervals between them, and windows are moved to the grid so that
     nothing rises.
@@ -134,7 +130,7 @@ class Progress:
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.at = problem, 0
-        self.left: tuple[Formula, ...] = tuple(map(self._on_grid, other_parts(problem)))
+        self.left: tuple[Formula, ...] = tuple(map(self._on_grid, problem.specification.parts))
 
     def advance(self, poses: Sequence[PoseSet], bulge: Callable[[int], float]) -> None:
         """Some more time is past.
@@ -173,9 +169,9 @@ class Progress:
         formula = ground(plain, problem.regions, problem.obstacles, radius=problem.fleet.radius)
         return float(robustness(formula, element, ExactOps()))
 
-    def _on_grid(self, part: Formula) -> Formula:
+    def _on_grid(self, part: TaskPart) -> Formula:
         """A part with its windows on the grid."""
-        plain = negation_normal_form(resolve(part, self.problem.duration))
+        plain = negation_normal_form(part.resolved)
         moved = gridded(plain, exact(self.problem.duration) / self.problem.steps)
         return Known(-np.inf) if moved is None else moved
 
@@ -222,7 +218,7 @@ def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: Pose
     begin : int
         The grid time.
     parts : iterable of Formula
-        What is left of the parts that are not duties (`Progress.left`), read at `begin`.
+        What is left of the parts with a robustness (`Progress.left`), read at `begin`.
     pose : PoseSet
         Where the robot is; its middle becomes the start.
     ranges : ndarray, shape (parameters, 2)
@@ -234,8 +230,8 @@ def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: Pose
     """
     gone = begin * problem.step
     past = exact(problem.duration) / problem.steps * begin
-    duties = [_later(problem, part, past) for part in conjuncts(problem.task) if kept_out(part)]
-    task = _all_of([*duties, *(settled(part) for part in parts)])
+    avoided = [_later(part, past) for part in problem.specification.always]
+    task = _all_of([*avoided, *(settled(part) for part in parts)])
     return _placed(problem, pose, ranges, gone, task, problem.duration - gone, problem.steps - begin)
 
 
@@ -254,7 +250,7 @@ def with_map(problem: Problem, obstacles: Mapping[str, tuple[Obstacle, ...]]) ->
 def for_a_while(problem: Problem, steps: int) -> Problem:
     """Only what must be kept out of during the first steps."""
     end = steps * problem.step
-    task = _all_of(_later(problem, part, Fraction(0), end) for part in conjuncts(problem.task) if kept_out(part))
+    task = _all_of(_later(part, Fraction(0), end) for part in problem.specification.always)
     return replace(problem, task=task, duration=end, steps=steps)
 
 
@@ -273,13 +269,12 @@ def _all_of(parts: Iterable[Formula | None]) -> Formula:
     return EVERYWHERE if not open_ else open_[0] if len(open_) == 1 else And(tuple(open_))
 
 
-def _later(problem: Problem, part: Formula, gone: Fraction, end: float = np.inf) -> Formula | None:
-    """A duty read `gone` seconds later, and no longer than to `end`; None if nothing of it is left."""
-    begin, last = (exact(time) - gone for time in window_of(problem, part))
+def _later(part: AvoidThroughout, gone: Fraction, end: float = np.inf) -> Formula | None:
+    """An avoidance read `gone` seconds later, and no longer than to `end`; None if nothing of it is left."""
+    begin, last = exact(part.begin) - gone, exact(part.end) - gone
     if last < 0 or begin > end:
         return None
-    assert isinstance(part, Always)
-    return replace(part, a=_down(max(begin, Fraction(0))), b=min(-_down(-last), end))
+    return replace(part.written, a=_down(max(begin, Fraction(0))), b=min(-_down(-last), end))
 
 
 def _down(time: Fraction) -> float:

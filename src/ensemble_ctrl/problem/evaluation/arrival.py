@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.problem.duties import clearances
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.risk import CLEARANCE_CAP, value_at_risk
+from ensemble_ctrl.problem.specification import clearances
 from ensemble_ctrl.problem.target import MomentTarget, SpreadTarget, wasserstein
 
 Floats = NDArray[np.float64]

@@ -19,10 +19,10 @@ from ensemble_ctrl.constraints.stl import (
     member_robustness,
 )
 from ensemble_ctrl.core.errors import RunawayError
-from ensemble_ctrl.problem.duties import grounded, other_parts, window_of
 from ensemble_ctrl.problem.evaluation.sampled import replay, states
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
+from ensemble_ctrl.problem.specification import TaskPart
 
 Floats = NDArray[np.float64]
 
@@ -55,22 +55,22 @@ class Conflict:
     unit: str = "m"
 
 
-def unit_of_parts(problem: Problem, parts: Iterable[Formula]) -> str:
+def unit_of_parts(problem: Problem, parts: Iterable[TaskPart]) -> str:
     """What follows a number that is the robustness of one of these parts of a task; of no parts, a distance.
 
     In the words of `Ensemble.unit_of`.
     """
-    return problem.fleet.unit_of({n for part in parts for leaf in leaves(part) for n in _states(problem, leaf)})
+    return problem.fleet.unit_of({n for part in parts for leaf in leaves(part.written) for n in _states(problem, leaf)})
 
 
 def unit_of_task(problem: Problem) -> str:
     """The same for the robustness of the whole task."""
-    return unit_of_parts(problem, other_parts(problem))
+    return unit_of_parts(problem, problem.specification.parts)
 
 
 def units_of_parts(problem: Problem) -> dict[str, str]:
     """The unit of each part of the task that is no avoidance, by its text, as `unit_of_parts` says it."""
-    return {str(part): unit_of_parts(problem, [part]) for part in other_parts(problem)}
+    return {str(part): unit_of_parts(problem, [part]) for part in problem.specification.parts}
 
 
 def _states(problem: Problem, leaf: Formula) -> tuple[str, ...]:
@@ -97,15 +97,15 @@ def _conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
         for c in run.clearances
         if c.distance < 0
     ]
-    for part in other_parts(problem):
+    for part in problem.specification.parts:
         found += _failing(problem, part, paths, parameters)
     return tuple(sorted(found, key=lambda c: -c.amount))
 
 
-def _failing(problem: Problem, part: Formula, paths: Floats, parameters: Floats) -> list[Conflict]:
+def _failing(problem: Problem, part: TaskPart, paths: Floats, parameters: Floats) -> list[Conflict]:
     """The conflict of one conjunct, if its worst member fails it."""
     signals = StateSignals(paths, problem.fleet.states, problem.step)
-    values = np.asarray(member_robustness(grounded(problem, part), signals, ExactOps()))[:, 0]
+    values = np.asarray(member_robustness(part.formula, signals, ExactOps()))[:, 0]
     worst = int(values.argmin())
     if values[worst] >= 0:
         return []
@@ -114,19 +114,18 @@ def _failing(problem: Problem, part: Formula, paths: Floats, parameters: Floats)
     return [Conflict(str(part), -float(values[worst]), member, at, unit)]
 
 
-def _closest_time(problem: Problem, part: Formula, path: Floats) -> float:
-    """When one member comes closest to satisfying a visit, or is furthest from a duty; else the horizon's end."""
-    inside = [leaf for leaf in leaves(part) if isinstance(leaf, Inside)]
+def _closest_time(problem: Problem, part: TaskPart, path: Floats) -> float:
+    """When one member comes closest to satisfying a visit, or is deepest in what it avoids; else the horizon's end."""
+    inside = [leaf for leaf in leaves(part.written) if isinstance(leaf, Inside)]
     if len(inside) != 1:
         return problem.duration
     margin = problem.regions[inside[0].name].margin(path[:, problem.fleet.place_columns])
     low, high = _window(problem, part)
     window = margin[low : high + 1]
-    best = window.argmax() if isinstance(part, Eventually) else window.argmin()
+    best = window.argmax() if isinstance(part.written, Eventually) else window.argmin()
     return float(problem.times[low + int(best)])
 
 
-def _window(problem: Problem, part: Formula) -> tuple[int, int]:
+def _window(problem: Problem, part: TaskPart) -> tuple[int, int]:
     """First and last step of a conjunct's own window."""
-    begin, end = window_of(problem, part)
-    return int(np.ceil(begin / problem.step - 1e-9)), int(np.floor(end / problem.step + 1e-9))
+    return int(np.ceil(part.begin / problem.step - 1e-9)), int(np.floor(part.end / problem.step + 1e-9))

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.constraints.stl import ExactOps, Formula, Share, StateSignals, member_robustness, reads_fleet
+from ensemble_ctrl.constraints.stl import ExactOps, Share, StateSignals, member_robustness, reads_fleet
 from ensemble_ctrl.core.values import expect, whole
-from ensemble_ctrl.problem.duties import NOTHING_ASKED, NOTHING_AVOIDED, Duty, chances, duties, grounded, other_parts
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
+from ensemble_ctrl.problem.specification import NOTHING_ASKED, NOTHING_AVOIDED, AvoidConstraint, TaskPart
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -92,7 +92,7 @@ class Replay:
         The parameters' names.
     robustness : ndarray, shape (members,)
         Exact robustness in metres of the whole task, one number a member: at the grid times, and for what must be kept
-        out of all the time (`ensemble_ctrl.problem.duties`) the distance at `substeps` times a step.
+        out of all the time (`ensemble_ctrl.problem.specification`) the distance at `substeps` times a step.
     clearances : tuple of Clearance
         One for each obstacle, at `substeps` times a step.
     violating : ndarray of bool, shape (members,)
@@ -228,17 +228,17 @@ def replay(
     robustness = np.concatenate([r for r, _, _, _ in results])
     inside = np.concatenate([i for _, i, _, _ in results], axis=1)
     clearances = tuple(
-        _closest(duty.name, [found[o] for _, _, found, _ in results], int(inside[o].sum()))
-        for o, duty in enumerate(duties(problem))
+        _closest(avoid.name, [found[o] for _, _, found, _ in results], int(inside[o].sum()))
+        for o, avoid in enumerate(problem.specification.avoid)
     )
     corners = min(len(problem.fleet.corners), len(drawn)) if parameters is None else len(drawn)
     shares = []
-    for c, chance in enumerate(chances(problem)):
+    for c, chance in enumerate(problem.specification.chance):
         each = np.concatenate([some[c] for *_, some in results])
         random = each[corners:] if corners < len(each) else each
-        fleet = np.sort(random)[len(random) - chance.part.rank(len(random))]
+        fleet = np.sort(random)[len(random) - chance.share.rank(len(random))]
         np.minimum(robustness, fleet, out=robustness)
-        shares.append(_seen(chance.part, random, corners < len(each)))
+        shares.append(_seen(chance.share, random, corners < len(each)))
     seconds, names = time.perf_counter() - began, problem.fleet.names
     return Replay(drawn, names, robustness, clearances, robustness < 0, substeps, seconds, corners, tuple(shares))
 
@@ -302,54 +302,55 @@ def _run(
     problem: Problem, controls: Floats, parameters: Floats, substeps: int
 ) -> tuple[Floats, NDArray[np.bool_], list[_Closest], list[Floats]]:
     """One block: robustness, who is inside which obstacle, the closest approach to each obstacle, and chance parts."""
-    whole, some = states(problem, controls, parameters, substeps), chances(problem)
-    parts = [part for part in other_parts(problem) if not any(part is chance.part for chance in some)]
-    robustness = _robustness(problem, parts, whole[:, ::substeps])
+    whole, specification = states(problem, controls, parameters, substeps), problem.specification
+    robustness = _robustness(problem, specification.rest, whole[:, ::substeps])
     paths = whole[..., problem.fleet.place_columns]
     times = np.linspace(0.0, problem.duration, paths.shape[1])
-    kept, box = duties(problem), (paths.min(axis=0), paths.max(axis=0))
+    kept, box = specification.avoid, (paths.min(axis=0), paths.max(axis=0))
     inside = np.zeros((len(kept), len(parameters)), dtype=bool)
     found = []
-    for o, duty in enumerate(kept):
-        closest, at = _approach(paths, box, times, duty)
+    for o, avoid in enumerate(kept):
+        closest, at = _approach(paths, box, times, avoid)
         member = int(closest.argmin())
         found.append((float(closest[member]), float(times[at[member]]), problem.fleet.named(parameters[member])))
         inside[o] = closest < 0
         np.minimum(robustness, closest, out=robustness)
     each = []
-    for chance in some:
-        least = _robustness(problem, chance.others, whole[:, ::substeps])
-        for duty in chance.duties:
-            np.minimum(least, _approach(paths, box, times, duty)[0], out=least)
+    for chance in specification.chance:
+        least = _robustness(problem, chance.rest, whole[:, ::substeps])
+        for avoid in chance.avoid:
+            np.minimum(least, _approach(paths, box, times, avoid)[0], out=least)
         each.append(least)
     return robustness, inside, found, each
 
 
-def _robustness(problem: Problem, parts: Sequence[Formula], whole: Floats) -> Floats:
-    """Robustness of some parts of the task that are not duties, for every member."""
+def _robustness(problem: Problem, parts: Sequence[TaskPart], whole: Floats) -> Floats:
+    """Robustness of some parts of the task, for every member."""
     signals = StateSignals(whole, problem.fleet.states, problem.duration / (whole.shape[1] - 1))
     least = np.full(len(whole), np.inf)
     for part in parts:
-        np.minimum(least, member_robustness(grounded(problem, part), signals, ExactOps())[:, 0], out=least)
+        np.minimum(least, member_robustness(part.formula, signals, ExactOps())[:, 0], out=least)
     return least
 
 
-def _approach(paths: Floats, box: tuple[Floats, Floats], times: Floats, duty: Duty) -> tuple[Floats, NDArray[np.int64]]:
-    """Each member's smallest distance from a duty's pieces, and the time index of it.
+def _approach(
+    paths: Floats, box: tuple[Floats, Floats], times: Floats, avoid: AvoidConstraint
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Each member's smallest distance from the pieces of what is avoided, and the time index of it.
 
     Of the times of its window, only those are looked at where the block's bounding box is as close as some member's
     smallest distance so far, or overlaps.
     """
-    when = np.flatnonzero(duty.during(times))
+    when = np.flatnonzero(avoid.during(times))
     closest, at = np.full(len(paths), np.inf), np.zeros(len(paths), dtype=np.int64)
-    members, moved = np.arange(len(paths)), duty.offsets(times)
-    for piece in duty.pieces:
-        bound = _box_distance(box[0][when] - moved[when], box[1][when] - moved[when], piece) - duty.radius
+    members, moved = np.arange(len(paths)), avoid.offsets(times)
+    for piece in avoid.pieces:
+        bound = _box_distance(box[0][when] - moved[when], box[1][when] - moved[when], piece) - avoid.radius
         for group in _nearest_first(bound):
             if bound[group[0]] > max(float(closest.max()), 0.0):
                 break
             seen = paths[:, when[group]]
-            distance = piece.distance(seen if duty.motion is None else seen - moved[when[group]]) - duty.radius
+            distance = piece.distance(seen if avoid.motion is None else seen - moved[when[group]]) - avoid.radius
             k = distance.argmin(axis=1)
             least = distance[members, k]
             at = np.where(least < closest, when[group][k], at)

@@ -1,4 +1,4 @@
-"""What is proven of a plan and what was seen, for every duty and every part of the task."""
+"""What is proven of a plan and what was seen, for every avoided obstacle and every part of the task."""
 
 from __future__ import annotations
 

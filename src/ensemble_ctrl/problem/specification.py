@@ -1,0 +1,305 @@
+"""The compiled task: what must be avoided when, what a share of the fleet has to do, and the rest.
+
+`Problem.specification` makes it once; planner, certificate, replay and report read it. Conjuncts of the form
+``G[a,b] avoid(...)`` become `AvoidConstraint`: separating hyperplanes for whole step intervals in the program; replay and
+certificate check them at every instant. Every other conjunct is a `TaskPart` and has a robustness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints.obstacle import Obstacle
+from ensemble_ctrl.constraints.solid import Solid
+from ensemble_ctrl.constraints.stl.formula import Always, Formula, Not, Share
+from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside
+from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, conjuncts, ground, kept_out, reads_fleet, resolve
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.constraints.motion import Motion
+    from ensemble_ctrl.problem.problem import Problem
+
+Floats = NDArray[np.float64]
+
+NOTHING_AVOIDED = "no obstacle is to be avoided"
+"""What an infinite clearance means."""
+NOTHING_ASKED = "nothing is asked: the task avoids no obstacle that is there, and has no other part"
+"""What an infinite robustness means."""
+
+
+@dataclass(frozen=True, eq=False)
+class AvoidConstraint:
+    """Clearance of at least zero from one named obstacle or region during a window.
+
+    Attributes
+    ----------
+    name : str
+        Of the obstacle or region.
+    pieces : tuple of Obstacle
+        Its convex pieces.
+    radius : float
+        Metres by which it grows: the robot's radius for ``avoid``, none for ``not in``.
+    begin, end : float
+        Seconds.
+    motion : Motion or None
+        How it moves from where its pieces are.
+    """
+
+    name: str
+    pieces: tuple[Obstacle, ...]
+    radius: float
+    begin: float
+    end: float
+    motion: Motion | None = None
+
+    def offsets(self, times: Floats) -> Floats:
+        """Its displacement at some times, shape (times, d), metres."""
+        return np.zeros((len(times), self.pieces[0].A.shape[1])) if self.motion is None else self.motion.at(times)
+
+    def bends(self, times: Floats) -> Floats:
+        """How far it leaves a straight line between successive times, shape (times - 1,), metres."""
+        return np.zeros(len(times) - 1) if self.motion is None else self.motion.bend(times[:-1], times[1:])
+
+    def during(self, times: Floats) -> NDArray[np.bool_]:
+        """Which times are in its window, or miss it by rounding.
+
+        Those of 1e-9 s outside count: looking at more can only take from a clearance.
+        """
+        return np.asarray((times >= self.begin - 1e-9) & (times <= self.end + 1e-9))
+
+    def distances(self, paths: Floats, times: Floats) -> Floats:
+        """Distance of members from it during its window, shape (members, times in the window), metres."""
+        when = self.during(times)
+        seen = paths[:, when] - self.offsets(times[when])
+        return np.asarray(np.minimum.reduce([piece.distance(seen) for piece in self.pieces]) - self.radius)
+
+    def steps(self, steps: int, duration: float, begin: float = 0.0) -> NDArray[np.bool_]:
+        """Which of `steps` equal steps from time `begin` on a plan keeps out in, shape (steps,).
+
+        Those that share more than an instant with the window; for a window that is about an instant, those that touch
+        it. For the planner: a proof looks at the window itself (`ensemble_ctrl.certificate.instants`).
+        """
+        edges = np.linspace(begin, begin + duration, steps + 1)
+        slack = 1e-9 * duration
+        slack = -slack if self.end - self.begin <= 2 * slack else slack
+        return np.asarray((edges[:-1] < self.end - slack) & (edges[1:] > self.begin + slack))
+
+
+@dataclass(frozen=True, eq=False)
+class AvoidThroughout:
+    """A conjunct ``G[a,b] (avoid(...) and not in(...) and ...)``.
+
+    Attributes
+    ----------
+    written : Always
+        As the task has it.
+    begin, end : float
+        Its window in seconds; the whole horizon where it has none.
+    """
+
+    written: Always
+    begin: float
+    end: float
+
+    @classmethod
+    def of(cls, problem: Problem, written: Always) -> AvoidThroughout:
+        """The conjunct with its window resolved."""
+        return cls(written, *_window(problem, resolve(written, problem.duration)))
+
+    def constraints(self, problem: Problem) -> Iterator[AvoidConstraint]:
+        """One constraint for each obstacle and region."""
+        for leaf in kept_out(self.written):
+            if isinstance(leaf, Avoid):
+                for name in avoided(problem, leaf):
+                    pieces, motion = named_pieces(problem, name), problem.motions.get(name)
+                    yield AvoidConstraint(name, pieces, problem.fleet.radius, self.begin, self.end, motion)
+            elif isinstance(leaf, Not) and isinstance(leaf.child, Inside):
+                yield AvoidConstraint(
+                    leaf.child.name, named_pieces(problem, leaf.child.name), 0.0, self.begin, self.end
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class TaskPart:
+    """A conjunct of the task with a robustness.
+
+    Attributes
+    ----------
+    written : Formula
+        As the task has it; its text names the part.
+    resolved : Formula
+        The same with seconds where a window has ``T``.
+    begin, end : float
+        Window of its outermost operator in seconds; the whole horizon where it has none.
+    grounding : callable
+        Gives `formula`.
+    """
+
+    written: Formula
+    resolved: Formula
+    begin: float
+    end: float
+    grounding: Callable[[], Formula]
+
+    @classmethod
+    def of(cls, problem: Problem, written: Formula) -> TaskPart:
+        """A formula over the map and the states of a problem."""
+        fleet = problem.fleet
+        resolved = resolve(written, problem.duration)
+        shapes = problem.regions, problem.obstacles
+        grounding = partial(ground, resolved, *shapes, position=fleet.places, radius=fleet.radius)
+        return cls(written, resolved, *_window(problem, resolved), grounding)
+
+    @cached_property
+    def formula(self) -> Formula:
+        """The part with linear predicates as its only leaves, and with seconds in its windows."""
+        return self.grounding()
+
+    def __str__(self) -> str:
+        return str(self.written)
+
+
+@dataclass(frozen=True, eq=False)
+class ChanceConstraint:
+    """A part of the task that a share of the fleet has to do, and the same members all of it.
+
+    Attributes
+    ----------
+    part : TaskPart
+        The conjunct ``share(p, f)``.
+    share : Share
+        As it was written.
+    avoid : tuple of AvoidConstraint
+        What these members avoid.
+    rest : tuple of TaskPart
+        What else they do.
+    """
+
+    part: TaskPart
+    share: Share
+    avoid: tuple[AvoidConstraint, ...]
+    rest: tuple[TaskPart, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Specification:
+    """The task of one problem, in parts that all have to hold; windows are exact, in seconds.
+
+    Attributes
+    ----------
+    task : Formula
+        The whole task with seconds where a window has ``T``.
+    always : tuple of AvoidThroughout
+        The conjuncts that `avoid` comes from.
+    avoid : tuple of AvoidConstraint
+        One for each obstacle or region and window that no other one contains.
+    parts : tuple of TaskPart
+        Every other conjunct that no other one implies, in the order of the task.
+    chance : tuple of ChanceConstraint
+        Those of `parts` that are ``share(p, f)`` with p below 1, where `f` is read for each member.
+    """
+
+    task: Formula
+    always: tuple[AvoidThroughout, ...]
+    avoid: tuple[AvoidConstraint, ...]
+    parts: tuple[TaskPart, ...]
+    chance: tuple[ChanceConstraint, ...]
+    sources: tuple[object, ...]
+
+    @classmethod
+    def of(cls, problem: Problem) -> Specification:
+        """Compile the task of a problem."""
+        always, parts = _split(problem, problem.task)
+        return cls(
+            resolve(problem.task, problem.duration),
+            always,
+            _avoid(problem, always),
+            parts,
+            tuple(_chance(problem, part) for part in parts if _is_chance(part.written)),
+            _sources(problem),
+        )
+
+    @property
+    def rest(self) -> tuple[TaskPart, ...]:
+        """The parts that are no chance constraints."""
+        return tuple(part for part in self.parts if not _is_chance(part.written))
+
+    @property
+    def avoided_by_anyone(self) -> tuple[AvoidConstraint, ...]:
+        """What every member, or a share of them, avoids."""
+        return (*self.avoid, *(avoid for chance in self.chance for avoid in chance.avoid))
+
+    def is_of(self, problem: Problem) -> bool:
+        """Whether the problem still has the map, fleet, task and horizon that this was compiled from."""
+        return all(here is there for here, there in zip(self.sources, _sources(problem), strict=True))
+
+
+def _sources(problem: Problem) -> tuple[object, ...]:
+    """Everything of a problem that its specification depends on."""
+    return problem.task, problem.duration, problem.regions, problem.obstacles, problem.motions, problem.fleet
+
+
+def _split(problem: Problem, task: Formula) -> tuple[tuple[AvoidThroughout, ...], tuple[TaskPart, ...]]:
+    """The conjuncts that only avoid, and the others; without those that others imply."""
+    needed = without_implied(conjuncts(task), problem.duration)
+    always = (part for part in needed if isinstance(part, Always) and kept_out(part))
+    others = (part for part in needed if not kept_out(part))
+    return tuple(AvoidThroughout.of(problem, part) for part in always), tuple(TaskPart.of(problem, p) for p in others)
+
+
+def _is_chance(part: Formula) -> bool:
+    """Whether the same members have to do all of a part, and not all members."""
+    return isinstance(part, Share) and not part.strict and part.p < 1 and not reads_fleet(part.child)
+
+
+def _chance(problem: Problem, part: TaskPart) -> ChanceConstraint:
+    """The constraint of one ``share(p, f)``."""
+    assert isinstance(part.written, Share)
+    always, rest = _split(problem, part.written.child)
+    return ChanceConstraint(part, part.written, _avoid(problem, always), rest)
+
+
+def _window(problem: Problem, resolved: Formula) -> tuple[float, float]:
+    """The window of a formula's outermost operator in seconds; the whole horizon where it has none."""
+    begin, end = getattr(resolved, "a", None), getattr(resolved, "b", None)
+    return float(begin or 0.0), problem.duration if end is None else float(end)
+
+
+def _avoid(problem: Problem, parts: Iterable[AvoidThroughout]) -> tuple[AvoidConstraint, ...]:
+    """The constraints of some conjuncts; of windows within each other the longest."""
+    found = [avoid for part in parts for avoid in part.constraints(problem)]
+    groups: dict[tuple[str, float], list[int]] = {}
+    for k, avoid in enumerate(found):
+        groups.setdefault((avoid.name, avoid.radius), []).append(k)
+    kept = {same[k] for same in groups.values() for k in outermost([(found[k].begin, found[k].end) for k in same])}
+    return tuple(avoid for k, avoid in enumerate(found) if k in kept)
+
+
+def avoided(problem: Problem, leaf: Avoid) -> tuple[str, ...]:
+    """The obstacles or regions that a leaf keeps out of, by their names."""
+    everything = leaf.name == ALL_OBSTACLES and leaf.name not in problem.obstacles
+    return tuple(problem.obstacles) if everything else (leaf.name,)
+
+
+def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
+    """The convex pieces of an obstacle, or the one of a region."""
+    if name in problem.obstacles:
+        return problem.obstacles[name]
+    region = problem.regions[name]
+    return ((Solid.hull if region.A.shape[1] == 3 else Obstacle.polygon)(region.vertices),)
+
+
+def clearances(problem: Problem, paths: Floats, most: float) -> Floats:
+    """Smallest distance of each path from what everybody keeps out of, at most `most`, shape (members,), metres."""
+    least = np.full(len(paths), most)
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    for avoid in problem.specification.avoid:
+        least = np.minimum(least, avoid.distances(paths, times).min(axis=1, initial=np.inf))
+    return least
