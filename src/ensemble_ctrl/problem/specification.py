@@ -1,8 +1,8 @@
 """The compiled task: what must be avoided when, what a share of the fleet has to do, and the rest.
 
 `Problem.specification` makes it once; planner, certificate, replay and report read it. Conjuncts of the form
-``G[a,b] avoid(...)`` become `AvoidConstraint`: separating hyperplanes for whole step intervals in the program; replay and
-certificate check them at every instant. Every other conjunct is a `TaskPart` and has a robustness.
+``G[a,b] avoid(...)`` become `AvoidConstraint`: the program gives them separating hyperplanes for whole step intervals,
+replay and certificate check them at every instant. Every other conjunct is a `TaskPart` and has a robustness.
 """
 
 from __future__ import annotations
