@@ -65,11 +65,11 @@ REASONS: dict[str, str] = {
     "constraints/polyhedron.py:_checked_bound": INPUT,
     "constraints/motion.py:Motion.__post_init__": INPUT,
     "constraints/obstacle.py:Obstacle.big_m_bounds": ELSEWHERE,
-    "problem/duties.py:Duty.bends": ELSEWHERE,
-    "problem/duties.py:Duty.steps": ELSEWHERE,
-    "problem/duties.py:Duty.during": ELSEWHERE,
-    "problem/duties.py:Duty.distances": ELSEWHERE,
-    "problem/duties.py:clearances": ELSEWHERE,
+    "problem/specification.py:AvoidConstraint.bends": ELSEWHERE,
+    "problem/specification.py:AvoidConstraint.steps": ELSEWHERE,
+    "problem/specification.py:AvoidConstraint.during": ELSEWHERE,
+    "problem/specification.py:AvoidConstraint.distances": ELSEWHERE,
+    "problem/specification.py:clearances": ELSEWHERE,
 }
 
 
