@@ -14,6 +14,10 @@ OBSTACLES = tuple(f"{word}_obstacles" for word in ("one", "three", "five", "six"
 FLEETS = ("wide", "cells", "two_tractions", "measured_pairs", "uncertain_start", "bicycle")
 TRACTION = ec.Interval(0.9, 1.1)
 APART = {"linear_traction": TRACTION, "angular_traction": TRACTION}
+KIND_OF = dict.fromkeys(("hyperplanes chosen again", "hyperplanes on the coarse grid"), "hyperplanes")
+KIND_OF["facets fixed"] = "fixed"
+"""Kind of a round by its name; in all others facets are chosen by Bonmin."""
+KINDS = ("hyperplanes", "fixed", "bonmin")
 GROWN = ({"traction": TRACTION}, APART, {**APART, "start_heading": ec.Interval(-0.1, 0.1)})
 """Fleets whose parameters vary together, apart, and apart with an uncertain heading."""
 
@@ -28,15 +32,9 @@ def _minlp_row(name: str) -> Row:
     problem = load(name)
     plan = ec.plan(problem.with_(solve=replace(problem.solve, method="minlp")))
     found = plan.details["minlp"]
-    kinds: dict[str, list[float]] = {"hyperplanes": [], "fixed": [], "bonmin": []}
+    kinds: dict[str, list[float]] = {kind: [] for kind in KINDS}
     for one in found["rounds"]:
-        kind = (
-            "hyperplanes"
-            if one["name"].startswith("hyperplanes")
-            else "fixed"
-            if one["name"] == "facets fixed"
-            else "bonmin"
-        )
+        kind = KIND_OF.get(one["name"], "bonmin")
         kinds[kind] += [] if one["cost"] is None else [one["cost"]]
     assert plan.certificate is not None
     return {
@@ -52,9 +50,7 @@ def minlp_lines(rows: Rows) -> Iterator[str]:
     """Problem by problem."""
     yield from header("`configs/`", "nlp", "hyperplanes alone", "facets fixed", "Bonmin", "plan", "certified")
     for row in rows:
-        costs = [
-            "–" if row[key] is None else f"{row[key]:.4f}" for key in ("nlp", "hyperplanes", "fixed", "bonmin", "plan")
-        ]
+        costs = ["–" if row[key] is None else f"{row[key]:.4f}" for key in ("nlp", *KINDS, "plan")]
         yield f"| `{row['problem']}` | {' | '.join(costs)} | {row['proven']} |"
 
 
