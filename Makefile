@@ -4,15 +4,18 @@ VENV ?= .venv
 OLDEST ?= .oldest-venv
 BIN := $(VENV)/bin
 
-.PHONY: plan test campaign mutants figures times lint docs docs-check minimum clean
+.PHONY: plan test slow campaign mutants figures times lint docs docs-check minimum clean
 
 plan: $(VENV)/.installed
 	$(BIN)/ensemble-plan configs/five_obstacles.yaml
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
-campaign: $(VENV)/.installed-dev
+slow: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "slow or hypothesis" --hypothesis-profile=all
+
+campaign: slow
 	$(BIN)/python -m tests.campaign.run --out tests/campaign/result.json --page docs/proof_campaign.md
 	$(BIN)/python -m tests.campaign.loops.run
 

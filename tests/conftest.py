@@ -1,8 +1,7 @@
-"""What holds for every test: no property fails for its time, since times belong to the benchmarks."""
+"""What holds for every test."""
 
 from __future__ import annotations
 
-from hypothesis import settings
+from tests.examples import register
 
-settings.register_profile("project", deadline=None)
-settings.load_profile("project")
+register()

@@ -27,7 +27,7 @@ MUTANTS = 20
 """That have to be tried, over all modules that prove."""
 
 
-@pytest.mark.parametrize("chunk", range(CHUNKS))
+@pytest.mark.parametrize("chunk", [0, *(pytest.param(chunk, marks=pytest.mark.slow) for chunk in range(1, CHUNKS))])
 def test_no_claim_is_false(chunk: int) -> None:
     table = Table(SEED)
     found = lines(SEED, range(chunk * SIZE, (chunk + 1) * SIZE))

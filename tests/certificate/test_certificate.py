@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -32,12 +32,13 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
+from tests.examples import examples
 from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
 CONFIG = CONFIGS / "five_obstacles.yaml"
-SLOW = settings(max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-MANY = settings(max_examples=1000, deadline=None)
+SLOW = examples(1000, suppress_health_check=[HealthCheck.too_slow])
+MANY = examples(1000)
 
 seeds = st.integers(0, 2**31)
 widths = st.sampled_from([0.0, 1e-3, 0.1, 0.4])
@@ -109,7 +110,7 @@ def test_no_member_is_ever_closer_than_proven(
     assert piece.distance(witness).min() <= bound.sampled + 1e-3
 
 
-@settings(SLOW, max_examples=400)
+@examples(400, suppress_health_check=[HealthCheck.too_slow])
 @given(seeds, st.integers(2, 12), widths, kinds)
 def test_task_bound_holds_for_every_member(seed: int, steps: int, width: float, kind: str) -> None:
     rng = np.random.default_rng(seed)
@@ -201,7 +202,7 @@ def test_separation_is_never_above_the_distance(seed: int, count: int) -> None:
     assert separation(corners, sides, piece.vertices)[0] <= piece.distance(weights @ corners[0]).min() + 1e-12
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(seeds)
 def test_an_obstacle_grown_by_the_starts_is_as_close_as_the_closest_start(seed: int) -> None:
     rng = np.random.default_rng(seed)

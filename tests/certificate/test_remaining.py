@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.certificate import certify
@@ -19,6 +19,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
+from tests.examples import examples
 
 FLEET = Fleet(Unicycle(), {"traction": Interval(0.9, 1.1)}, np.zeros(2), 0.1, np.full(2, -2.0), np.full(2, 2.0), 0.05)
 PROBLEM = Problem(
@@ -33,7 +34,7 @@ PROBLEM = Problem(
 CONTROLS = np.column_stack([np.full(40, 0.55), 0.15 * np.cos(np.arange(40) / 10)])
 
 
-@settings(max_examples=12, deadline=None)
+@examples(12)
 @given(st.floats(0, 0.05), st.floats(0, 0.08), st.integers(0, 100), st.booleans())
 def test_no_member_of_the_set_is_below_what_is_proven(away: float, turn: float, seed: int, moving: bool) -> None:
     motions = {"low": Motion.steady([0.0, 0.03], 4.0)} if moving else {}

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl import ProblemError, load_text
@@ -20,6 +20,7 @@ from ensemble_ctrl.certificate.schedule import Schedule, extremes
 from ensemble_ctrl.constraints.stl import Predicate, negation_normal_form, parse
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.words import certificate_words
+from tests.examples import examples
 
 from .monitor import Floats, Signal, always, box_distance, driven, eventually, until
 
@@ -174,7 +175,7 @@ def windows(draw: st.DrawFn) -> tuple[float, float]:
     return a, min(a + width, 1.4) if a <= 1.4 else a
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(windows(), windows(), st.integers(0, 6), st.integers(0, 2**31))
 def test_bounds_hold_for_windows_anywhere(
     first: tuple[float, float], second: tuple[float, float], kind: int, seed: int
@@ -236,7 +237,7 @@ class Steps:
 
 
 @pytest.mark.parametrize("most", [20_000, 5])
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     st.integers(0, 2**31),
     st.sampled_from(

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linprog
@@ -15,6 +15,7 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron, convex_cover, convex
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.constraints.exact import hull, intersection, space_corners
 from ensemble_ctrl.core.errors import ProblemError
+from tests.examples import examples
 
 Array = NDArray[np.float64]
 Point = tuple[Fraction, Fraction]
@@ -70,7 +71,7 @@ def made(kind, corners: Array):  # type: ignore[no-untyped-def]
         assume(False)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(convex())
 def test_an_obstacle_holds_every_corner_that_was_given(corners: Array) -> None:
     obstacle = made(Obstacle, corners)
@@ -81,7 +82,7 @@ def test_an_obstacle_holds_every_corner_that_was_given(corners: Array) -> None:
     assert {tuple(corner) for corner in obstacle.vertices.tolist()} <= {tuple(corner) for corner in corners.tolist()}
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(convex())
 def test_a_region_has_no_point_that_was_not_given(corners: Array) -> None:
     region = made(Polyhedron, corners)
@@ -97,7 +98,7 @@ def test_a_region_has_no_point_that_was_not_given(corners: Array) -> None:
                 assert inside(point, limits)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(convex(), st.floats(0, 3), st.floats(0, 3))
 def test_a_grown_obstacle_holds_every_shifted_corner(corners: Array, right: float, up: float) -> None:
     stored = rational(grown(made(Obstacle, corners), np.array([right, up])).vertices)
@@ -107,7 +108,7 @@ def test_a_grown_obstacle_holds_every_shifted_corner(corners: Array, right: floa
                 assert inside((x + Fraction(dx), y + Fraction(dy)), stored)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(st.integers(0, 10_000), SIZES, PLACES)
 def test_pieces_of_a_polygon_lose_nothing_of_it(seed: int, size: float, place: tuple[float, float]) -> None:
     """The pieces are made of the polygon's own corners, so equal areas without an overlap make a cover."""
@@ -130,7 +131,7 @@ def test_pieces_of_a_polygon_lose_nothing_of_it(seed: int, size: float, place: t
             assert any(inside(point, corners) for corners in stored)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(st.integers(0, 10_000), SIZES, PLACES)
 def test_a_cover_loses_nothing_of_its_polygon(seed: int, size: float, place: tuple[float, float]) -> None:
     rng = np.random.default_rng(seed)
@@ -147,7 +148,7 @@ def test_a_cover_loses_nothing_of_its_polygon(seed: int, size: float, place: tup
             assert any(inside(point, corners) for corners in stored)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(convex(), st.integers(0, 10_000))
 def test_the_corners_of_rows_are_exact_ones_rounded(corners: Array, seed: int) -> None:
     rows = made(Obstacle, corners)

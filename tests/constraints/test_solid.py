@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
 
 from ensemble_ctrl import Polyhedron, ProblemError, Solid
+from tests.examples import examples
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ def by_optimisation(solid: Solid, point: Floats) -> float:
     return float(np.sqrt(found.fun))
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.integers(0, 10_000))
 def test_distances_outside_are_those_of_the_nearest_point(seed: int) -> None:
     solid = random_solid(seed)
@@ -48,7 +49,7 @@ def test_distances_outside_are_those_of_the_nearest_point(seed: int) -> None:
             assert distance == pytest.approx(by_optimisation(solid, point), abs=1e-5)
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.integers(0, 10_000))
 def test_corners_and_depths(seed: int) -> None:
     points = np.random.default_rng(seed).standard_normal((12, 3))

@@ -3,10 +3,11 @@
 import re
 from collections.abc import Callable
 
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints.stl import Formula, FormulaError, parse
+from tests.examples import examples
 
 from . import lark_oracle
 from .stl_strategies import texts
@@ -95,7 +96,7 @@ def shape(formula: Formula) -> tuple[object, ...]:
     return type(formula), getattr(formula, "column", None), str(formula), *map(shape, formula.parts)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(token_soups() | near_formulas() | sentences())
 @example("x >= 1 -> x >= 2")
 @example("((x + 1)) * 2 >= (1) => ((x > 1))")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints.stl import (
@@ -27,6 +27,7 @@ from ensemble_ctrl.constraints.stl import (
 from ensemble_ctrl.constraints.stl.formula import Always, Eventually
 from ensemble_ctrl.constraints.stl.progression import Reading
 from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
+from tests.examples import examples
 
 from .stl_strategies import NAMES, formulas, predicates, signals
 
@@ -58,7 +59,7 @@ def whole_value(formula: Formula, data: StateSignals) -> float:
         raise
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(random_formulas, st.integers(0, 1000), st.integers(0, 20))
 def test_the_rest_of_the_formula_over_the_rest_of_the_signal_is_the_whole(
     formula: Formula, seed: int, past: int
@@ -70,7 +71,7 @@ def test_the_rest_of_the_formula_over_the_rest_of_the_signal_is_the_whole(
     assert (robustness(settled(left), rest_of(data, past), EXACT) >= 0) == (wanted >= 0)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(random_formulas, st.integers(0, 1000))
 def test_at_the_end_a_number_is_left(formula: Formula, seed: int) -> None:
     data = signals(seed, members=1)
@@ -80,7 +81,7 @@ def test_at_the_end_a_number_is_left(formula: Formula, seed: int) -> None:
     assert left.value == pytest.approx(wanted, rel=1e-12, abs=1e-12)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(random_formulas, st.integers(0, 1000), st.integers(0, 20), st.floats(0, 5))
 def test_lower_bounds_of_the_past_give_lower_bounds(formula: Formula, seed: int, past: int, less: float) -> None:
     data = signals(seed, members=1)
@@ -91,7 +92,7 @@ def test_lower_bounds_of_the_past_give_lower_bounds(formula: Formula, seed: int,
     assert wanted - less - 1e-9 <= value <= wanted + 1e-9
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(predicates(), predicates(), st.sampled_from([(0.0, 1.0), (0.5, 2.0), (None, None)]), st.integers(0, 12))
 def test_release_is_the_dual_of_until(
     f: Formula, g: Formula, window: tuple[float | None, float | None], k: int

@@ -1,7 +1,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -25,6 +25,7 @@ from ensemble_ctrl.constraints.stl import (
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.constraints.stl.operations import Ops
 from ensemble_ctrl.core.errors import ProblemError
+from tests.examples import examples
 
 from .stl_strategies import NAMES, formulas, look_ahead, naive, predicates, signals
 
@@ -43,7 +44,7 @@ def fits(formula: Formula, data: StateSignals) -> bool:
     return True
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(random_formulas, st.integers(0, 1000))
 def test_exact_is_the_definition(formula: Formula, seed: int) -> None:
     data = signals(seed)
@@ -55,7 +56,7 @@ def test_exact_is_the_definition(formula: Formula, seed: int) -> None:
     assert robustness(formula, data, EXACT) == pytest.approx(naive(formula, data, 0).min(), rel=1e-12, abs=1e-9)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(random_formulas, st.integers(0, 1000), st.sampled_from([0.01, 1.0, 30.0, 1e6]))
 def test_smooth_is_a_lower_bound(formula: Formula, seed: int, sharpness: float) -> None:
     """With no tolerance: the bound holds for the rounded numbers too."""
@@ -65,7 +66,7 @@ def test_smooth_is_a_lower_bound(formula: Formula, seed: int, sharpness: float) 
     assert (member_robustness(formula, data, SmoothOps(sharpness)) <= exact).all()
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(formulas(predicates(), st.sampled_from([0.0, 0.5, 1.0])), st.integers(0, 1000))
 def test_smooth_tends_to_exact(formula: Formula, seed: int) -> None:
     assume("share" not in str(formula))
@@ -78,7 +79,7 @@ def test_smooth_tends_to_exact(formula: Formula, seed: int) -> None:
     assert gaps[1] <= gaps[0] + 1e-12
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(random_formulas, st.integers(0, 1000))
 def test_negation_normal_form_keeps_the_robustness(formula: Formula, seed: int) -> None:
     data = signals(seed)
@@ -160,7 +161,7 @@ class SymbolicSignals:
         return SymbolicSignals(mean, self.step)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(random_formulas, st.integers(0, 1000))
 def test_casadi_gives_numpys_numbers(formula: Formula, seed: int) -> None:
     data = signals(seed, steps=12)

@@ -8,7 +8,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints.stl import And, Formula, FormulaError, Or, StateSignals, check_windows, parse, resolve
@@ -18,7 +18,6 @@ from .stl_spelling import spelled
 from .stl_strategies import NAMES, formulas, naive, predicates, signals, texts
 
 
-@settings(deadline=None)
 @given(spelled(texts()))
 def test_every_spelling_is_the_same_formula(both: tuple[Formula, str]) -> None:
     formula, text = both
@@ -177,7 +176,6 @@ def read_or_none(text: str, words: str) -> Formula | None:
 sums = st.tuples(*[st.sampled_from([-2.0, -1.0, 0.0, 0.5, 1.0, 3.0])] * 3)
 
 
-@settings(deadline=None)
 @given(sums, st.lists(st.tuples(st.sampled_from([-2.0, -0.5, 1.0, 3.0]), sums), min_size=1, max_size=3), st.booleans())
 def test_absolute_values_are_what_they_are(outside: tuple[float, ...], bars: list, up: bool) -> None:  # type: ignore[type-arg]
     """The sign of the robustness is the truth of the comparison, on a grid of points."""
@@ -206,7 +204,6 @@ LEVELS = {"true": f"x >= -{HUGE:.0f}", "false": f"x >= {HUGE:.0f}"}
 leaf_or_constant = predicates() | st.sampled_from([parse(text) for text in LEVELS.values()])
 
 
-@settings(deadline=None)
 @given(formulas(leaf_or_constant, st.sampled_from([0.0, 0.5, 1.0])))
 def test_constants_are_predicates_that_nothing_reaches(formula: Formula) -> None:
     text = str(formula)

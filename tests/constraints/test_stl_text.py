@@ -4,7 +4,7 @@ import pickle
 import sys
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints.stl import (
@@ -36,7 +36,6 @@ X, Y = Predicate((("x", 1.0),), -1.0), Predicate((("y", 1.0),))
 GOAL = Inside("goal")
 
 
-@settings(deadline=None)
 @given(texts())
 def test_the_text_of_a_formula_reads_back(formula: Formula) -> None:
     assert parse(str(formula)) == formula
@@ -52,7 +51,6 @@ def error_of(text: str) -> FormulaError | None:
     return None
 
 
-@settings(deadline=None)
 @given(st.text(alphabet="xyFGUT[](),.;>=<!&|*/+-01 \nin", max_size=40))
 def test_any_text_gives_a_formula_or_a_formula_error(text: str) -> None:
     error = error_of(text)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints.stl import parse
@@ -23,6 +23,7 @@ from ensemble_ctrl.files import config
 from ensemble_ctrl.files.config.wrong import Wrong
 from ensemble_ctrl.problem import Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.problem.arguments.units import quantity
+from tests.examples import examples
 from tests.paths import CONFIGS
 
 FIVE = CONFIGS / "five_obstacles.yaml"
@@ -708,7 +709,7 @@ SNIPPETS += [
 ]
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(
     st.sampled_from([GOOD, SHAPES]),
     st.lists(
@@ -903,7 +904,7 @@ def test_dump_keeps_corners_where_they_are_exact() -> None:
     assert all(set(piece) == {"polygon"} for piece in data["obstacles"]["corner"])
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(
     st.floats(-10, 10),
     st.sampled_from("xy"),

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from ensemble_ctrl.files.config import import_map, load, load_text, read
 from ensemble_ctrl.files.config.wkt import shapes_of_wkt
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem.evaluation.sampled import replay
+from tests.examples import examples
 from tests.paths import CONFIGS
 
 NANOMETRE = 1e-9
@@ -57,7 +58,7 @@ def test_a_grid_may_be_smaller_than_the_tolerance() -> None:
     assert shapely.union_all([shapely.Polygon(piece) for piece in pieces]).covers(shapely.box(-1, -1, 2, 2))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(masks, st.floats(0.01, 3), st.floats(-4, 4), st.floats(-4, 4), st.floats(-50, 50))
 def test_every_occupied_cell_is_covered_and_nothing_grows_by_more(
     mask: NDArray[np.bool_], size: float, reach: float, yaw: float, corner: float
@@ -105,7 +106,7 @@ def star(corners: int, seed: int) -> Any:
     return shapely.Polygon((rng.uniform(0.6, 2, corners) * np.array([np.cos(angle), np.sin(angle)])).T)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 10_000), st.integers(3, 40), st.sampled_from([0.0, 0.01, 0.1, 1.0]), st.booleans())
 def test_pieces_cover_a_polygon_with_a_hole(seed: int, corners: int, tolerance: float, hole: bool) -> None:
     outline = star(corners, seed)

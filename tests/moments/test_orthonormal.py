@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import quad
@@ -36,6 +36,7 @@ from ensemble_ctrl.moments import (
     shift_right,
 )
 from ensemble_ctrl.moments.lanczos import recurrence_of_points
+from tests.examples import examples
 
 Floats = NDArray[np.float64]
 ORDER = 40
@@ -349,7 +350,7 @@ mixtures = st.lists(st.tuples(simple, st.floats(0.01, 100)), min_size=1, max_siz
 random_laws = st.one_of(simple, mixtures)
 
 
-@settings(deadline=None, max_examples=150)
+@examples(150)
 @given(random_laws, st.integers(0, 20))
 def test_any_law_has_orthonormal_polynomials(law: Law, order: int) -> None:
     basis = law.basis(min(order, law.max_order))
@@ -359,7 +360,7 @@ def test_any_law_has_orthonormal_polynomials(law: Law, order: int) -> None:
     assert np.abs(basis.nodes).max() <= 1 + 1e-12
 
 
-@settings(deadline=None, max_examples=100)
+@examples(100)
 @given(random_laws, st.integers(0, 2**32 - 1))
 def test_any_law_integrates_polynomials_exactly(law: Law, seed: int) -> None:
     coefficients = np.random.default_rng(seed).normal(size=10)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis, bernstein_to_moments, nodes_to_bernstein, nodes_to_moments
+from tests.examples import examples
 
 Floats = NDArray[np.float64]
 orders = st.lists(st.integers(0, 4), min_size=0, max_size=3)
@@ -20,7 +21,7 @@ def basis_of(orders: list[int]) -> TensorBasis:
     return TensorBasis(tuple(LegendreBasis(order) for order in orders))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(orders)
 def test_functions_are_orthonormal_for_a_measure_of_mass_two(orders: list[int]) -> None:
     basis = basis_of(orders)
@@ -31,7 +32,7 @@ def test_functions_are_orthonormal_for_a_measure_of_mass_two(orders: list[int]) 
     np.testing.assert_allclose(phi[:, 0], np.sqrt(0.5))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(orders, st.integers(0, 2**31))
 def test_nodes_points_and_moments_are_forms_of_one_polynomial(orders: list[int], seed: int) -> None:
     basis = basis_of(orders)

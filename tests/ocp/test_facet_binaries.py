@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -20,6 +20,7 @@ from ensemble_ctrl.ocp.margins import keeping, largest_bulge
 from ensemble_ctrl.ocp.mixed import best, held, widened
 from ensemble_ctrl.ocp.truncation import Truncation, points
 from ensemble_ctrl.problem import Guarantee, Problem
+from tests.examples import examples
 
 from .problems import FLEET, five
 
@@ -88,7 +89,7 @@ class Case:
 
 
 @guarantees
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=seeds, block=st.integers(1, 3), share=st.floats(0.3, 1.0))
 def test_what_the_rows_admit_is_on_the_free_side(guarantee: Guarantee, seed: int, block: int, share: float) -> None:
     """Every pair of a piece and a step has one facet with all points (for `moment`: the mean) on its free side."""
@@ -106,7 +107,7 @@ def test_what_the_rows_admit_is_on_the_free_side(guarantee: Guarantee, seed: int
 
 
 @guarantees
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=seeds)
 def test_a_plan_that_holds_facets_is_admitted(guarantee: Guarantee, seed: int) -> None:
     """Not vacuous: with the facets that the points hold with the margin, the rows hold."""
@@ -120,7 +121,7 @@ def test_a_plan_that_holds_facets_is_admitted(guarantee: Guarantee, seed: int) -
 
 
 @guarantees
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=seeds)
 def test_a_switch_at_zero_takes_nothing_away(guarantee: Guarantee, seed: int) -> None:
     """With every binary at 0, all of the workspace satisfies the rows that have one, whatever the commands."""
@@ -133,7 +134,7 @@ def test_a_switch_at_zero_takes_nothing_away(guarantee: Guarantee, seed: int) ->
     assert case.keeps(case.anywhere(), np.zeros(case.rows.count), extreme)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=seeds)
 def test_no_m_is_larger_than_it_must_be(seed: int) -> None:
     """Some point of the workspace needs all of it."""
@@ -150,7 +151,7 @@ def test_no_m_is_larger_than_it_must_be(seed: int) -> None:
         assert m == pytest.approx(max(0.0, (needed[f] - np.array(corners) @ case.sides.normal[f]).max()))
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=seeds)
 def test_the_moment_rows_are_those_of_the_obstacle(seed: int) -> None:
     """Bounds equal `Obstacle.big_m_bounds` of an obstacle with the same facet, with the row's own M."""
@@ -172,7 +173,7 @@ def test_the_moment_rows_are_those_of_the_obstacle(seed: int) -> None:
     assert seen == int((case.rows.piece == 0).sum())
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(seed=seeds)
 def test_members_stay_in_the_workspace(seed: int) -> None:
     """Any controls within the bounds whose way stays on the map are inside at every grid time."""
@@ -220,7 +221,7 @@ def test_without_obstacles_there_is_nothing() -> None:
     assert facet_binaries(free, truncation_of(free), sides, box, nowhere, 0.0, 1).count == 0
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(seed=seeds, least=st.floats(-1, 1), steps=st.integers(0, 9))
 def test_neighbourhoods_contain_the_plan(seed: int, least: float, steps: int) -> None:
     random = np.random.default_rng(seed)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.problem.specification import AvoidConstraint
+from tests.examples import examples
 
 Floats = NDArray[np.float64]
 
@@ -21,7 +22,7 @@ def random_piece(rng: np.random.Generator, stretch: float) -> Obstacle | None:
     return Obstacle.polygon(np.array(hull.exterior.coords)[:-1]) if hull.area > 1e-3 else None
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(st.integers(0, 2**32 - 1), st.floats(0, 4), st.sampled_from([0.02, 0.3, 1.0]))
 def test_the_gap_is_a_lower_bound_and_close_where_they_are_apart(seed: int, away: float, stretch: float) -> None:
     rng = np.random.default_rng(seed)

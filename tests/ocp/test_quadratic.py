@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, minimize
 
 from ensemble_ctrl.ocp.quadratic import Quadratic, solve_quadratic
+from tests.examples import examples
 
 
 def random_program(seed: int, n: int, m: int) -> Quadratic:
@@ -24,7 +25,7 @@ def cost(program: Quadratic, z: np.ndarray) -> float:
     return float(0.5 * z @ program.H @ z + program.g @ z + program.penalty * short)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(st.integers(0, 10_000), st.integers(1, 8), st.integers(0, 12))
 def test_no_other_solver_finds_a_lower_cost(seed: int, n: int, m: int) -> None:
     q = random_program(seed, n, m)

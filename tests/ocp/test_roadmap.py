@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints import Obstacle
@@ -18,6 +18,7 @@ from ensemble_ctrl.ocp.guesses.routes import LONGEST, Route
 from ensemble_ctrl.ocp.truncation import positions
 from ensemble_ctrl.problem import Problem, Routes
 from ensemble_ctrl.systems import Unicycle
+from tests.examples import examples
 
 from .problems import FLEET, five
 
@@ -49,7 +50,7 @@ def test_both_conventions_drive_the_same_path() -> None:
     np.testing.assert_allclose(paths[0], paths[1], atol=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(st.tuples(*[st.floats(-2, 2)] * 4))
 def test_any_bounds_are_kept(ends: tuple[float, float, float, float]) -> None:
     """Bounds that exclude standing still, or going straight, too."""

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 import ensemble_ctrl.ocp.guesses.routes as module
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.ocp.guesses.routes import LONGEST, Route, is_simple, routes, swept
+from tests.examples import examples
 
 Floats = NDArray[np.float64]
 START, GOAL, CLEARANCE = np.array([-4.0, 0.1]), np.array([4.0, -0.2]), 0.1
@@ -51,7 +52,7 @@ def shortest(pieces: Sequence[Obstacle]) -> float:
     return float(dijkstra(lengths, directed=False)[0, 1])
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5))
 def test_the_first_route_is_the_shortest_and_the_others_are_of_other_kinds(seed: int, count: int) -> None:
     pieces = random_boxes(seed, count)
@@ -132,7 +133,7 @@ def test_a_row_of_obstacles_is_passed_in_every_way(count: int) -> None:
     assert [route.length for route in found] == sorted(route.length for route in found)
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
 def test_routes_without_loops_are_among_those_with_them(seed: int, count: int) -> None:
     """Every kind is found that a search over all kinds finds, if its shortest route is simple by shapely's word."""

@@ -8,7 +8,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import sqrtm
@@ -25,6 +25,7 @@ from ensemble_ctrl.problem import Objective, Problem
 from ensemble_ctrl.problem.evaluation.arrival import arrival
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target, wasserstein
+from tests.examples import examples
 from tests.paths import CONFIGS
 
 from .problems import five
@@ -52,7 +53,7 @@ def controls_of(seed: int) -> NDArray[np.float64]:
 
 
 @every
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.integers(0, 2**31))
 def test_the_programs_price_is_the_exact_one(name: str, seed: int) -> None:
     problem = aiming(TARGETS[name], start_x=Interval(-0.1, 0.1))
@@ -87,7 +88,7 @@ def test_the_cost_is_what_many_members_say(name: str, law: Interval | Beta) -> N
     assert terminal_cost(problem, controls, 24) == pytest.approx(3.0 * wanted, rel=0.02)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(st.integers(0, 2**31))
 def test_wasserstein_is_that_of_normal_laws(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -34,6 +34,7 @@ from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import assemble
 from ensemble_ctrl.ocp.task import SHARPNESS, TaskRows, task_rows
 from ensemble_ctrl.ocp.truncation import Truncation, points
+from tests.examples import examples
 
 from .problems import five
 
@@ -134,7 +135,7 @@ def readable(parts: list[Formula]) -> None:
         raise
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(st.lists(formulas, min_size=1, max_size=2), st.integers(0, 2**32 - 1), st.sampled_from([0.1, 1.0, 5.0]))
 def test_the_level_at_the_guess_is_never_above_any_members_robustness(
     parts: list[Formula], seed: int, spread: float
@@ -146,7 +147,7 @@ def test_the_level_at_the_guess_is_never_above_any_members_robustness(
     assert rows.levels[level] <= exact(parts, members_of(curve, rng)) + 1e-12
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(formulas, st.integers(0, 2**32 - 1), st.floats(0, 1))
 def test_rows_made_around_one_guess_are_sound_at_every_other_curve(formula: Formula, seed: int, change: float) -> None:
     readable([formula])
@@ -157,7 +158,7 @@ def test_rows_made_around_one_guess_are_sound_at_every_other_curve(formula: Form
     assert largest(rows, layout, curve)[level] <= exact([formula], members_of(curve, rng)) + 1e-9
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(formulas, st.integers(0, 2**32 - 1))
 def test_the_levels_to_start_from_are_the_largest_that_the_rows_allow(formula: Formula, seed: int) -> None:
     readable([formula])

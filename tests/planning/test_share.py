@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -25,11 +25,12 @@ from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.report.text import measured, proven
 from ensemble_ctrl.report.words import certificate_words
 from ensemble_ctrl.systems import Unicycle
+from tests.examples import examples
 from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
 CONFIG = CONFIGS / "risk" / "share.yaml"
-MANY = settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MANY = examples(12, suppress_health_check=[HealthCheck.too_slow])
 seeds = st.integers(0, 2**31)
 SIGNPOST = """
 fleet:

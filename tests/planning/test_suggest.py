@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import ensemble_ctrl as ec
@@ -34,6 +34,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.report import summary_lines
+from tests.examples import examples
 
 SLOW = """\
 name: slow
@@ -149,7 +150,7 @@ def test_a_steering_angle_keeps_its_bounds() -> None:
     assert relaxed.overrides == ("fleet.input_bounds.v=[-2.0, 2.0]",)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.floats(1.0, 3.0), st.integers(0, 10_000))
 def test_in_a_longer_horizon_the_same_path_does_the_stretched_task(factor: float, seed: int) -> None:
     """Driving the path more slowly: states at the grid times are the same, and so is the robustness of the task."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
@@ -19,6 +19,7 @@ from ensemble_ctrl.problem import Problem, SolveOptions, VerifyOptions
 from ensemble_ctrl.problem.checks import Finding, findings, path_text, require_sound
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
+from tests.examples import examples
 
 FLEET = Fleet(
     system=Unicycle(),
@@ -191,7 +192,7 @@ def test_a_goal_that_may_be_reached_is_left_alone(task: str) -> None:
     assert [f for f in findings(problem(task)) if f.severity == "error"] == []
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.floats(0.1, 10.0), st.floats(-math.pi, math.pi))
 def test_what_a_straight_drive_reaches_is_never_refused(deadline: float, angle: float) -> None:
     reached = 1.5 * deadline * np.array([math.cos(angle), math.sin(angle)])

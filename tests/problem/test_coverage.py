@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import ensemble_ctrl as ec
@@ -26,6 +26,7 @@ from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.problem.specification import NOTHING_ASKED, clearances
 from ensemble_ctrl.report import summary_lines
 from ensemble_ctrl.report.words import certificate_words
+from tests.examples import examples
 
 NAMES = ("o1", "o2", "o3", "post")
 
@@ -150,7 +151,7 @@ def window_text(ends: list[tuple[int, bool]]) -> str:
 
 
 @given(st.lists(PART, min_size=2, max_size=8), st.integers(0, 1000))
-@settings(max_examples=60)
+@examples(60)
 def test_conjuncts_that_are_left_out_say_nothing_more(parts: list[Any], seed: int) -> None:
     texts = [f"{op}{'' if window is None else window_text(window)} {leaf}" for op, window, leaf in parts]
     task = ec.parse(" and ".join(texts))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -21,12 +21,13 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
+from tests.examples import examples
 from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
 CONFIG = CONFIGS / "moving" / "crossing.yaml"
 seeds = st.integers(0, 2**31)
-MANY = settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MANY = examples(300, suppress_health_check=[HealthCheck.too_slow])
 
 
 def random_motion(rng: np.random.Generator, duration: float) -> Motion:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints.stl import parse
@@ -17,6 +17,7 @@ from ensemble_ctrl.problem.checks.spread import apart, furthest, widest
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Bicycle, Unicycle
+from tests.examples import examples
 
 TEXT = """
 fleet:
@@ -34,7 +35,7 @@ SPREAD = "[0.9, 1.1]}, start_x: {range: [0, 3.5]}, start_y: {range: [0, 3.2]}}"
 
 
 @given(st.integers(0, 2**31), st.booleans())
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_no_control_brings_members_further(seed: int, bicycle: bool) -> None:
     rng = np.random.default_rng(seed)
     laws = {

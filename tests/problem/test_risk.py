@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
@@ -50,7 +50,6 @@ def priced(of: Loss, level: float = 0.9, weight: float = 5.0, text: str = GATE) 
 
 
 @given(st.lists(st.floats(-10, 10), min_size=1, max_size=30), st.floats(0, 0.99))
-@settings(deadline=None)
 def test_it_is_the_least_of_rockafellar_and_uryasev(losses: list[float], level: float) -> None:
     given_ = np.array(losses)
 

@@ -6,17 +6,18 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.systems import SYSTEMS, Bicycle
+from tests.examples import examples
 
 LOW, HIGH = np.array([-2.0, -0.6]), np.array([2.0, 0.6])
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 2**31), st.floats(0.1, 3.0), st.sampled_from(["x", "y"]))
 def test_positions_are_the_integral_of_the_dynamics(seed: int, wheelbase: float, axis: Literal["x", "y"]) -> None:
     rng = np.random.default_rng(seed)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp.arrays import CasadiArrays
 from ensemble_ctrl.systems import SYSTEMS, Unicycle, sinc
+from tests.examples import examples
 
 Floats = NDArray[np.float64]
 Heading = Literal["x", "y"]
@@ -42,7 +43,7 @@ def drives(tractions: Floats, heading: float, start: tuple[float, float] = (0.0,
 
 
 @both_conventions
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(speeds, turn_rates, tractions, st.floats(-4, 4), st.floats(-2, 2))
 def test_a_step_is_the_integral_of_the_dynamics(
     heading_from: Heading, v: float, omega: float, traction: float, heading: float, turned: float
@@ -89,7 +90,7 @@ def test_generators_are_the_dynamics_of_the_lifted_state(heading_from: Heading) 
     np.testing.assert_allclose((traction * (v * b1 + omega * b2)) @ lifted[2], rate, atol=1e-9)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(speeds, st.floats(-9, 9), tractions, st.floats(0.01, 1.0))
 def test_the_sagitta_bounds_the_way_between_arc_and_chord(v: float, omega: float, traction: float, step: float) -> None:
     part = np.linspace(0, 1, 65)

@@ -14,13 +14,14 @@ from .robot import Adversary, Body, bounced, moved
 from .scene import make
 from .tables import page
 
-LOOPS = 16
+CHUNKS, SIZE = 4, 4
 QUICK = ("drift and actuators left out", "half the noise", "the past where the robot is now")
 """Margins whose lack shows in a few loops."""
 
 
-def test_what_loops_say_is_so() -> None:
-    for index in range(LOOPS):
+@pytest.mark.parametrize("chunk", [0, *(pytest.param(chunk, marks=pytest.mark.slow) for chunk in range(1, CHUNKS))])
+def test_what_loops_say_is_so(chunk: int) -> None:
+    for index in range(chunk * SIZE, (chunk + 1) * SIZE):
         judged = run.one(7, index).judged
         assert judged is None or judged.faults == (), f"loop 7:{index}"
 

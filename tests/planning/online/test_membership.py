@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -14,6 +14,7 @@ from ensemble_ctrl.planning.online.membership import Membership
 from ensemble_ctrl.planning.online.propagation import Commands, Errors
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
+from tests.examples import examples
 
 Floats = NDArray[np.float64]
 STEP = 0.1
@@ -56,7 +57,7 @@ def bounded(rng: np.random.Generator, bound: float, size: tuple[int, ...] | int 
     return np.asarray(np.clip(rng.uniform(-1.5, 1.5, size), -1, 1) * (bound - 1e-4))
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     st.integers(0, 10_000),
     st.sampled_from(SYSTEMS),
