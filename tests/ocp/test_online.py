@@ -12,7 +12,9 @@ from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, robustness
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.levels import TaskLevels, smooth_maximum
-from ensemble_ctrl.ocp.online import OnlineProgram, Present, _blocks, _Point
+from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram
+from ensemble_ctrl.ocp.online.point import Point
+from ensemble_ctrl.ocp.online.step import groups
 from ensemble_ctrl.ocp.truncation import coarse, points
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
@@ -24,7 +26,7 @@ Floats = NDArray[np.float64]
 TWO = {"linear_traction": Interval(0.95, 1.05), "angular_traction": Interval(0.9, 1.1)}
 
 
-def present_at(program: OnlineProgram, controls: Floats, at: int, free: int, growth: float = 0.0) -> Present:
+def present_at(program: OnlineProgram, controls: Floats, at: int, free: int, growth: float = 0.0) -> InitialCondition:
     """The fleet where the commands before `at` lead its middle member, from there on."""
     problem, fleet = program.problem, program.problem.fleet
     middle = fleet.drives(fleet.center[None])
@@ -33,7 +35,7 @@ def present_at(program: OnlineProgram, controls: Floats, at: int, free: int, gro
     drives = fleet.drives(fleet.bent_members(program.truncation.nodes))
     drives[:, 2] += problem.step * omega[:at].sum()
     drives[:, 3:] = path[at]
-    return Present(at, free, drives, path[: at + 1, None], np.full(problem.steps + 1, growth), controls)
+    return InitialCondition(at, free, drives, path[: at + 1, None], np.full(problem.steps + 1, growth), controls)
 
 
 @pytest.mark.parametrize(
@@ -49,15 +51,15 @@ def test_slopes_are_those_of_finite_differences(system: ArcSystem, laws: dict[st
     problem = replace(five(fleet=Fleet(system, laws, np.ones(2), 0.3, *bounds)), steps=16)
     controls = np.random.default_rng(0).uniform([0.2, -0.4], [0.8, 0.4], (16, 2))
     program = OnlineProgram.of(problem, controls, 2)
-    point = _Point(program, present_at(program, controls, 3, 5), controls)
-    count = point.curve.shape[1]
+    point = Point(program, present_at(program, controls, 3, 5), controls)
+    count = point.curve.points.shape[1]
     at, which = (i.ravel() for i in np.meshgrid(np.array([4, 6, 11, 16]), np.arange(count)))
     normal = np.random.default_rng(1).normal(size=(len(at), 2))
-    slopes = point._slopes(at, which, normal).reshape(len(at), 11, 2)
+    slopes = point.curve.slopes(at, which, normal).reshape(len(at), 11, 2)
     for step, command in ((0, 0), (0, 1), (4, 0), (4, 1), (10, 1)):
         change = np.zeros((11, 2))
         change[step, command] = 1e-6
-        ahead, behind = point.moved(change).curve, point.moved(-change).curve
+        ahead, behind = point.moved(change).curve.points, point.moved(-change).curve.points
         wanted = ((ahead - behind)[at, which] / 2e-6 * normal).sum(axis=1)
         np.testing.assert_allclose(slopes[:, step, command], wanted, atol=1e-7)
 
@@ -73,22 +75,24 @@ def test_several_robots_are_each_of_them_and_cost_their_mean() -> None:
         drives=np.concatenate([first.drives, second.drives]),
         path=np.concatenate([first.path, second.path], axis=1),
     )
-    alone = [_Point(program, present, controls) for present in (first, second)]
-    joint, count = _Point(program, both, controls), alone[0].curve.shape[1]
-    np.testing.assert_allclose(joint.curve, np.concatenate([point.curve for point in alone], axis=1), atol=1e-12)
+    alone = [Point(program, present, controls) for present in (first, second)]
+    joint, count = Point(program, both, controls), alone[0].curve.points.shape[1]
+    np.testing.assert_allclose(
+        joint.curve.points, np.concatenate([point.curve.points for point in alone], axis=1), atol=1e-12
+    )
     at, normal = np.full(count, 90), np.random.default_rng(0).normal(size=(count, 2))
     for k, point in enumerate(alone):
-        slopes = joint._slopes(at, k * count + np.arange(count), normal)
-        np.testing.assert_allclose(slopes, point._slopes(at, np.arange(count), normal), atol=1e-9)
+        slopes = joint.curve.slopes(at, k * count + np.arange(count), normal)
+        np.testing.assert_allclose(slopes, point.curve.slopes(at, np.arange(count), normal), atol=1e-9)
     for i in (0, 1):
-        mean = np.mean([point._smooth_cost()[i] for point in alone], axis=0)
-        np.testing.assert_allclose(joint._smooth_cost()[i], mean, atol=1e-8)
-    assert joint.level_values()[-1] <= min(point.level_values()[-1] for point in alone) + 1e-12
+        mean = np.mean([point.smooth_cost()[i] for point in alone], axis=0)
+        np.testing.assert_allclose(joint.smooth_cost()[i], mean, atol=1e-8)
+    assert joint.levels[-1] <= min(point.levels[-1] for point in alone) + 1e-12
 
 
 def test_groups_of_steps_cover_all_and_grow() -> None:
     for steps in (1, 7, 40, 160, 1000):
-        starts = _blocks(steps)
+        starts = groups(steps)
         sizes = np.diff([*starts, steps])
         assert starts[0] == 0
         assert (sizes >= 1).all()

@@ -20,12 +20,12 @@ from ensemble_ctrl import (
     SolveOptions,
 )
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.ocp.shooting.evaluate import evaluate
-from ensemble_ctrl.ocp.shooting.guess import guesses
-from ensemble_ctrl.ocp.shooting.planes import separate
-from ensemble_ctrl.ocp.shooting.search import Stage, nominal, whole
-from ensemble_ctrl.ocp.shooting.transcription import transcribe
-from ensemble_ctrl.ocp.shooting.ways import resampled, way, ways
+from ensemble_ctrl.ocp.evaluate_sampled import evaluate
+from ensemble_ctrl.ocp.guesses.state_guesses import guesses
+from ensemble_ctrl.ocp.guesses.ways import resampled, way, ways
+from ensemble_ctrl.ocp.hyperplanes import separate
+from ensemble_ctrl.ocp.state_rounds import Stage, nominal, whole
+from ensemble_ctrl.ocp.transcription import Avoiding, transcribe
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.problem.specification import AvoidConstraint
 
@@ -124,7 +124,7 @@ def test_simulated_states_keep_the_programs_dynamics(guarantee: str) -> None:
     positions = iterate.states[:, :2].transpose(0, 2, 1)
     points = np.einsum("ij,tjd->tid", stage.truncation.to_points, positions)
     planes = separate(points, [AvoidConstraint("block", (BLOCK,), 0.1, 0.0, 6.0)], 6.0)
-    shooting = transcribe(given, stage.truncation, iterate, planes, planes.active, 1, (0.0, 0.0))
+    shooting = transcribe(given, stage.truncation, iterate, Avoiding(planes, planes.active))
     g = np.array(shooting.program.functions["g"](shooting.guess, shooting.program.parameters)).ravel()
     rows = {name: slice(a, b) for name, a, b in shooting.program.rows}
     np.testing.assert_allclose(g[rows["moving"]], 0.0, atol=1e-12)
@@ -132,7 +132,7 @@ def test_simulated_states_keep_the_programs_dynamics(guarantee: str) -> None:
     np.testing.assert_allclose(again.controls, controls, atol=1e-12)
     np.testing.assert_allclose(again.states, iterate.states, atol=1e-12)
     moved = shooting.guess.copy()
-    moved[shooting.layout.states[3, 0, 0]] += 0.1
+    moved[shooting.layout.points[3, 0]] += 0.1
     g = np.array(shooting.program.functions["g"](moved, shooting.program.parameters)).ravel()
     assert np.abs(g[rows["moving"]]).max() > 0.09
 
@@ -167,7 +167,7 @@ def test_the_program_costs_what_the_plan_is_worth(task: str) -> None:
     iterate = stage.simulated(controls)
     places = np.einsum("ij,tdj->tid", stage.truncation.to_points, iterate.states[:, some.fleet.place_columns])
     planes = separate(places, some.specification.avoid, some.duration)
-    program = transcribe(some, stage.truncation, iterate, planes, planes.active, stage.substeps, (0.0, 0.0))
+    program = transcribe(some, stage.truncation, iterate, Avoiding(planes, planes.active))
     x = program.guess.copy()
     x[program.layout.slacks] = 0.0
     value, _ = program.program.functions["grad_f"](x, program.program.parameters)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ensemble_ctrl import DoubleIntegrator, Interval, OdeFleet, ProblemError, Quadrotor
-from ensemble_ctrl.ocp.shooting.traced import require_traceable
+from ensemble_ctrl.ocp.traced import require_traceable
 
 
 class Numpy(DoubleIntegrator):

@@ -13,9 +13,10 @@ from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.chance import all_hyperplanes
 from ensemble_ctrl.ocp.evaluate import evaluate
-from ensemble_ctrl.ocp.online import OnlineProgram, Present, _Point
+from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram
+from ensemble_ctrl.ocp.online.point import Point
 from ensemble_ctrl.ocp.risk import ROUND
-from ensemble_ctrl.ocp.transcription import Avoiding, Transcription, transcribe
+from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, Transcription, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, positions, tail
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.risk import Risk
@@ -35,7 +36,7 @@ def controls_of(seed: int, most: tuple[float, float] = (1.0, 0.6)) -> Floats:
 def program_of(problem: Problem, controls: Floats, truncation: Truncation, spare: float = 0.0) -> Transcription:
     """The program around the controls, with every pair constrained."""
     hyperplanes = all_hyperplanes(problem, truncation, points(problem, controls, truncation))
-    return transcribe(problem, truncation, controls, Avoiding(hyperplanes, hyperplanes.active), spare)
+    return transcribe(problem, truncation, Iterate(controls), Avoiding(hyperplanes, hyperplanes.active), (spare, 0.0))
 
 
 def at_the_guess(program: Transcription) -> Floats:
@@ -57,8 +58,8 @@ def cost_online(problem: Problem, controls: Floats, order: int) -> float:
     """What the program for loops minimises before the first step, at the controls."""
     program, fleet = OnlineProgram.of(problem, controls, order), problem.fleet
     drives = fleet.drives(fleet.bent_members(program.truncation.nodes))
-    present = Present(0, 0, drives, fleet.start[None, None], np.zeros(STEPS + 1), controls)
-    point = _Point(program, present, controls)
+    present = InitialCondition(0, 0, drives, fleet.start[None, None], np.zeros(STEPS + 1), controls)
+    point = Point(program, present, controls)
     cost, short = point.cost(point.hyperplanes())
     assert short == 0
     return cost

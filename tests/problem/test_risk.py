@@ -15,7 +15,7 @@ from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load_text, read
 from ensemble_ctrl.ocp.chance import all_hyperplanes
 from ensemble_ctrl.ocp.risk import risk_cost
-from ensemble_ctrl.ocp.transcription import Avoiding, transcribe
+from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import choose, points
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Objective, Problem
@@ -78,9 +78,9 @@ def test_the_program_prices_what_exact_paths_cost(of: Loss) -> None:
     controls = np.column_stack([v, np.concatenate([np.full(10, 0.25), np.full(20, -0.14)])])
     truncation = choose(problem, controls)
     hyperplanes = all_hyperplanes(problem, truncation, points(problem, controls, truncation))
-    program = transcribe(problem, truncation, controls, Avoiding(hyperplanes, hyperplanes.active), 0.0)
+    program = transcribe(problem, truncation, Iterate(controls), Avoiding(hyperplanes, hyperplanes.active))
     priceless = problem.with_(objective=replace(problem.objective, cvar=None))
-    without = transcribe(priceless, truncation, controls, Avoiding(hyperplanes, hyperplanes.active), 0.0)
+    without = transcribe(priceless, truncation, Iterate(controls), Avoiding(hyperplanes, hyperplanes.active))
     values = [float(p.program.functions["grad_f"](p.guess, p.program.parameters)[0]) for p in (program, without)]
     price = values[0] - values[1]
     assert price == pytest.approx(risk_cost(problem, controls), abs=0.06 if of == "terminal" else 0.3)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
 from ensemble_ctrl.ocp.chance import all_hyperplanes, asked, map_size, members_within
+from ensemble_ctrl.ocp.cost import CommandCost, Scale, cost
 from ensemble_ctrl.ocp.hyperplanes import REACH, separate
 from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
@@ -81,11 +82,8 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
         values += [float(robustness(part.formula, within, ops)) for part in fewer]
     worst = min(values, default=0.0)
     terminal = terminal_cost(problem, controls, order)
-    change = np.diff(controls, axis=0) / step
-    effort = step * (float((controls**2).sum(axis=0) @ aim.efforts()) + aim.smoothness * float((change**2).sum()))
+    effort = CommandCost.of(aim, Scale.none(), step).total(controls)
     risk = risk_cost(problem, controls)
-    rates = np.full(2, np.inf) if fleet.rate_bounds is None else fleet.rate_bounds
-    excess = float((np.abs(change) - rates).max(initial=-np.inf))
     if in_moments:
         mean = average[:, None]
         avoid, near = problem.specification.avoid, REACH * map_size(problem, mean)
@@ -93,8 +91,15 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     else:
         curve = points(problem, controls, truncation)
         hyperplanes = all_hyperplanes(problem, truncation, curve, REACH * map_size(problem, curve))
-    cost = -aim.robustness * worst + terminal + effort + risk
-    return Value(cost, worst, terminal, effort, float(hyperplanes.gap.min(initial=np.inf)), excess, risk)
+    gap, excess = float(hyperplanes.gap.min(initial=np.inf)), rate_excess(fleet.rate_bounds, controls, step)
+    return Value(cost(aim, effort, terminal, worst, risk), worst, terminal, effort, gap, excess, risk)
+
+
+def rate_excess(bounds: Floats | None, controls: Floats, step: float) -> float:
+    """By how much a command changes faster than it may, per second; minus infinity where it may change at any rate."""
+    if bounds is None:
+        return -np.inf
+    return float((np.abs(np.diff(controls, axis=0) / step) - bounds).max(initial=-np.inf))
 
 
 def _worst(problem: Problem, controls: Floats, order: int, within: Range | None) -> StateSignals:

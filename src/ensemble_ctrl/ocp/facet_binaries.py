@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp.layout import Layout
+from ensemble_ctrl.ocp.layout import Numbers
 from ensemble_ctrl.ocp.margins import bulge, curvature, keeping, largest_bulge
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation
@@ -257,7 +257,7 @@ def facet_binaries(
 
 
 def binary_blocks(
-    problem: Problem, truncation: Truncation, layout: Layout, choice: Choice, slack: Ints, tail: float
+    problem: Problem, truncation: Truncation, layout: Numbers, choice: Choice, slack: Ints, tail: float
 ) -> list[Block]:
     """The rows of a choice with a `slack` for each pair, and the rows that demand a facet of each group."""
     sides, chosen = choice.sides, choice.rows

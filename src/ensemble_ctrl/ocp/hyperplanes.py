@@ -1,8 +1,12 @@
 """Separating hyperplanes between the fleet and convex obstacles: the disjunction over facets, decided.
 
-A line with unit normal `n` keeps a set of points clear of an obstacle by ``min n.p - max n.vertex``.  With the lines
-fixed, avoiding is a set of linear rows.  Re-choosing them at the solution of the last round keeps that solution
-feasible, so the rounds never get worse.
+A hyperplane with unit normal `n` keeps a set of points clear of an obstacle by ``min n.p - max n.vertex``.  With the
+hyperplanes fixed, avoiding is a set of linear rows.  Re-choosing them at the solution of the last round keeps that
+solution feasible, so the rounds never get worse.
+
+In the plane the best normal is looked for among directions.  In space it is along the shortest way between both convex
+hulls (E. G. Gilbert, An iterative procedure for computing the minimum of a quadratic form on a convex set, 1966); where
+they overlap, along the facet that is left soonest.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
@@ -20,13 +25,15 @@ Ints = NDArray[np.int64]
 
 DIRECTIONS = 72
 """Directions tried before the best one is refined."""
+ITERATIONS = 60
+"""Of Gilbert's algorithm; the hyperplane is valid after any number of them."""
 REACH = 0.15
 """Pairs closer than this share of the map's size are constrained from the start."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hyperplanes:
-    """For each pair of a convex piece and a step, the best line found, or one for each cell of the fleet.
+    """For each pair of a convex piece and a step, the best hyperplane found, or one for each cell of the fleet.
 
     A *side* is a piece as seen by one cell; sides are numbered by cell, then piece.
 
@@ -40,7 +47,7 @@ class Hyperplanes:
         Metres by which each piece grows.
     active : ndarray of bool, shape (sides, steps)
         Whether the piece is to be kept out of during the step.
-    normal : ndarray, shape (sides, steps, 2)
+    normal : ndarray, shape (sides, steps, d)
         Unit normals, pointing to the fleet's side.
     support : ndarray, shape (sides, steps)
         Largest ``n . vertex`` of the piece, and of half the box of start positions, and what the piece bends from a
@@ -49,7 +56,7 @@ class Hyperplanes:
         How far the piece has moved along ``n`` at both ends of the step, metres.
     gap : ndarray, shape (sides, steps)
         Distance in metres, beyond the radius, between the points of the step and the piece along the normal; negative
-        where no line separates them, infinite where the pair is not active.  *Guarantee*: never above the true
+        where none separates them, infinite where the pair is not active.  *Guarantee*: never above the true
         distance between their convex hulls.
     """
 
@@ -96,35 +103,35 @@ def separate(
 
     Parameters
     ----------
-    points : ndarray, shape (steps + 1, points, 2)
+    points : ndarray, shape (steps + 1, points, d)
         Metres.
     avoid : sequence of AvoidConstraint
         What to keep out of, and when.
     duration : float
         Seconds from the first point to the last.
-    shift : ndarray, shape (2,), optional
+    shift : ndarray, shape (d,), optional
         Half the sides of a box of start positions, metres: it lies around every point.
     parts : tuple of ndarray, optional
         For each cell of the fleet the matrix from the points to its own; one cell if not given.
     near : float
-        Metres beyond which a line along an axis will do.
+        Metres beyond which a hyperplane across an axis will do.
     begin : float
         Time of the first point, seconds.
     within : float
         Pairs whose bounding boxes are further apart, in metres, are left out, as if they were not active.
     """
-    shift = np.zeros(2) if shift is None else shift
+    steps, d = len(points) - 1, points.shape[2]
+    shift = np.zeros(d) if shift is None else shift
     parts = (np.eye(points.shape[1]),) if parts is None else parts
-    steps = len(points) - 1
     pieces = [(piece, each) for each in avoid for piece in each.pieces]
     if not pieces:
-        none, pairs = np.zeros((0, steps)), np.zeros((0, steps, 2))
-        return Hyperplanes(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), pairs, none, pairs, none)
+        none, normals, ends = np.zeros((0, steps)), np.zeros((0, steps, d)), np.zeros((0, steps, 2))
+        return Hyperplanes(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), normals, none, ends, none)
     times = np.linspace(begin, begin + duration, steps + 1)
     offsets, bent = [each.offsets(times) for _, each in pieces], [each.bends(times) for _, each in pieces]
     moved, bends = np.tile(offsets, (len(parts), 1, 1)), np.tile(bent, (len(parts), 1))
     found = [
-        _found(_both_ends(own - offset[:, None]), piece.vertices, shift, near + each.radius + float(bend.max()), within)
+        _found(_both_ends(own - offset[:, None]), piece, shift, near + each.radius + float(bend.max()), within)
         for own in (part @ points for part in parts)
         for (piece, each), offset, bend in zip(pieces, offsets, bent, strict=True)
     ]
@@ -138,31 +145,62 @@ def separate(
 
 
 def _both_ends(points: Floats) -> Floats:
-    """The points at both ends of each step together, shape (steps, 2 * points, 2)."""
+    """The points at both ends of each step together, shape (steps, 2 * points, d)."""
     return np.concatenate([points[:-1], points[1:]], axis=1)
 
 
-def _found(
-    points: Floats, vertices: Floats, shift: Floats, near: float, within: float
-) -> tuple[Floats, Floats, Floats]:
-    """Normal, support and gap of the best line for one convex piece at every step.
+def _found(points: Floats, piece: Obstacle, shift: Floats, near: float, within: float) -> tuple[Floats, Floats, Floats]:
+    """Normal, support and gap of the best hyperplane for one convex piece at every step.
 
-    Beyond `near` of a line along an axis; beyond `within` the gap is infinite.
+    Beyond `near` of one across an axis; beyond `within` the gap is infinite.
     """
-    ends = points.max(axis=1) + shift, points.min(axis=1) - shift
-    beyond = np.stack([ends[1] - vertices.max(axis=0), vertices.min(axis=0) - ends[0]], axis=1).reshape(len(points), 4)
+    vertices, axes = piece.vertices, np.eye(points.shape[2])
+    # gaps along +x, +y, .., -x, -y, ..: between the bounding boxes
+    low, high = points.min(axis=1) - shift, points.max(axis=1) + shift
+    beyond = np.concatenate([low - vertices.max(axis=0), vertices.min(axis=0) - high], axis=1)
     side, gap = beyond.argmax(axis=1), beyond.max(axis=1)
-    normal = np.concatenate([np.eye(2), -np.eye(2)])[side]
+    normal = np.concatenate([axes, -axes])[side]
     support = (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift
     close = gap <= min(near, within)
     if close.any():
-        normal[close], support[close], gap[close] = _best(points[close], vertices, shift)
+        best = _by_direction if points.shape[2] == 2 else _by_shortest_way
+        normal[close], support[close], gap[close] = best(points[close], piece, shift)
     gap[~close & (gap > within)] = np.inf
     return normal, support, gap
 
 
-def _best(points: Floats, vertices: Floats, shift: Floats) -> tuple[Floats, Floats, Floats]:
-    """Best normal, support and gap for one convex piece at every step."""
+def _by_shortest_way(points: Floats, piece: Obstacle, shift: Floats) -> tuple[Floats, Floats, Floats]:
+    """Best normal, support and gap for one convex piece at every step, in any dimension."""
+    steps, rows, vertices = len(points), np.arange(len(points)), piece.vertices
+    facets, _ = piece.unit_rows()
+    gaps = np.stack([_gap(points, vertices, np.broadcast_to(n, (steps, len(n))), shift) for n in facets])
+    which = gaps.argmax(axis=0)
+    normal, gap = facets[which], gaps[which, rows]
+    # Gilbert: `nearest` is a point of the difference of both hulls, moved towards the one that lies least along it
+    nearest = points.mean(axis=1) - vertices.mean(axis=0)
+    for _ in range(ITERATIONS):
+        length = np.linalg.norm(nearest, axis=1, keepdims=True)
+        tried = np.where(length > 1e-12, nearest / np.maximum(length, 1e-12), normal)
+        here = _gap(points, vertices, tried, shift)
+        better = here > gap
+        normal, gap = np.where(better[:, None], tried, normal), np.where(better, here, gap)
+        far = points[rows, np.einsum("tpd,td->tp", points, tried).argmin(axis=1)]
+        far = far - vertices[(tried @ vertices.T).argmax(axis=1)]
+        along = far - nearest
+        share = -np.einsum("td,td->t", nearest, along) / np.maximum(np.einsum("td,td->t", along, along), 1e-18)
+        nearest = nearest + np.clip(share, 0.0, 1.0)[:, None] * along
+    return normal, (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift, gap
+
+
+def _gap(points: Floats, vertices: Floats, normal: Floats, shift: Floats) -> Floats:
+    """``min n.p - max n.vertex - |n|.shift`` at every step, for normals of shape (steps, d)."""
+    near = np.einsum("tpd,td->tp", points, normal).min(axis=1)
+    return np.asarray(near - (normal @ vertices.T).max(axis=1) - np.abs(normal) @ shift)
+
+
+def _by_direction(points: Floats, piece: Obstacle, shift: Floats) -> tuple[Floats, Floats, Floats]:
+    """Best normal, support and gap for one convex piece at every step, in the plane."""
+    vertices = piece.vertices
     angles = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)
     edges = np.roll(vertices, -1, axis=0) - vertices
     angles = np.concatenate([angles, np.arctan2(-edges[:, 0], edges[:, 1])])

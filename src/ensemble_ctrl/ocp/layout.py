@@ -13,10 +13,24 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Numbers(ABC):
-    """A decision vector that begins with a fixed part; levels and slacks are handed out while rows are made."""
+    """A decision vector that begins with commands and what represents the fleet at every grid time.
 
+    Levels, slacks, binaries and more are handed out while rows are made.
+
+    Parameters
+    ----------
+    steps : int
+        Control steps.
+    count : int
+        Variables for each coordinate of the fleet at one time.
+    """
+
+    steps: int
+    count: int
     _levels: list[int] = field(default_factory=list, kw_only=True)
     _slacks: list[int] = field(default_factory=list, kw_only=True)
+    _binaries: list[int] = field(default_factory=list, kw_only=True)
+    _more: list[int] = field(default_factory=list, kw_only=True)
 
     @property
     @abstractmethod
@@ -24,9 +38,19 @@ class Numbers(ABC):
         """Length of the part that is there from the start."""
 
     @property
+    @abstractmethod
+    def controls(self) -> Ints:
+        """Indices of the scaled commands, shape (steps, n_u)."""
+
+    @property
+    @abstractmethod
+    def points(self) -> Ints:
+        """Indices of the fleet's variables, shape (steps + 1, coordinates * count): one coordinate after the other."""
+
+    @property
     def size(self) -> int:
         """Length of the decision vector so far."""
-        return self.fixed + len(self._levels) + len(self._slacks)
+        return self.fixed + sum(map(len, (self._levels, self._slacks, self._binaries, self._more)))
 
     @property
     def levels(self) -> Ints:
@@ -38,6 +62,11 @@ class Numbers(ABC):
         """Indices of the slacks handed out so far."""
         return np.array(self._slacks, dtype=np.int64)
 
+    @property
+    def binaries(self) -> Ints:
+        """Indices of the binaries handed out so far."""
+        return np.array(self._binaries, dtype=np.int64)
+
     def level(self) -> int:
         """Hand out the index of a new robustness level."""
         self._levels.append(self.size)
@@ -46,6 +75,14 @@ class Numbers(ABC):
     def slack(self, count: int) -> Ints:
         """Hand out the indices of `count` new slacks."""
         return self._hand_out(self._slacks, count)
+
+    def binary(self, count: int) -> Ints:
+        """Hand out the indices of `count` new binaries."""
+        return self._hand_out(self._binaries, count)
+
+    def more(self, count: int) -> Ints:
+        """Hand out the indices of `count` new variables of another kind."""
+        return self._hand_out(self._more, count)
 
     def _hand_out(self, kind: list[int], count: int) -> Ints:
         """The next `count` indices, noted as of one kind."""
@@ -56,22 +93,7 @@ class Numbers(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Layout(Numbers):
-    """Index arrays into the decision vector ``(v, omega, turned, points, levels, slacks, binaries)``.
-
-    Binaries (0 or 1) and more are handed out too.
-
-    Parameters
-    ----------
-    steps : int
-        Control steps.
-    count : int
-        Points that represent the fleet's position curve.
-    """
-
-    steps: int
-    count: int
-    _binaries: list[int] = field(default_factory=list)
-    _more: list[int] = field(default_factory=list)
+    """Index arrays into ``(v, omega, turned, points, more)``: positions of the truncated curve."""
 
     @property
     def controls(self) -> Ints:
@@ -94,20 +116,37 @@ class Layout(Numbers):
         """Length of the part that is there from the start."""
         return 3 * self.steps + 1 + (self.steps + 1) * 2 * self.count
 
-    @property
-    def size(self) -> int:
-        """Length of the decision vector so far."""
-        return super().size + len(self._binaries) + len(self._more)
+
+@dataclass(frozen=True, eq=False)
+class StateLayout(Numbers):
+    """Index arrays into ``(commands, states of the node robots, more)``.
+
+    Parameters
+    ----------
+    n_u, n_x : int
+        Commands and states.
+    """
+
+    n_u: int
+    n_x: int
 
     @property
-    def binaries(self) -> Ints:
-        """Indices of the binaries handed out so far."""
-        return np.array(self._binaries, dtype=np.int64)
+    def controls(self) -> Ints:
+        """Indices of the scaled commands, shape (steps, n_u)."""
+        return np.arange(self.steps * self.n_u).reshape(self.steps, self.n_u)
 
-    def more(self, count: int) -> Ints:
-        """Hand out the indices of `count` new variables of another kind."""
-        return self._hand_out(self._more, count)
+    @property
+    def points(self) -> Ints:
+        """Indices of the states, shape (steps + 1, n_x * count): all robots' first state, then their second."""
+        size = self.n_x * self.count
+        return self.steps * self.n_u + np.arange((self.steps + 1) * size).reshape(self.steps + 1, size)
 
-    def binary(self, count: int) -> Ints:
-        """Hand out the indices of `count` new binaries."""
-        return self._hand_out(self._binaries, count)
+    @property
+    def states(self) -> Ints:
+        """The same indices, shape (steps + 1, n_x, count)."""
+        return self.points.reshape(self.steps + 1, self.n_x, self.count)
+
+    @property
+    def fixed(self) -> int:
+        """Length of the part that is there from the start."""
+        return self.steps * self.n_u + (self.steps + 1) * self.n_x * self.count

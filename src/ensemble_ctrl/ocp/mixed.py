@@ -25,7 +25,7 @@ from ensemble_ctrl.ocp.facet_binaries import Choice, Facets, facet_binaries, fac
 from ensemble_ctrl.ocp.hyperplanes import REACH
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Status, Watch, ipopt
-from ensemble_ctrl.ocp.transcription import Transcription, transcribe
+from ensemble_ctrl.ocp.transcription import Iterate, Transcription, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
 from ensemble_ctrl.problem import Problem
 
@@ -200,7 +200,7 @@ def program(problem: Problem, attempt: Attempt, sides: Facets, allowed: Bools) -
     block = -(-allowed.shape[1] // BLOCKS)
     rows = facet_binaries(problem, attempt.truncation, sides, where, allowed, error, block)
     choice = Choice(sides, where, rows, rows.setting(sides.gaps(curve)))
-    return transcribe(problem, attempt.truncation, attempt.controls, choice, error), choice
+    return transcribe(problem, attempt.truncation, Iterate(attempt.controls), choice, (error, 0.0)), choice
 
 
 Neighbourhood = Callable[[Facets, Floats, float], Bools]
@@ -247,7 +247,7 @@ def _round(search: _Search, name: str, neighbourhood: Neighbourhood) -> Round:
     )
     if outcome.x is None:
         return replace(done, seconds=search.seconds())
-    controls = transcription.controls(outcome.x)
+    controls = transcription.iterate(outcome.x).controls
     value = evaluate(problem, controls, centre.truncation)
     found = replace(centre, controls=controls, value=value, status=outcome.status, message=outcome.message)
     search.centre, search.objective = found, outcome.branching.cost

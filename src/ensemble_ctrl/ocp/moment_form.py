@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import Always, Inside
-from ensemble_ctrl.ocp.layout import Layout
+from ensemble_ctrl.ocp.layout import Numbers
 from ensemble_ctrl.ocp.program import Block, Build
 from ensemble_ctrl.ocp.task import SHARPNESS
 from ensemble_ctrl.ocp.truncation import Truncation
@@ -27,7 +27,7 @@ BIG_M = 20.0
 """The paper's M, metres, for maps of up to a quarter of that; larger maps use four times their size."""
 
 
-def moment_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+def moment_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> list[Block]:
     """Rows for everything that must hold all the time: obstacles to avoid and regions to stay in."""
     return [
         *_free_side_blocks(problem, truncation, layout),
@@ -36,7 +36,7 @@ def moment_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> l
     ]
 
 
-def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> list[Block]:
     """``eq:setPolyObsArr`` at order 0: the mean is on the free side of some facet, by a smooth OR."""
     n, mean = layout.count, ca.DM(truncation.mean).T
     by_facets: dict[int, list[tuple[int, Floats, Floats]]] = defaultdict(list)
@@ -70,7 +70,7 @@ def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Layout) 
     ]
 
 
-def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> list[Block]:
     """``eq:setPolyObsArr`` at orders 1..N; of parallel facets only the tightest row is kept, for the others follow."""
     rows: dict[tuple[int, float, float], float] = {}
     big = _big_m(problem)
@@ -93,7 +93,7 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: La
     return [Block("avoiding (moments)", build, layout.points[at], data, -high, high)]
 
 
-def region_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
+def region_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> list[Block]:
     """``eq:polyhedron_moment`` for every ``G[a,b] in(region)``, all orders and all faces."""
     blocks = []
     for part in problem.specification.parts:
@@ -105,7 +105,7 @@ def region_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> l
     return blocks
 
 
-def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layout: Layout) -> Block:
+def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layout: Numbers) -> Block:
     """The moment rows of one region at the given grid times, one of two sides for each line along its faces."""
     region = region.two_sided()
     lower, upper = region.moment_bounds(truncation.basis)
@@ -115,7 +115,7 @@ def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layou
     return Block("staying in (moments)", build, layout.points[at], region.A[face], lower.T[face], upper.T[face])
 
 
-def _moments_along(truncation: Truncation, layout: Layout, first: int) -> Build:
+def _moments_along(truncation: Truncation, layout: Numbers, first: int) -> Build:
     """The moments ``first..N`` of ``d[0] x + d[1] y``."""
     n, image = layout.count, ca.DM(truncation.to_moments[first:])
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.ocp.hyperplanes import Hyperplanes
-from ensemble_ctrl.ocp.layout import Layout
+from ensemble_ctrl.ocp.layout import Numbers
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation, positions
 from ensemble_ctrl.problem import Problem
@@ -47,7 +47,7 @@ class RiskRows:
 
 
 def risk_rows(
-    problem: Problem, truncation: Truncation, layout: Layout, curve: Floats, hyperplanes: Hyperplanes, pairs: Pairs
+    problem: Problem, truncation: Truncation, layout: Numbers, curve: Floats, hyperplanes: Hyperplanes, pairs: Pairs
 ) -> RiskRows | None:
     """The risk penalty around a guess whose points are `curve`; None where there is none.
 
@@ -57,7 +57,7 @@ def risk_rows(
         With ``objective.cvar``.
     truncation : Truncation
         Whose points these are.
-    layout : Layout
+    layout : Numbers
         Hands out the new variables.
     curve : ndarray, shape (steps + 1, points, 2)
         Metres.
@@ -130,7 +130,7 @@ def _penalty(risk: Risk, level: int, excess: Ints) -> Block:
     return Block("risk", build, np.concatenate([[level], excess])[None], none, none, none)
 
 
-def _distances(layout: Layout, seen: Floats, offset: Floats, level: int, excess: Ints) -> Block:
+def _distances(layout: Numbers, seen: Floats, offset: Floats, level: int, excess: Ints) -> Block:
     """``e + t >= distance`` from its place, for each member."""
     n, count = layout.count, len(excess)
 
@@ -161,7 +161,7 @@ def _left(path: Floats, hyperplanes: Hyperplanes, pairs: Pairs) -> Floats:
 
 
 def _clearances(
-    layout: Layout, seen: Floats, offset: Floats, hyperplanes: Hyperplanes, pairs: Pairs, clear: Ints
+    layout: Numbers, seen: Floats, offset: Floats, hyperplanes: Hyperplanes, pairs: Pairs, clear: Ints
 ) -> list[Block]:
     """Each member's clearance is below what every line leaves it at both ends of the step."""
     side, at = np.nonzero(pairs)

@@ -12,7 +12,7 @@ from ensemble_ctrl.ocp.chance import all_hyperplanes, map_size
 from ensemble_ctrl.ocp.evaluate import Value, evaluate
 from ensemble_ctrl.ocp.hyperplanes import REACH, Hyperplanes
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Status, Watch, ipopt
-from ensemble_ctrl.ocp.transcription import Avoiding, Transcription, transcribe
+from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
 from ensemble_ctrl.problem import Problem
 
@@ -71,17 +71,17 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
     curve = points(problem, guess, truncation)
     reach = REACH * map_size(problem, curve)
     hyperplanes = all_hyperplanes(problem, truncation, curve, reach)
-    error = tail(problem, guess, truncation)
+    missed = tail(problem, guess, truncation) if truncation.hull else 0.0
     in_moments = problem.solve.guarantee == "moment"
     pairs = (hyperplanes.gap < reach) & (not in_moments)
     total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)
     for _ in range(4):
         began = time.perf_counter()
-        program = transcribe(problem, truncation, guess, Avoiding(hyperplanes, pairs), error)
+        program = transcribe(problem, truncation, Iterate(guess), Avoiding(hyperplanes, pairs), (missed, 0.0))
         built = time.perf_counter()
         outcome = ipopt(program.program, program.guess, program.lower, program.upper, options, watch)
-        controls = program.controls(outcome.x)
-        total = _after(problem, total, program, outcome, controls, built - began, time.perf_counter() - built)
+        controls = program.iterate(outcome.x).controls
+        total = _after(problem, total, outcome, controls, built - began, time.perf_counter() - built)
         missing = _violated(problem, hyperplanes, points(problem, controls, truncation)) & ~pairs
         if outcome.status != "solved" or in_moments or not missing.any() or options.left <= 0:
             break
@@ -92,7 +92,6 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
 def _after(
     problem: Problem,
     total: Attempt,
-    program: Transcription,
     outcome: Outcome,
     controls: Floats,
     built: float,

@@ -21,13 +21,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation, positions
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, wasserstein
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 ROUND = 1e-6
 """Added to a determinant (m^4) under a square root, which has no slope at zero."""
@@ -35,8 +35,20 @@ FINE = 24
 """Order of the rule with which a formation is projected on the moments carried."""
 
 
-def terminal_blocks(problem: Problem, truncation: Truncation, layout: Layout) -> list[Block]:
-    """The terminal term of the program; none without a target."""
+def terminal_blocks(problem: Problem, truncation: Truncation, final: Ints, places: Floats | None = None) -> list[Block]:
+    """The terminal term of the program; none without a target.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the target.
+    truncation : Truncation
+        Whose points these are.
+    final : ndarray of int, shape (d * count,)
+        Indices of the fleet's positions at the end, one coordinate after the other.
+    places : ndarray, shape (points, count), optional
+        From those variables to the points; they are the points if not given.
+    """
     aim = problem.objective
     if aim.target is None:
         return []
@@ -47,14 +59,16 @@ def terminal_blocks(problem: Problem, truncation: Truncation, layout: Layout) ->
             error = _spread_error(target, truncation, problem.fleet.shift_covariance)
         case _:
             error = _places_error(_places(problem, truncation), truncation)
-    n = layout.count
+    n = truncation.count if places is None else places.shape[1]
+    image = None if places is None else ca.DM(places)
 
     def terminal(z: ca.SX, d: ca.SX) -> ca.SX:
-        cost: ca.SX = aim.terminal * error(z[:n], z[n:])
+        coordinates = [z[i : i + n] for i in range(0, len(final), n)]
+        cost: ca.SX = aim.terminal * error(*(c if image is None else ca.mtimes(image, c) for c in coordinates))
         return cost
 
     none = np.zeros((1, 0))
-    return [Block("terminal", terminal, layout.points[-1:], none, none, none)]
+    return [Block("terminal", terminal, final[None], none, none, none)]
 
 
 def terminal_cost(problem: Problem, controls: Floats, order: int) -> float:
@@ -94,9 +108,9 @@ def _places_error(wanted: Floats, truncation: Truncation) -> Any:
     """Twice the mean square distance from places, which are points too."""
     weight, at = ca.DM(truncation.square), ca.DM(wanted)
 
-    def error(x: ca.SX, y: ca.SX) -> ca.SX:
-        off = [x - at[:, 0], y - at[:, 1]]
-        cost: ca.SX = ca.bilin(weight, off[0], off[0]) + ca.bilin(weight, off[1], off[1])
+    def error(*coordinates: ca.SX) -> ca.SX:
+        off = [c - at[:, i] for i, c in enumerate(coordinates)]
+        cost: ca.SX = sum((ca.bilin(weight, one, one) for one in off), ca.SX(0))
         return cost
 
     return error

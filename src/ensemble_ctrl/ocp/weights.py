@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 SLACK_WEIGHT = 10.0
-"""Weight of a metre of slack on arcs, in the program and online: above the multipliers seen, so that slack is used only
-where it must be."""
-SHOOTING_SLACK_WEIGHT = 30.0
-"""The same for multiple shooting, where slack is in the unit of any state and multipliers are larger."""
+"""Weight of a unit of slack: above the multipliers seen, so that slack is used only where it must be."""
 LEVEL_WEIGHT = 1e-3
 """Weight that pulls idle levels up to their bounds, so that none drifts away unbounded."""
 RATE_SPARE = 1e-2

@@ -29,18 +29,18 @@ from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
+from ensemble_ctrl.ocp import state_rounds as shooting
 from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
 from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.curved import BATCHES, Curves, curved
 from ensemble_ctrl.ocp.guesses.perturbed import perturbed
 from ensemble_ctrl.ocp.guesses.roadmap import Guess, roadmap_guesses
+from ensemble_ctrl.ocp.guesses.state_guesses import guesses
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
-from ensemble_ctrl.ocp.shooting import search as shooting
-from ensemble_ctrl.ocp.shooting.guess import guesses
-from ensemble_ctrl.ocp.shooting.traced import require_traceable
 from ensemble_ctrl.ocp.solvers import AT_WORK, IpoptOptions, Iteration, Watch
+from ensemble_ctrl.ocp.traced import require_traceable
 from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
 from ensemble_ctrl.problem import OdeProblem, Problem
 from ensemble_ctrl.problem.checks import building_seconds, spoken
@@ -290,7 +290,7 @@ def _require_endable(problem: Problem) -> None:
 
 
 def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> Solution:
-    """The search for fleets that follow a differential equation (`ensemble_ctrl.ocp.shooting`).
+    """The search for fleets that follow a differential equation (`ensemble_ctrl.ocp.state_rounds`).
 
     Each guess is solved for the middle member; the best is solved for the whole fleet, the next best where that fails.
     One that was given stands alone, unless a state runs away under it.

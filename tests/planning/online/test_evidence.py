@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import ensemble_ctrl as ec
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.ocp.online import OnlineProgram, Present, Replanned
+from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram, Replan
 from ensemble_ctrl.planning.online.driver import Outcome, drive
 from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.measurement import Measurement
@@ -32,11 +32,11 @@ START = Measurement(0.0, 0.0, 0.0, 0.0)
 def planned(monkeypatch: pytest.MonkeyPatch, controls: Floats | None) -> None:
     """Let every solve on line find some commands, the ones it started from if None."""
 
-    def solve(self: OnlineProgram, present: Present, *rest: object, **more: object) -> Replanned:
-        found = present.controls.copy()
+    def solve(self: OnlineProgram, initial: InitialCondition, *rest: object, **more: object) -> Replan:
+        found = initial.controls.copy()
         if controls is not None:
-            found[present.free :] = controls[present.free :]
-        return Replanned(found, "improved", 1, 1, 0.0, 0.0, 0.0)
+            found[initial.free :] = controls[initial.free :]
+        return Replan(found, "improved", 1, 1, 0.0, 0.0, 0.0)
 
     monkeypatch.setattr(OnlineProgram, "solve", solve)
 

@@ -15,7 +15,7 @@ from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set, tog
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect
-from ensemble_ctrl.ocp.online import OnlineProgram, Present, Timer
+from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram, Timer
 from ensemble_ctrl.planning.online.evidence import NOTHING, Evidence, Proof
 from ensemble_ctrl.planning.online.followed import Followed
 from ensemble_ctrl.planning.online.measurement import Measurement, Seen
@@ -614,13 +614,13 @@ class Receding:
         poses = {name: pose for name, pose in found.items() if pose is not None}
         return k - self.base, poses if len(poses) == len(found) else {}
 
-    def _present(self, plan: Floats, free: int | None = None) -> Present:
+    def _present(self, plan: Floats, free: int | None = None) -> InitialCondition:
         """What a solve starts from: `plan` may change from step `free` on, the first unsent one if not given."""
         at, poses = self._now()
         assert poses
         return self._present_at(at, poses, plan, self.sent - self.base if free is None else free)
 
-    def _present_at(self, at: int, poses: Poses, plan: Floats, free: int) -> Present:
+    def _present_at(self, at: int, poses: Poses, plan: Floats, free: int) -> InitialCondition:
         """The same for sets of poses at a grid time: the robots' members side by side, and the largest growth."""
         nodes, ahead, base = self.program.truncation.nodes, plan[at:], self.base
         soon = free - at + 2 * self.options.applied_steps
@@ -633,7 +633,7 @@ class Receding:
             grown.append(robot.growth(middle, ahead, base + at, pose, soon))
         growth = np.zeros(len(plan) + 1)
         growth[at:] = np.max(grown, axis=0) + self._tighter
-        return Present(
+        return InitialCondition(
             at, free, np.concatenate(drives), np.stack(paths, axis=1), growth, plan, base * self.problem.step
         )
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.ocp.online import OnlineProgram, Present, Timer
+from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram, Timer
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.remaining import of_one_robot, with_ranges
 from ensemble_ctrl.planning.planner import solve
@@ -181,12 +181,12 @@ class Swarm:
         """What is proven of all commands for the assumed range."""
         return certify_set(self.problem, controls, 0.0, 0.0)
 
-    def _present(self) -> Present:
+    def _present(self) -> InitialCondition:
         """The fleet at the start, with what has been sent fixed: it is carried along exactly."""
         fleet = with_ranges(self.problem.fleet, np.array([self.range]))
         drives = fleet.drives(fleet.bent_members(self.program.truncation.nodes))
         steps = self.problem.steps
-        return Present(0, self.sent, drives, np.zeros((0, 1, 2)), np.zeros(steps + 1), self.plan)
+        return InitialCondition(0, self.sent, drives, np.zeros((0, 1, 2)), np.zeros(steps + 1), self.plan)
 
 
 class SimulatedSwarm:

@@ -1,4 +1,4 @@
-"""What controls are worth for a fleet that follows a differential equation, from a finer replay of many members."""
+"""What controls are worth for any system, from a finer replay of many members."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
-from ensemble_ctrl.ocp.evaluate import Value
+from ensemble_ctrl.ocp.cost import CommandCost, cost
+from ensemble_ctrl.ocp.evaluate import Value, rate_excess
+from ensemble_ctrl.ocp.states import scale_of
 from ensemble_ctrl.problem import OdeProblem
 
 Floats = NDArray[np.float64]
@@ -26,7 +28,9 @@ INFINITE = 1e6
 def evaluate(problem: OdeProblem, controls: Floats) -> Value:
     """Evaluate `controls` of shape (steps, n_u)."""
     fleet, aim, step = problem.fleet, problem.objective, problem.duration / len(controls)
-    effort, excess = _commands(problem, controls, step)
+    scale = scale_of(problem)
+    effort = CommandCost.of(aim, scale, step).total(scale.scaled(controls))
+    excess = rate_excess(fleet.rate_bounds, controls, step)
     members = fleet.bent_members(_spread(len(fleet.names)))
     fine = np.repeat(controls, SUBSTEPS, axis=0)
     states = fleet.integrated(fine, members, step / SUBSTEPS, 1)
@@ -35,19 +39,7 @@ def evaluate(problem: OdeProblem, controls: Floats) -> Value:
     worst = _robustness(problem, states[:, ::SUBSTEPS], controls)
     gap = _gap(problem, states[..., fleet.place_columns])
     terminal = _terminal(problem, controls)
-    return Value(-aim.robustness * worst + terminal + effort, worst, terminal, effort, gap, excess)
-
-
-def _commands(problem: OdeProblem, controls: Floats, step: float) -> tuple[float, float]:
-    """The effort, and by how much a command changes too fast."""
-    fleet, aim = problem.fleet, problem.objective
-    half = np.maximum((np.asarray(fleet.input_upper) - np.asarray(fleet.input_lower)) / 2, 1e-9)
-    change = np.diff(controls, axis=0) / step
-    squares = (((controls - fleet.rest(fleet.center)) / half) ** 2).sum(axis=0)
-    effort = step * (float(squares @ aim.efforts(len(squares))) + aim.smoothness * float(((change / half) ** 2).sum()))
-    if fleet.rate_bounds is None:
-        return effort, -np.inf
-    return effort, float((np.abs(change) - fleet.rate_bounds).max(initial=-np.inf))
+    return Value(cost(aim, effort, terminal, worst), worst, terminal, effort, gap, excess)
 
 
 def _spread(parameters: int) -> Floats:

@@ -1,4 +1,4 @@
-"""First guesses for multiple shooting: for each way of doing the task a way through the map, driven smoothly."""
+"""First guesses of states: for each way of doing the task a way through the map, driven smoothly."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, skeletons
-from ensemble_ctrl.ocp.shooting.transcription import Iterate
-from ensemble_ctrl.ocp.shooting.ways import resampled, ways
+from ensemble_ctrl.ocp.guesses.ways import resampled, ways
+from ensemble_ctrl.ocp.transcription import Iterate
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.problem.ode_fleet import OdeFleet
 

@@ -1,21 +1,21 @@
-"""The search for controls of a fleet that follows a differential equation: the middle member first, then the fleet."""
+"""Rounds of solving for any system, by multiple shooting: the middle member first, then the fleet."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.ocp.evaluate_sampled import INFINITE, evaluate
+from ensemble_ctrl.ocp.guesses.state_guesses import Guess
+from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.rounds import GAIN, Attempt, with_work
-from ensemble_ctrl.ocp.shooting.evaluate import INFINITE, evaluate
-from ensemble_ctrl.ocp.shooting.guess import Guess
-from ensemble_ctrl.ocp.shooting.planes import separate
-from ensemble_ctrl.ocp.shooting.transcription import Iterate, transcribe
 from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Watch, ipopt
+from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.systems.integration import rk4
@@ -58,7 +58,14 @@ class Stage:
         fleet = self.problem.fleet
         members = fleet.bent_members(self.truncation.nodes)
         states = fleet.integrated(controls, members, self.problem.duration / len(controls), self.substeps, rk4)
-        return Iterate(controls, states.transpose(1, 2, 0))
+        return Iterate(controls, states.transpose(1, 2, 0), self.substeps)
+
+    def avoiding(self, iterate: Iterate) -> Avoiding:
+        """Separating hyperplanes at an iterate, a row for every pair."""
+        positions = iterate.states[:, self.problem.fleet.place_columns].transpose(0, 2, 1)
+        points = np.einsum("ij,tjd->tid", self.truncation.to_points, positions)
+        hyperplanes = separate(points, self.problem.specification.avoid, self.problem.duration)
+        return Avoiding(hyperplanes, hyperplanes.active)
 
 
 def nominal(problem: OdeProblem) -> Truncation:
@@ -77,7 +84,8 @@ def whole(problem: OdeProblem) -> Truncation:
 def first(problem: OdeProblem, guess: Guess, clock: Clock, watch: Watch | None) -> tuple[Attempt, Floats]:
     """Controls for the middle member from a geometric guess, with its states, shape (steps + 1, n_x, 1)."""
     stage = Stage(problem, nominal(problem), _substeps(problem, guess.iterate.controls))
-    return _rounds(stage, guess.iterate, NOMINAL_ROUNDS, clock, watch, 1e-1)
+    iterate = replace(guess.iterate, substeps=stage.substeps)
+    return _rounds(stage, iterate, NOMINAL_ROUNDS, clock, watch, 1e-1)
 
 
 def second(problem: OdeProblem, controls: Floats, states: Floats, clock: Clock, watch: Watch | None) -> Attempt:
@@ -86,7 +94,8 @@ def second(problem: OdeProblem, controls: Floats, states: Floats, clock: Clock, 
     iterate = stage.simulated(controls)
     size = RUNAWAY_FACTOR * max(1.0, float(np.abs(states).max()))
     if not (np.abs(iterate.states) <= size).all():
-        iterate = Iterate(controls, np.repeat(states, stage.truncation.collocation.count, axis=2))
+        repeated = np.repeat(states, stage.truncation.collocation.count, axis=2)
+        iterate = Iterate(controls, repeated, stage.substeps)
     return _rounds(stage, iterate, FLEET_ROUNDS, clock, watch, 1e-2)[0]
 
 
@@ -119,7 +128,7 @@ def _start(stage: Stage, controls: Floats) -> Attempt:
 def _rounds(
     stage: Stage, iterate: Iterate, rounds: int, clock: Clock, watch: Watch | None, barrier: float
 ) -> tuple[Attempt, Floats]:
-    """Solve, choose the planes anew at the solution, keep as much more to spare as was missing, and solve again."""
+    """Solve, choose the hyperplanes anew at the solution, keep to spare what was missing, and solve again."""
     best, found, spare = _start(stage, iterate.controls), iterate, (0.0, 0.0)
     for k in range(rounds):
         solved, iterate = _round(stage, iterate, spare, clock.options(barrier if k == 0 else 1e-3, 1e-4), watch)
@@ -147,17 +156,15 @@ def _more(spare: tuple[float, float], solved: Attempt, nodes: int) -> tuple[floa
 def _round(
     stage: Stage, iterate: Iterate, spare: tuple[float, float], options: IpoptOptions, watch: Watch | None
 ) -> tuple[Attempt, Iterate]:
-    """One choice of planes."""
+    """One choice of hyperplanes."""
     problem, began = stage.problem, time.perf_counter()
-    positions = iterate.states[:, problem.fleet.place_columns].transpose(0, 2, 1)
-    points = np.einsum("ij,tjd->tid", stage.truncation.to_points, positions)
-    planes = separate(points, problem.specification.avoid, problem.duration)
-    program = transcribe(problem, stage.truncation, iterate, planes, planes.active, stage.substeps, spare)
+    avoiding = stage.avoiding(iterate)
+    program = transcribe(problem, stage.truncation, iterate, avoiding, spare)
     built = time.perf_counter()
     outcome = ipopt(program.program, program.guess, program.lower, program.upper, options, watch)
     solved = time.perf_counter()
     found = program.iterate(outcome.x)
-    attempt = _attempt(stage, found.controls, outcome, built - began, solved - built, int(planes.active.sum()))
+    attempt = _attempt(stage, found.controls, outcome, built - began, solved - built, avoiding.slacks)
     return attempt, found
 
 
