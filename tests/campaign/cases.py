@@ -372,6 +372,39 @@ def _touching(rng: Random) -> Case:
     return replace(case, task=("G", *window, ("pred", *row, float(offset) + nudge)))
 
 
+def _together(rng: Random) -> Case:
+    """Several parts of which one is touched but for a rounding, and so left open."""
+    case = _touching(rng)
+    far = ("pred", 1.0, 0.0, 1e9), ("not", ("pred", 0.0, 1.0, -1e9))
+    parts: list[Node] = [case.task, *(("F", None, None, leaf) for leaf in far[: int(rng.integers(1, 3))])]
+    if rng.random() < 0.5:
+        parts.reverse()
+    return replace(case, task=("and", *parts))
+
+
+def _implied(rng: Random) -> Case:
+    """The same within several windows, some of which hold others."""
+    case = _with_map(rng, _fleet(rng, kinds=NAMES[:5]), 1.0, obstacles=1)
+    leaf, parts = _leaf(rng, replace(case, obstacles={}), 1.0), _duties(rng, case)
+    for _ in range(int(rng.integers(2, 4))):
+        window = _window(rng, case, case.duration) if rng.random() < 0.8 else (None, None)
+        parts.append((str(rng.choice(["F", "F", "G"])), *window, leaf))
+    return replace(case, task=("and", *parts))
+
+
+def _returning(rng: Random) -> Case:
+    """Out and back, of which only the way back counts: members are spread most when it begins."""
+    slow, speed = -_pick(rng, (0.01, 0.02, 0.04)), float(rng.uniform(0.01, 0.05))
+    angle, dt = float(rng.uniform(-3, 3)), _pick(rng, (0.5, 1.0))
+    laws: dict[str, Law] = {"linear_traction": ("uniform", 0.5, 1.0)}
+    controls = ((speed, 0.0), (-speed, 0.0))
+    case = Case("", "unicycle", "x", 0.3, laws, (0.0, 0.0), angle, 0.0, 2 * dt, controls, ())
+    case = replace(case, ranges={"linear_traction": (slow, 1.0)})
+    row = np.array([np.cos(angle), np.sin(angle)])
+    case = _blocked(case, row, slow * speed * dt + 1e-2 - _pick(rng, (1e-5, 1e-4, 1e-3, 1e-2)))
+    return replace(case, task=("G", dt, 2 * dt, ("avoid", "o")))
+
+
 def _tight(rng: Random) -> Case:
     """Ways on which the remainders of the proof are as large as they say: turns on the spot, then straight ahead."""
     turn, angle = float(rng.uniform(-2, 2)), float(rng.uniform(-np.pi, np.pi))
@@ -458,5 +491,8 @@ FAMILIES: dict[str, tuple[float, Callable[[Random], Case]]] = {
     "tight": (5, _tight),
     "bulging": (5, _bulging),
     "long": (0.2, _long),
+    "together": (1, _together),
+    "implied": (2, _implied),
+    "returning": (0.5, _returning),
 }
 """Families of cases with how many of each there are, in parts."""

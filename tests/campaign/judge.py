@@ -144,6 +144,9 @@ def _summary(case: Case, certificate: Certificate) -> Iterator[Fault]:
     ):
         for bound in bounds:
             yield from _too_high(what, told, bound.proven)
+    least = [bound.proven for bound in certificate.clearances] + [part.proven for part in certificate.parts]
+    if certificate.proven == "yes" and not all(proven >= 0 for proven in least):
+        yield Fault("false yes", f"with bounds {least!r}", math.inf)
     if certificate.ranges != {name: ends_of(law) for name, law in case.laws.items()}:
         yield Fault("bound", f"ranges {certificate.ranges!r}", math.inf)
 

@@ -74,16 +74,16 @@ SHARP = ("tight", "bulging", "touching")
 """Families in which bounds meet the truth but for roundings."""
 FAMILIES_FOR: dict[str, tuple[str, ...]] = {
     "certificate/enclosure.py": (*SHARP, "windows", "cars", "turning", "starts", *SHARP, "far", "ranged", "scaled"),
-    "certificate/clearance.py": (*SHARP, "windows", "plain", "starts", "moving", "turning", "far", *SHARP),
+    "certificate/clearance.py": (*SHARP, "windows", "plain", "starts", "moving", "returning", "turning", "far", *SHARP),
     "certificate/task.py": (*SHARP, "nested", "windows", "means", "shares", "turning", "plain", "starts"),
     "certificate/instants.py": ("windows", "nested", "plain", "moving"),
     "certificate/schedule.py": ("windows", "nested", "plain", "moving"),
     "certificate/share.py": ("shares",),
-    "certificate/certify.py": ("plain", "windows", "shares", "nested", "means", "starts"),
+    "certificate/certify.py": ("plain", "windows", "shares", "together", "nested", "means", "starts"),
     "constraints/obstacle.py": ("far", "plain", "scaled", "starts", "moving", *SHARP),
     "constraints/exact.py": ("far", "plain", "scaled", *SHARP),
     "constraints/stl/rewrite.py": ("nested", "plain", "starts", "shares", "means"),
-    "constraints/stl/implied.py": ("plain", "windows", "shares"),
+    "constraints/stl/implied.py": ("implied", "plain", "windows", "shares"),
     "constraints/polyhedron.py": ("windows", "plain", "far", "nested", "scaled"),
     "constraints/motion.py": ("moving",),
     "problem/specification.py": ("windows", "plain", "shares", "moving"),
@@ -283,7 +283,7 @@ def _verdict(seed: int, families: tuple[str, ...], count: int) -> tuple[str, int
         from .judge import judge
     except Exception as error:
         return f"import: {error!r}", 0
-    decidable = left = 0
+    decidable = left = refused = 0
     for index in range(count):
         family = families[index % len(families)]
         judged = judge(of_family(family, np.random.default_rng([seed, index])))
@@ -291,6 +291,9 @@ def _verdict(seed: int, families: tuple[str, ...], count: int) -> tuple[str, int
             return f"{judged.faults[0].kind}: {family} {seed}:{index}", index + 1
         decidable += bool(judged.decided)
         left += bool(judged.decided) and judged.verdict == "undecided"
+        refused += judged.verdict == "refused"
+        if index >= 40 and refused > 0.5 * index:
+            return f"crash: {refused} of {index + 1} refused", index + 1
         if decidable >= 60 and left > 0.25 * decidable:
             return f"left open: {left} of {decidable}", index + 1
     return "", count

@@ -12,6 +12,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import laws, monitor
 from .arcs import Motion
@@ -26,8 +27,8 @@ GRID = 9
 """Members looked at first in a range, for one parameter."""
 EIGHTHS = np.linspace(0, 1, 9).astype(Long)
 """Where a chord is looked at; the lowest point is on one of the two eighths that meet at the lowest of these."""
-QUARTERS = 33
-"""Times that a chord is cut to a quarter, until what is left of it is a rounding."""
+QUARTERS, FEW_QUARTERS = 30, 6
+"""Times that a chord is cut to a quarter, until what is left of it is a rounding, or short."""
 
 
 @dataclass(frozen=True)
@@ -141,8 +142,8 @@ class Oracle:
         begin, end = Long(duty.begin), min(Long(duty.end), self.motion.grid[-1])
         times = self._times(begin, end)
         rows = self.members if near is None else np.concatenate([self.members, near])
-        low, when = self.lowest_on_chords(duty, rows, times, each=False)
-        best, member, time = self._closest(duty, rows, np.unique(np.append(times, when[low.argmin()])))
+        between = self._closest_on_chords(duty, rows, times)
+        best, member, time = self._closest(duty, rows, np.unique(np.append(times, between)))
         span, width = (end - begin) / max(len(times) - 1, 1), 1.0 / GRID
         for _ in range(6):
             near_times = np.unique(np.clip(time + span * np.linspace(-1, 1, 9).astype(Long), begin, end))
@@ -172,28 +173,25 @@ class Oracle:
         pieces = [signed_distance(corners_of(piece), seen) for piece in duty.pieces]
         return np.asarray(np.minimum.reduce(pieces) - Long(duty.radius))
 
-    def lowest_on_chords(self, duty: Duty, rows: Floats, times: Longs, each: bool = True) -> tuple[Longs, Longs]:
+    def lowest_on_chords(self, duty: Duty, rows: Floats, times: Longs) -> tuple[Longs, Longs]:
         """The smallest distance of each member on the chords between its places at some times, and when it is there.
 
-        The distance from a convex polygon is convex along a chord, so that cutting off what is higher finds it. If not
-        for `each`, that of the closest member only; the others have one at some time.
+        The distance from a convex polygon is convex along a chord, so that cutting off what is higher finds it.
         """
         seen = self._seen(duty, rows, times)
         least, when = np.full(len(rows), np.inf, Long), np.full(len(rows), times[0])
         for corners in map(corners_of, duty.pieces):
-            value = signed_distance(corners, seen)
-            way = np.hypot(*np.moveaxis(np.diff(seen, axis=1), -1, 0))
-            # a chord's ends are further than its middle by half its length at most
-            lowest = value.min(axis=1, keepdims=True) if each else value.min()
-            i, j = np.nonzero((value[:, :-1] + value[:, 1:] - way) / 2 < lowest)
-            share, low = _lowest_between(corners, seen[i, j], seen[i, j + 1])
-            k = value.argmin(axis=1)
-            i, low = np.append(np.arange(len(rows)), i), np.append(value.min(axis=1), low)
-            at = np.append(times[k], times[j] + share * (times[j + 1] - times[j]))
+            i, at, low = _lowest(corners, seen, times, np.arange(len(rows)), QUARTERS)
             for n in np.argsort(-low, kind="stable"):
                 if low[n] < least[i[n]]:
                     least[i[n]], when[i[n]] = low[n], at[n]
         return least - Long(duty.radius), when
+
+    def _closest_on_chords(self, duty: Duty, rows: Floats, times: Longs) -> np.longdouble:
+        """About when the closest member is closest on the chords between its places at some times."""
+        seen = self._seen(duty, rows, times)
+        found = [_lowest(corners_of(p), seen, times, np.zeros(len(rows), int), FEW_QUARTERS) for p in duty.pieces]
+        return Long(min(((low.min(), at[low.argmin()]) for _, at, low in found), key=lambda pair: pair[0])[1])
 
     def _seen(self, duty: Duty, rows: Floats, times: Longs) -> Longs:
         """Places of members at some times from what a duty keeps out of, shape (members, times, 2)."""
@@ -315,17 +313,36 @@ class Oracle:
         return np.asarray((weights[:, None, None] * self.motion.paths(rows, self.knots[0])).sum(axis=0))
 
 
-def _lowest_between(corners: Longs, begin: Longs, end: Longs) -> tuple[Longs, Longs]:
-    """Where from 0 to 1 a chord is closest to a convex polygon, and its distance there; for each chord."""
-    low, high, row = np.zeros(len(begin), Long), np.ones(len(begin), Long), np.arange(len(begin))
-    share, least = low, np.full(len(begin), np.inf, Long)
-    for _ in range(QUARTERS if len(begin) else 0):
+def _lowest(
+    corners: Longs, seen: Longs, times: Longs, group: NDArray[np.int64], quarters: int
+) -> tuple[NDArray[np.int64], Longs, Longs]:
+    """Members, times and distances from a convex polygon there, the lowest of each group of members among them.
+
+    Chords are given up when nothing on them can be the lowest of their group.
+    """
+    value = signed_distance(corners, seen)
+    least = np.full(int(group.max()) + 1, np.inf, Long)
+    np.minimum.at(least, group, value.min(axis=1))
+    way = np.hypot(*np.moveaxis(np.diff(seen, axis=1), -1, 0))
+    # a chord's ends are further than its middle by half its length at most
+    i, j = np.nonzero((value[:, :-1] + value[:, 1:] - way) / 2 < least[group][:, None])
+    begin, along, way = seen[i, j], seen[i, j + 1] - seen[i, j], way[i, j]
+    low, high = np.zeros(len(i), Long), np.ones(len(i), Long)
+    found = [(np.arange(len(seen)), times[value.argmin(axis=1)], value.min(axis=1))]
+    for _ in range(quarters if len(i) else 0):
         at = low[:, None] + EIGHTHS * (high - low)[:, None]
-        value = signed_distance(corners, begin[:, None] + at[..., None] * (end - begin)[:, None])
-        k = value.argmin(axis=1)
-        share, least = at[row, k], value[row, k]
+        value = signed_distance(corners, begin[:, None] + at[..., None] * along[:, None])
+        k, row = value.argmin(axis=1), np.arange(len(i))
+        share, lowest = at[row, k], value[row, k]
+        np.minimum.at(least, group[i], lowest)
         low, high = at[row, np.maximum(k - 1, 0)], at[row, np.minimum(k + 1, len(EIGHTHS) - 1)]
-    return share, least
+        kept = lowest - (high - low) * way <= least[group[i]]
+        i, j, begin, along, way = i[kept], j[kept], begin[kept], along[kept], way[kept]
+        low, high, share, lowest = low[kept], high[kept], share[kept], lowest[kept]
+    if len(i):
+        found.append((i, times[j] + share * (times[j + 1] - times[j]), lowest))
+    member, when, distance = (np.concatenate(part) for part in zip(*found, strict=True))
+    return member, when, distance
 
 
 def reads_fleet(node: Node) -> bool:

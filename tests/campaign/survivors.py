@@ -4,6 +4,7 @@ from __future__ import annotations
 
 FINER = "chooses what is looked at more closely; every choice gives true bounds"
 BOX = "chooses the box of members that is tried; what is proven of it is proven whichever it is"
+LONG = "step functions of more than 20,000 instants, which no case has; tests/certificate/test_time.py has fewer"
 ENDS = "when a search ends; its bounds are true at any time"
 STRAIGHT = (
     "decides corners that are straight but for a rounding, which the rounding term has room for; tests/constraints"
@@ -22,6 +23,8 @@ REASONS: dict[str, str] = {
     "certificate/clearance.py:Prover._widths": FINER,
     "certificate/task.py:_bending": FINER,
     "certificate/task.py:Masses.needed: 1.0 + MASS_ERROR * share.strict": "the same but for shares within 1e-9 of all",
+    "certificate/task.py:Masses.needed: p + Fraction(": "differs for shares of 17 digits; 1 - p of others is exact",
+    "certificate/schedule.py:Coarse": LONG,
     "certificate/clearance.py:Prover.bound: self.boxes - spent > self.limit": ENDS,
     "certificate/schedule.py:Schedule.of: -high -> high": FINER,
     "certificate/share.py:_values": BOX,
@@ -32,6 +35,8 @@ REASONS: dict[str, str] = {
     "certificate/share.py:boxes: -1 -> 1$": BOX,
     "certificate/share.py:boxes: low -> high$": LIGHT,
     "certificate/share.py:boxes: high -> low$": LIGHT,
+    "certificate/share.py:_certain": "weighs less of the fleet, or by 1e-9 of it more, which no case can tell",
+    "certificate/share.py:_ends": BOX,
     "certificate/share.py:boxes: _value(": BOX,
     "certificate/share.py:boxes: value >= spare": BOX,
     "certificate/certify.py:Certificate.__repr__": TOLD,
@@ -53,9 +58,16 @@ REASONS: dict[str, str] = {
     "certificate/enclosure.py:Flow.shift: half @ np.abs(self.directions[:, START]) * (1 +": SPARE,
     "certificate/enclosure.py:Flow.shift: 1 + 4 * UNIT -> 1": SPARE,
     "constraints/exact.py:corner_turns: FILTER": STRAIGHT,
+    "constraints/exact.py:turn: abs(one - other) >": STRAIGHT,
+    "constraints/exact.py:turn: FILTER": STRAIGHT,
+    "constraints/exact.py:turn: abs(one) + abs(other)": STRAIGHT,
+    "constraints/exact.py:corner_turns: np.abs(one - other) <=": STRAIGHT,
+    "constraints/exact.py:corner_turns: np.abs(one) + np.abs(other)": STRAIGHT,
+    "constraints/exact.py:_rational_turn": STRAIGHT,
     "constraints/exact.py:space_corners": SPACE,
     "constraints/exact.py:_maybe_inside": SPACE,
     "constraints/exact.py:_plane_crossing": SPACE,
+    "constraints/stl/rewrite.py:leaves": ELSEWHERE,
     "constraints/polyhedron.py:Polyhedron.polygon": DRAWN,
     "constraints/polyhedron.py:Polyhedron.contains": ELSEWHERE,
     "constraints/polyhedron.py:Polyhedron.margin": ELSEWHERE,
@@ -64,6 +76,7 @@ REASONS: dict[str, str] = {
     "constraints/polyhedron.py:Polyhedron._lines": ELSEWHERE,
     "constraints/polyhedron.py:_checked_bound": INPUT,
     "constraints/motion.py:Motion.__post_init__": INPUT,
+    "constraints/obstacle.py:Obstacle.edges": "the same sides the other way round; for a picture and other systems",
     "constraints/obstacle.py:Obstacle.big_m_bounds": ELSEWHERE,
     "problem/specification.py:AvoidConstraint.bends": ELSEWHERE,
     "problem/specification.py:AvoidConstraint.steps": ELSEWHERE,
