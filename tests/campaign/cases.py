@@ -405,6 +405,22 @@ def _returning(rng: Random) -> Case:
     return replace(case, task=("G", dt, 2 * dt, ("avoid", "o")))
 
 
+def _overtaken(rng: Random) -> Case:
+    """An obstacle that follows at the same mean speed, and comes close where its own speed changes."""
+    dt, steps, speed = _pick(rng, (0.1, 0.5, 1.0)), int(rng.integers(1, 4)), float(rng.uniform(-2, 2))
+    angle, way = float(rng.uniform(-3, 3)), speed * dt * steps
+    laws: dict[str, Law] = {"linear_traction": ("uniform", 1.0, 1.0 + _pick(rng, (0.0, 1e-3)))}
+    case = Case(
+        "", "unicycle", "x", 0.3, laws, (0.0, 0.0), angle, 0.0, dt * steps, ((speed, 0.0),) * steps, ("avoid", "o")
+    )
+    row = np.array([np.cos(angle), np.sin(angle)])
+    share, gap = float(rng.uniform(0.05, 0.95)), float(rng.uniform(1e-3, 0.2))
+    case = _blocked(case, row, 1e-2 - gap)
+    ahead = share * way + gap + _away(rng, 0.1)
+    places = ((0.0, 0.0), *((float(far * row[0]), float(far * row[1])) for far in (ahead, way)))
+    return replace(case, motions={"o": ((0.0, share * case.duration, case.duration), places)})
+
+
 def _tight(rng: Random) -> Case:
     """Ways on which the remainders of the proof are as large as they say: turns on the spot, then straight ahead."""
     turn, angle = float(rng.uniform(-2, 2)), float(rng.uniform(-np.pi, np.pi))
@@ -494,5 +510,6 @@ FAMILIES: dict[str, tuple[float, Callable[[Random], Case]]] = {
     "together": (1, _together),
     "implied": (2, _implied),
     "returning": (0.5, _returning),
+    "overtaken": (1, _overtaken),
 }
 """Families of cases with how many of each there are, in parts."""

@@ -71,7 +71,7 @@ def judge(case: Case) -> Judgement:
 
 def _is_legal(message: str) -> bool:
     """Whether a problem is refused for a reason that has nothing to do with its task."""
-    return any(word in message for word in ("expected", "unreachable", "inside obstacle"))
+    return "inside obstacle" in message
 
 
 def _true_value(oracle: Oracle) -> tuple[float, float]:

@@ -74,7 +74,18 @@ SHARP = ("tight", "bulging", "touching")
 """Families in which bounds meet the truth but for roundings."""
 FAMILIES_FOR: dict[str, tuple[str, ...]] = {
     "certificate/enclosure.py": (*SHARP, "windows", "cars", "turning", "starts", *SHARP, "far", "ranged", "scaled"),
-    "certificate/clearance.py": (*SHARP, "windows", "plain", "starts", "moving", "returning", "turning", "far", *SHARP),
+    "certificate/clearance.py": (
+        *SHARP,
+        "windows",
+        "plain",
+        "starts",
+        "moving",
+        "returning",
+        "overtaken",
+        "turning",
+        "far",
+        *SHARP,
+    ),
     "certificate/task.py": (*SHARP, "nested", "windows", "means", "shares", "turning", "plain", "starts"),
     "certificate/instants.py": ("windows", "nested", "plain", "moving"),
     "certificate/schedule.py": ("windows", "nested", "plain", "moving"),
@@ -85,7 +96,7 @@ FAMILIES_FOR: dict[str, tuple[str, ...]] = {
     "constraints/stl/rewrite.py": ("nested", "plain", "starts", "shares", "means"),
     "constraints/stl/implied.py": ("implied", "plain", "windows", "shares"),
     "constraints/polyhedron.py": ("windows", "plain", "far", "nested", "scaled"),
-    "constraints/motion.py": ("moving",),
+    "constraints/motion.py": ("moving", "overtaken"),
     "problem/specification.py": ("windows", "plain", "shares", "moving"),
 }
 """The modules that prove, with the families of cases that each is tried with. Those that only read and print (tokens,
