@@ -5,6 +5,7 @@ from __future__ import annotations
 FINER = "chooses what is looked at more closely; every choice gives true bounds"
 BOX = "chooses the box of members that is tried; what is proven of it is proven whichever it is"
 LONG = "step functions of more than 20,000 instants, which no case has; tests/certificate/test_time.py has fewer"
+DIGITS = "differs for shares of 17 digits; 1 - p of others is exact"
 ENDS = "when a search ends; its bounds are true at any time"
 STRAIGHT = (
     "decides corners that are straight but for a rounding, which the rounding term has room for; tests/constraints"
@@ -23,11 +24,16 @@ REASONS: dict[str, str] = {
     "certificate/clearance.py:Prover._widths": FINER,
     "certificate/task.py:_bending": FINER,
     "certificate/task.py:Masses.needed: 1.0 + MASS_ERROR * share.strict": "the same but for shares within 1e-9 of all",
-    "certificate/task.py:Masses.needed: p + Fraction(": "differs for shares of 17 digits; 1 - p of others is exact",
+    "certificate/task.py:Masses.needed: p + Fraction(": DIGITS,
+    "certificate/task.py:Masses.needed: -1 -> 1": DIGITS,
     "certificate/schedule.py:Coarse": LONG,
     "certificate/clearance.py:Prover.bound: np.isfinite(": "differs where numbers overflow, which no case has",
     "certificate/clearance.py:Prover.bound: self.boxes - spent > self.limit": ENDS,
     "certificate/schedule.py:Schedule.of: -high -> high": FINER,
+    "certificate/schedule.py:Schedule.of: high -> low": FINER,
+    "certificate/schedule.py:Schedule.of: low -> high": FINER,
+    "certificate/schedule.py:Schedule.of: min(": FINER,
+    "certificate/schedule.py:Schedule.of: max(": FINER,
     "certificate/share.py:_values": BOX,
     "certificate/share.py:_value:": BOX,
     "certificate/share.py:_largest": BOX,
