@@ -16,11 +16,12 @@ from ensemble_ctrl.files.config import meanings
 from ensemble_ctrl.files.config import online as o
 from ensemble_ctrl.files.config.clouds import Cloud
 from ensemble_ctrl.files.config.fields import Model
-from ensemble_ctrl.files.config.laws import LawSection, Measured, MixturePart, PartSection
+from ensemble_ctrl.files.config.laws import LawName, LawSection, Measured, MixturePart, PartSection
 from ensemble_ctrl.files.config.motions import Course, MotionSection, Velocity
 from ensemble_ctrl.files.config.schema import ProblemFile
 from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.files.config.targets import Terminal
+from ensemble_ctrl.moments import DISTRIBUTIONS
 from ensemble_ctrl.systems import SYSTEMS
 
 UNITS: list[tuple[Any, str]] = [
@@ -44,6 +45,7 @@ UNITS: list[tuple[Any, str]] = [
     (f.Task, "formula"),
     (f.Order, "1 to 50, or `auto`"),
     (f.Routes, "1 to 1000, or `all`"),
+    (LawName, ", ".join([*(f"`{name}`" for name in DISTRIBUTIONS), "or [another](extending.md)"])),
     (f.ModelName, ", ".join([*(f"`{name}`" for name in SYSTEMS), "or [another](systems.md)"])),
     (Course, "[[s, [m, m]], ...]"),
     (o.Turn, "rad, ≥ 0"),
@@ -57,6 +59,7 @@ UNITS: list[tuple[Any, str]] = [
     (f.FolderName, "text"),
     (Measured, "list, or a file's name"),
     (list[MixturePart], "list"),
+    (dict[str, f.Number], "numbers by name"),
 ]
 """What a field's type is measured in."""
 

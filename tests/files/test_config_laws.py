@@ -266,4 +266,4 @@ def test_a_problem_with_laws_that_no_file_can_hold_is_refused() -> None:
 
 def test_editors_know_the_fields() -> None:
     described = schema()["$defs"]["LawSection"]["properties"]
-    assert set(described) == {"range", "law", "a", "b", "mean", "deviation", "samples", "mixture"}
+    assert set(described) == {"range", "law", "a", "b", "mean", "deviation", "numbers", "samples", "mixture"}

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from ensemble_ctrl.files.folder import RESULT_FILES
+from ensemble_ctrl.files.folder import result_files
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.animation import WIDTH
 from ensemble_ctrl.report.film import FORMATS, AnimationError
@@ -102,4 +102,4 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 def test_what_animate_writes_may_be_overwritten() -> None:
-    assert {f"animation.{ending}" for ending in FORMATS} <= RESULT_FILES
+    assert {f"animation.{ending}" for ending in FORMATS} <= result_files()

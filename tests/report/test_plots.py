@@ -16,7 +16,7 @@ from PIL import Image
 from ensemble_ctrl import report
 from ensemble_ctrl.api.plans import with_twin
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.files.folder import RESULT_FILES
+from ensemble_ctrl.files.folder import result_files
 from ensemble_ctrl.moments import LegendreBasis
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report import palette
@@ -209,4 +209,4 @@ def test_fonts_are_not_smaller_than_a_paper_allows(tmp_path: Path) -> None:
 
 
 def test_what_plot_writes_may_be_overwritten() -> None:
-    assert {f"figure-{kind}.{ending}" for kind in KINDS for ending in FORMATS} <= RESULT_FILES
+    assert {f"figure-{kind}.{ending}" for kind in KINDS for ending in FORMATS} <= result_files()

@@ -4,16 +4,18 @@
 constraints or transcription.
 """
 
-from ensemble_ctrl.certificate.certify import Certificate, CounterExample, certify, unproven
+from ensemble_ctrl.certificate.certify import PROOFS, Certificate, CounterExample, Proof, certify, unproven
 from ensemble_ctrl.certificate.clearance import Bound
 from ensemble_ctrl.certificate.record import EFFORT, as_data, claim, differences
 from ensemble_ctrl.certificate.task import TaskBound
 
 __all__ = [
     "EFFORT",
+    "PROOFS",
     "Bound",
     "Certificate",
     "CounterExample",
+    "Proof",
     "TaskBound",
     "as_data",
     "certify",

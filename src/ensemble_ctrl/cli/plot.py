@@ -15,9 +15,6 @@ from ensemble_ctrl.files.folder import require_free
 from ensemble_ctrl.report.canvas import FORMATS
 from ensemble_ctrl.report.plot import KINDS, write_plot
 
-PROOF = ("certificate", "clearance")
-"""Kinds that show what is proven."""
-
 
 class PlotError(EnsembleError):
     """The pictures that were asked for can't be drawn or written."""
@@ -36,7 +33,7 @@ def plot_plan(
     files = _files(path, wanted, output, format)
     for file in files.values():
         require_free(file, overwrite)
-    if any(kind in PROOF for kind in wanted):
+    if any(KINDS[kind].proof for kind in wanted):
         plan = replace(plan, certificate=plan.certify())
     if "trajectories" in wanted and plan.problem.report.twin:
         plan = with_twin(plan)

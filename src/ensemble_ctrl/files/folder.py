@@ -12,10 +12,10 @@ from pathlib import Path
 from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.core.storage import HIDDEN, claim, exchange, hidden_name, hold, put_file, release, sweep
 from ensemble_ctrl.files.config import named_source
+from ensemble_ctrl.report.canvas import FORMATS
+from ensemble_ctrl.report.plot import KINDS
 
-KINDS = ("trajectories", "controls", "moments", "robustness", "clearance", "certificate")
-"""Kinds of pictures that ``ensemble-plan plot`` draws (`ensemble_ctrl.report.plot`)."""
-RESULT_FILES = frozenset(
+WRITTEN = frozenset(
     {
         "certificate.json",
         "controls.csv",
@@ -33,13 +33,18 @@ RESULT_FILES = frozenset(
         "spread.png",
         "summary.json",
         "trajectories.png",
-        *(f"figure-{kind}.{ending}" for kind in KINDS for ending in ("png", "pdf", "svg")),
         *(f"animation.{ending}" for ending in ("gif", "mp4")),
     }
 )
-"""What a run, and later commands on its plan may write; ``--overwrite`` leaves a folder with anything else alone."""
-RESULTS = {"plan.npz": RESULT_FILES, "compare.json": frozenset({"compare.json", "compare.png"})}
-"""What a folder may hold that has a file of this name: a run's, and a comparison's."""
+"""What a run, and later commands on its plan may write, but for the pictures of ``ensemble-plan plot``."""
+COMPARED = frozenset({"compare.json", "compare.png"})
+"""What a comparison writes."""
+
+
+def result_files() -> frozenset[str]:
+    """What a run, and later commands on its plan may write; ``--overwrite`` spares a folder with anything else."""
+    pictures = (f"figure-{kind}.{ending}" for kind in KINDS for ending in FORMATS)
+    return WRITTEN.union(pictures)
 
 
 class FolderError(EnsembleError):
@@ -244,7 +249,8 @@ def _checked(target: Path, overwrite: bool) -> bool:
     found = sorted(entry.name for entry in target.iterdir() if not HIDDEN.fullmatch(entry.name))
     if not found:
         return False
-    known = next((names for mark, names in RESULTS.items() if mark in found), None)
+    results = {"plan.npz": result_files(), "compare.json": COMPARED}
+    known = next((names for mark, names in results.items() if mark in found), None)
     if not overwrite:
         hint = "choose another with -o" + ("" if known is None else ", or add --overwrite")
         raise FolderError(f"{target}: this folder is not empty; {hint}")
@@ -307,7 +313,7 @@ def require_free(path: Path, overwrite: bool) -> None:
     ------
     FolderError
     """
-    own = path.name in RESULT_FILES and (path.parent / "plan.npz").is_file()
+    own = path.name in result_files() and (path.parent / "plan.npz").is_file()
     if os.path.lexists(path) and not (overwrite or own):
         raise _taken(path)
 

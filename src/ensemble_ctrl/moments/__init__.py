@@ -40,7 +40,11 @@ from ensemble_ctrl.moments.transform import (
     nodes_to_moments,
 )
 
+DISTRIBUTIONS: dict[str, type[Law]] = {"uniform": Interval, "beta": Beta, "normal": TruncatedNormal}
+"""Every distribution over a range by the name that a problem file uses."""
+
 __all__ = [
+    "DISTRIBUTIONS",
     "MAX_ORDER",
     "Basis",
     "Beta",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import lgamma, log
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,6 +54,7 @@ class Beta(WeightedLaw):
     upper: float
     a: float
     b: float
+    numbers: ClassVar[tuple[str, ...]] = ("a", "b")
 
     def __post_init__(self) -> None:
         low, high = ends(self.lower, self.upper)

@@ -7,6 +7,7 @@ measure of total mass 2, so that :math:`\phi_0 = 1/\sqrt 2` and the mean is :mat
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -31,6 +32,8 @@ class Law(ABC):
 
     lower: float
     upper: float
+    numbers: ClassVar[tuple[str, ...]] = ()
+    """Attributes that give its shape, in the order in which the constructor takes them after `lower` and `upper`."""
     uniform: ClassVar[bool] = False
     """Whether equal parts of the range have equal shares of the fleet."""
 
@@ -38,6 +41,11 @@ class Law(ABC):
     def measured(self) -> FloatArray | None:
         """The values of the members in increasing order, each as often as the others, where these were measured."""
         return None
+
+    def over(self, lower: float, upper: float) -> Law:
+        """The same shape over another range."""
+        make: Callable[..., Law] = type(self)
+        return make(lower, upper, *(getattr(self, name) for name in self.numbers))
 
     @property
     def center(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil, hypot
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,6 +62,7 @@ class TruncatedNormal(WeightedLaw):
     upper: float
     mean: float
     deviation: float
+    numbers: ClassVar[tuple[str, ...]] = ("mean", "deviation")
 
     def __post_init__(self) -> None:
         low, high = ends(self.lower, self.upper)

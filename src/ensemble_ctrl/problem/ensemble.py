@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,8 +42,6 @@ class Ensemble(ReadOnlyArrays, ABC):
     input_lower: Floats
     input_upper: Floats
     radius: float
-    enclosure: ClassVar[str]
-    """The name of the enclosure that proofs of this fleet use (`ensemble_ctrl.certificate`)."""
     cloud: Mapping[str, Floats] | None = None
     """Columns of parameters that were measured together, where a fleet has such."""
 
@@ -51,6 +49,11 @@ class Ensemble(ReadOnlyArrays, ABC):
         """The same fleet with other laws of its parameters, for which a cloud does not stand."""
         changes: dict[str, Any] = {"parameters": dict(laws)} | ({} if self.cloud is None else {"cloud": None})
         return replace(self, **changes)  # type: ignore[type-var]
+
+    @property
+    @abstractmethod
+    def enclosure(self) -> str:
+        """The name of the enclosure that proofs of this fleet use (`ensemble_ctrl.certificate.PROOFS`)."""
 
     @property
     @abstractmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -125,7 +125,10 @@ class Fleet(Ensemble):
             if len(twice) > 1:
                 raise ProblemError(f"fleet.parameters: expected one of {' and '.join(twice)}, got both")
 
-    enclosure: ClassVar[str] = "arcs"
+    @property
+    def enclosure(self) -> str:
+        """The name of the enclosure that proofs of this fleet use."""
+        return self.system.enclosure
 
     @property
     def identity(self) -> list[object]:

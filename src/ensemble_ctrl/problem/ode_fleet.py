@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -149,7 +148,10 @@ class OdeFleet(Ensemble):
                 f"{what}: expected finite rates at the start, got {rates[state, member]} for {name} ({told})"
             )
 
-    enclosure: ClassVar[str] = "general"
+    @property
+    def enclosure(self) -> str:
+        """The name of the enclosure that proofs of this fleet use."""
+        return self.system.enclosure
 
     @property
     def identity(self) -> list[object]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -13,30 +15,26 @@ from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.problem.evaluation.conflicts import units_of_parts
 from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, place_axes, placed_axes, save, shown_axes
 from ensemble_ctrl.report.figures import draw_trajectories, map_size
+from ensemble_ctrl.report.kinds.certificate import draw_certificate
+from ensemble_ctrl.report.kinds.clearance import draw_clearance
+from ensemble_ctrl.report.kinds.controls import draw_controls
+from ensemble_ctrl.report.kinds.moments import draw_moments
 from ensemble_ctrl.report.kinds.panels import legend_shape
+from ensemble_ctrl.report.kinds.robustness import draw_robustness
 from ensemble_ctrl.report.projections import draw_paths, sheet
 from ensemble_ctrl.report.text import PlanLike
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-KINDS = ("trajectories", "controls", "moments", "robustness", "clearance", "certificate")
-"""Names of the kinds of pictures."""
-SIZES = {"moments": 3.2, "certificate": 2.3}
-"""Heights in inches at paper column width; else `HEIGHT`."""
-HEIGHT = 2.4
+Margins = tuple[float, float, float, float]
+"""Inches at the left, right, below and above."""
+LEGEND_ROW = 0.16
+"""Inches that each row of a legend above the picture takes."""
 COMMAND = 1.2
 """Inches for each command of ``controls``."""
-MARGINS = {
-    "trajectories": (0.5, 0.9, 0.42, 0.16),
-    "views": (0.62, 0.9, 0.42, 0.2),
-    "moments": (0.66, 0.12, 0.42, 0.12),
-    "certificate": (1.35, 0.12, 0.42, 0.12),
-}
-"""Inches at the left, right, below and above; else `AROUND`. ``views`` are several drawings of one map."""
-LEGENDS, LEGEND_ROW = ("robustness", "clearance"), 0.16
-"""Kinds with a legend above, and the inches that each of its rows takes."""
-AROUND = (0.56, 0.12, 0.42, 0.12)
+VIEW_MARGINS: Margins = (0.62, 0.9, 0.42, 0.2)
+"""Around several drawings of one map."""
 
 
 class Drawable(PlanLike, Protocol):
@@ -45,6 +43,63 @@ class Drawable(PlanLike, Protocol):
     @property
     def twin(self) -> NDArray[np.float64] | None:
         """Commands of the unconstrained twin, if it was planned."""
+
+
+@dataclass(frozen=True)
+class PlotKind:
+    """One kind of picture, and its shape in a column of a paper.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws a plan on Axes and returns them.
+    height : float or callable
+        Inches without a legend; of a plan, where it depends on that.
+    margins : tuple of float
+        Inches at the left, right, below and above.
+    legend : bool
+        Whether a legend stands above, for which there is to be room.
+    proof : bool
+        Whether it shows what is proven, so that the command certifies the plan first.
+    """
+
+    draw: Callable[[Drawable, Axes], Axes]
+    height: float | Callable[[Drawable], float] = 2.4
+    margins: Margins = (0.56, 0.12, 0.42, 0.12)
+    legend: bool = False
+    proof: bool = False
+
+
+def _trajectories(plan: Drawable, ax: Axes) -> Axes:
+    """The map with members."""
+    return draw_trajectories(plan.problem, plan.controls, ax, plan.twin)
+
+
+def _certificate(plan: Drawable, ax: Axes) -> Axes:
+    """What is proven and what was seen."""
+    assert plan.certificate is not None
+    return draw_certificate(plan.problem.name, plan.certificate, ax, units_of_parts(plan.problem))
+
+
+def _map_height(plan: Drawable) -> float:
+    """That of a map; of several views, the usual one."""
+    if isinstance(plan.problem, OdeProblem):
+        return 2.4
+    return map_size(plan.problem, plan.controls, plan.twin, COLUMN, KINDS["trajectories"].margins)[1]
+
+
+KINDS: dict[str, PlotKind] = {
+    "trajectories": PlotKind(_trajectories, _map_height, (0.5, 0.9, 0.42, 0.16)),
+    "controls": PlotKind(
+        lambda plan, ax: draw_controls(plan.problem, plan.controls, ax),
+        lambda plan: 0.5 + COMMAND * len(plan.problem.fleet.system.controls),
+    ),
+    "moments": PlotKind(lambda plan, ax: draw_moments(plan.problem, plan.controls, ax), 3.2, (0.66, 0.12, 0.42, 0.12)),
+    "robustness": PlotKind(lambda plan, ax: draw_robustness(plan.problem, plan.controls, ax), legend=True),
+    "clearance": PlotKind(draw_clearance, legend=True, proof=True),
+    "certificate": PlotKind(_certificate, 2.3, (1.35, 0.12, 0.42, 0.12), proof=True),
+}
+"""Every kind of picture by its name: `Plan.plot`, ``ensemble-plan plot`` and the results folder read it."""
 
 
 def draw(plan: Drawable, kind: str, ax: Axes | None = None) -> Axes:
@@ -71,31 +126,11 @@ def draw(plan: Drawable, kind: str, ax: Axes | None = None) -> Axes:
     """
     if kind not in KINDS:
         raise ProblemError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
+    if kind == "certificate" and plan.certificate is None:
+        raise ProblemError("kind: expected a plan with a certificate, got one without; see Plan.certify")
     if kind == "trajectories":
         return draw_trajectories(plan.problem, plan.controls, ax, plan.twin)
-    certificate = plan.certificate
-    if kind == "certificate" and certificate is None:
-        raise ProblemError("kind: expected a plan with a certificate, got one without; see Plan.certify")
-    ax = shown_axes((6.4, 4.4)) if ax is None else ax
-    if kind == "certificate" and certificate is not None:
-        from ensemble_ctrl.report.kinds.certificate import draw_certificate
-
-        return draw_certificate(plan.problem.name, certificate, ax, units_of_parts(plan.problem))
-    if kind == "clearance":
-        from ensemble_ctrl.report.kinds.clearance import draw_clearance
-
-        return draw_clearance(plan, ax)
-    if kind == "robustness":
-        from ensemble_ctrl.report.kinds.robustness import draw_robustness
-
-        return draw_robustness(plan.problem, plan.controls, ax)
-    if kind == "controls":
-        from ensemble_ctrl.report.kinds.controls import draw_controls
-
-        return draw_controls(plan.problem, plan.controls, ax)
-    from ensemble_ctrl.report.kinds.moments import draw_moments
-
-    return draw_moments(plan.problem, plan.controls, ax)
+    return KINDS[kind].draw(plan, shown_axes((6.4, 4.4)) if ax is None else ax)
 
 
 def write_plot(plan: Drawable, kind: str, path: Path, format: str = "png") -> Path:
@@ -115,28 +150,21 @@ def write_plot(plan: Drawable, kind: str, path: Path, format: str = "png") -> Pa
     from matplotlib import rc_context
 
     with rc_context(PAPER):
-        margins = MARGINS.get(kind, AROUND)
-        figure = new_figure((COLUMN, height := _height(plan, kind, margins)), dpi=300)
+        shape = KINDS[kind]
+        margins = shape.margins
+        height = shape.height(plan) if callable(shape.height) else shape.height
+        figure = new_figure((COLUMN, height), dpi=300)
         if kind == "trajectories" and isinstance(plan.problem, OdeProblem):
-            axes = sheet(plan.problem, plan.controls, figure, COLUMN, MARGINS["views"])
+            axes = sheet(plan.problem, plan.controls, figure, COLUMN, VIEW_MARGINS)
             draw_paths(plan.problem, plan.controls, axes)
             ax = axes[0]
         else:
             ax = draw(plan, kind, placed_axes(figure, *margins))
         ax.set_title("")
-        if kind in LEGENDS:
+        if shape.legend:
             _, rows = legend_shape(ax.get_legend_handles_labels()[1])
             room = rows * LEGEND_ROW
             figure.set_size_inches(COLUMN, height + room)
             place_axes(ax, *margins[:3], margins[3] + room)
         save(figure, path, format)
     return path
-
-
-def _height(plan: Drawable, kind: str, margins: tuple[float, float, float, float]) -> float:
-    """Inches, without a legend's."""
-    if kind == "trajectories" and not isinstance(plan.problem, OdeProblem):
-        return map_size(plan.problem, plan.controls, plan.twin, COLUMN, margins)[1]
-    if kind == "controls":
-        return 0.5 + COMMAND * len(plan.problem.fleet.system.controls)
-    return SIZES.get(kind, HEIGHT)

@@ -39,6 +39,7 @@ class ArcSystem:
 
     heading_from: Literal["x", "y"] = "x"
 
+    enclosure: ClassVar[str] = "arcs"
     name: ClassVar[str]
     summary: ClassVar[str]
     controls: ClassVar[tuple[str, ...]]

@@ -39,6 +39,8 @@ class OdeSystem:
         Default bounds of each command.
     parameters : mapping of str to float
         What may differ between members, each with the value where it does not.
+    enclosure : str
+        Where proofs get bounds from, a name in `ensemble_ctrl.certificate.PROOFS`: ``general`` for smooth systems.
 
     Notes
     -----
@@ -68,6 +70,7 @@ class OdeSystem:
     control_units: ClassVar[tuple[str, ...]] = ()
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ()
     parameters: Mapping[str, float] = {}
+    enclosure: ClassVar[str] = "general"
 
     def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
         """Rates of the states.

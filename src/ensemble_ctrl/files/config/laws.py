@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Self, cast
 
-from pydantic import BeforeValidator, PrivateAttr, ValidationInfo, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, PrivateAttr, ValidationInfo, WithJsonSchema, model_validator
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.samples import Columns, Values, columns_of, samples
-from ensemble_ctrl.files.config.wrong import Wrong, suggestion
-from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.files.config.wrong import Wrong, show, suggestion
+from ensemble_ctrl.moments import DISTRIBUTIONS, Law, Mixture, Samples
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import Finding
 
@@ -25,7 +25,17 @@ SHAPES: dict[str, dict[str, str]] = {
     "beta": {"a": "a: 2", "b": "b: 5"},
     "normal": {"mean": "mean: 1.0", "deviation": "deviation: 0.03"},
 }
-"""Numbers that a law takes, with examples."""
+"""Numbers that the laws of this package take, with examples."""
+
+
+def _law_name(value: str) -> str:
+    """The name of a distribution over a range."""
+    if value not in DISTRIBUTIONS:
+        raise Wrong(f"{show(value)} is not one of {', '.join(DISTRIBUTIONS)}", suggestion(value, DISTRIBUTIONS))
+    return value
+
+
+LawName = Annotated[str, AfterValidator(_law_name), WithJsonSchema({"enum": list(DISTRIBUTIONS)})]
 
 
 def _values(kind: str) -> WithJsonSchema:
@@ -44,7 +54,7 @@ class PartSection(f.Model):
 
     range: f.Range = (0.9, 1.1)
     """Low and high end, `[low, high]`."""
-    law: Literal["uniform", "beta", "normal"] = "uniform"
+    law: LawName = "uniform"
     """How it is spread over the range."""
     a: f.Number | None = None
     """Shape of a Beta law at the low end."""
@@ -54,6 +64,8 @@ class PartSection(f.Model):
     """Mean of a normal law, before it is cut off at the range's ends."""
     deviation: f.Number | None = None
     """Standard deviation of a normal law, before it is cut off."""
+    numbers: dict[str, f.Number] | None = None
+    """Numbers of a law that was added to `ensemble_ctrl.moments.DISTRIBUTIONS`, by name."""
     samples: Measured | None = None
     """Measured values, or the name of a CSV file of them, in place of a range."""
     _columns: Columns = PrivateAttr(default_factory=dict)
@@ -71,7 +83,8 @@ class PartSection(f.Model):
             self.over_range()
         except ProblemError as error:
             name, _, message = str(error).partition(": ")
-            raise Wrong(message, path=(name,)) from None
+            path = (name,) if name in type(self).model_fields else ("numbers", name)
+            raise Wrong(message, path=path) from None
         return self
 
     def _measured(self, folder: Path) -> Columns:
@@ -85,11 +98,8 @@ class PartSection(f.Model):
 
     def over_range(self) -> Law:
         """The law over the range."""
-        if self.law == "beta":
-            return Beta(*self.range, *_numbers(self))
-        if self.law == "normal":
-            return TruncatedNormal(*self.range, *_numbers(self))
-        return Interval(*self.range)
+        make: Callable[..., Law] = DISTRIBUTIONS[self.law]
+        return make(*self.range, *(_number(self, name) for name in DISTRIBUTIONS[self.law].numbers))
 
 
 class MixturePart(PartSection):
@@ -264,15 +274,14 @@ def _part_data(law: Law) -> Data:
     """One law that is no mixture, as data."""
     if isinstance(law, Samples):
         return {"samples": law.values.tolist()}
-    data: Data = {"range": [law.lower, law.upper]}
-    match law:
-        case Beta():
-            return data | {"law": "beta", "a": law.a, "b": law.b}
-        case TruncatedNormal():
-            return data | {"law": "normal", "mean": law.mean, "deviation": law.deviation}
-        case Interval():
-            return data
-    raise ProblemError(f"fleet.parameter: expected a law that a problem file can hold, got {law!r}")
+    kind = next((name for name, made in DISTRIBUTIONS.items() if type(law) is made), None)
+    if kind is None:
+        raise ProblemError(f"fleet.parameter: expected a law that a problem file can hold, got {law!r}")
+    numbers = {name: getattr(law, name) for name in law.numbers}
+    named = {name: value for name, value in numbers.items() if name in PartSection.model_fields}
+    added = {name: value for name, value in numbers.items() if name not in named}
+    data: Data = {"range": [law.lower, law.upper]} | ({} if kind == "uniform" else {"law": kind})
+    return data | named | ({"numbers": added} if added else {})
 
 
 def _flat(law: Mixture, weight: float | None = None) -> Iterator[tuple[Law, float]]:
@@ -286,18 +295,24 @@ def _flat(law: Mixture, weight: float | None = None) -> Iterator[tuple[Law, floa
             yield part, share
 
 
-def _numbers(section: PartSection) -> list[float]:
-    """The numbers that the section's law takes."""
-    return [getattr(section, name) for name in SHAPES[section.law]]
+def _number(section: PartSection, name: str) -> float | None:
+    """A number of the section's law: a field of its own, or one of `numbers`."""
+    if name in type(section).model_fields:
+        return cast("float | None", getattr(section, name))
+    return (section.numbers or {}).get(name)
 
 
 def _complete(section: PartSection) -> None:
     """A law has its numbers, and no others."""
-    takes = SHAPES[section.law]
-    for name, example in takes.items():
-        if getattr(section, name) is None:
+    takes = DISTRIBUTIONS[section.law].numbers
+    for name in takes:
+        if _number(section, name) is None:
             message = f"expected {' and '.join(takes)} for law {section.law}, but {name} is missing"
+            example = SHAPES.get(section.law, {}).get(name, f"numbers: {{{name}: 1.0}}")
             raise Wrong(message, f"for example  {example}", ("law",))
+    for name in section.numbers or {}:
+        if name not in takes or name in type(section).model_fields:
+            raise Wrong(f"expected no {name} in numbers for law {section.law}", path=("numbers", name))
     for law, names in SHAPES.items():
         for name in names:
             if name not in takes and getattr(section, name) is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.rewrite import rebuilt
 from ensemble_ctrl.constraints.stl.robustness import Temporal
-from ensemble_ctrl.moments import Beta, Interval, Law, TruncatedNormal
+from ensemble_ctrl.moments import DISTRIBUTIONS, Law
 from ensemble_ctrl.planning.planner import Curved
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict
@@ -220,15 +220,14 @@ def rounded_up(value: float) -> float:
 def _narrows(fleet: Fleet) -> Iterator[str]:
     """Parameters whose law has a range that can shrink."""
     for name, law in fleet.parameters.items():
-        if isinstance(law, Interval | Beta | TruncatedNormal) and law.lower < law.upper:
+        if type(law) in DISTRIBUTIONS.values() and law.lower < law.upper:
             yield name
 
 
 def _shrunk(law: Law, share: float) -> Law:
     """A law over the middle of its range."""
-    assert isinstance(law, Interval | Beta | TruncatedNormal)
     half = law.half_width * share
-    return replace(law, lower=float(f"{law.center - half:.4g}"), upper=float(f"{law.center + half:.4g}"))
+    return law.over(float(f"{law.center - half:.4g}"), float(f"{law.center + half:.4g}"))
 
 
 def _in_the_way(problem: Problem, conflicts: Sequence[Conflict]) -> list[str]:
