@@ -120,6 +120,23 @@ def fleet_lines(rows: Rows) -> Iterator[str]:
         yield f"| `configs/{row['problem']}.yaml` | {row['parameters']} | {counts} | {row['proven']} |"
 
 
+def cells_rows(problems: tuple[str, ...]) -> Rows:
+    """Plans of a wide fleet with hyperplanes for all of it, and for parts of its range."""
+    found = []
+    for cells in (1, 4):
+        plan = ec.plan(load(problems[0], [f"solve.cells={cells}"]), check=False)
+        proven = "no plan" if plan.certificate is None or plan.status != "planned" else plan.certificate.proven
+        found.append({"cells": cells, "cost": plan.details["cost"], "proven": proven})
+    return found
+
+
+def cells_lines(rows: Rows) -> Iterator[str]:
+    """A line each."""
+    yield from header("`solve.cells`", "cost", "proven")
+    for row in rows:
+        yield f"| {row['cells']} | {row['cost']:.1f} | {row['proven']} |"
+
+
 def truncation_rows(problems: tuple[str, ...]) -> Rows:
     """The largest distance of a member from the truncated curve, order by order."""
     problem = load(problems[0])
@@ -160,6 +177,7 @@ TABLES = {
     "minlp": Table("docs/minlp.md", OBSTACLES, minlp_rows, minlp_lines),
     "guarantees": Table("docs/guarantees.md", (FIVE,), guarantee_rows, guarantee_lines),
     "fleets": Table("docs/fleets.md", (FIVE, *(f"fleets/{name}" for name in FLEETS)), fleet_rows, fleet_lines),
+    "cells": Table("docs/guarantees.md", ("fleets/cells",), cells_rows, cells_lines),
     "truncation": Table("docs/how_it_works.md", (FIVE,), truncation_rows, truncation_lines),
     "growth": Table("docs/fleets.md", (FIVE,), growth_rows, growth_lines),
 }

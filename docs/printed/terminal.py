@@ -11,9 +11,11 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from printed.table import CONFIGS, FIVE, Rows, Table
+from printed.table import CONFIGS, FIVE, Rows, Table, config
 
 MINIMUM = "time/minimum_time"
+HERE = "../docs/printed/too_short"
+"""A problem beside this file, and so decided by it, too."""
 TIMES = re.compile(r"\d+\.\d+ s\b")
 TIME_AT_THE_END = re.compile(r"(?<= \()\d+\.\d+ s(?=\)$)")
 """What the line `work` holds many of, and a proof ends with."""
@@ -28,7 +30,7 @@ task: F x >= 1
 YARD = ", ".join(FEATURE % (f"shed {i}", SQUARE if i < 3 else RING) for i in range(4))
 FILES: Mapping[str, str | bytes] = {
     "bad.yaml": MISSPELT,
-    "too_short.yaml": (Path(__file__).parent / "too_short.yaml").read_text(encoding="utf-8"),
+    "too_short.yaml": config(HERE).read_text(encoding="utf-8"),
     "yard.geojson": f'{{"type": "FeatureCollection", "features": [{YARD}]}}',
     "hall_map.yml": "image: office_map.pgm\nresolution: 0\norigin: [0, 0, 0]\n",
     "office_map.yml": "image: office_map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n",
@@ -76,9 +78,9 @@ def block(page: str, problem: str, *commands: str, before: str = "", begins: tup
 MAPS = ("import yard.geojson", "import hall_map.yml", "import office_map.yml")
 TABLES = {
     "first": block("docs/install.md", FIVE, "problem.yaml -q", before="init"),
-    "misspelt": block("docs/problem_file.md", FIVE, "check -q bad.yaml"),
-    "too_short": block("docs/command.md", FIVE, "too_short.yaml -q", begins=("violated", "it works", "--set", "or ")),
+    "misspelt": block("docs/problem_file.md", HERE, "check -q bad.yaml"),
+    "too_short": block("docs/command.md", HERE, "too_short.yaml -q", begins=("violated", "it works", "--set", "or ")),
     "widest": block("docs/command.md", FIVE, f"widest configs/{FIVE}.yaml -q"),
     "soonest": block("docs/objectives.md", MINIMUM, f"configs/{MINIMUM}.yaml -q", begins=("soonest",)),
-    "bad_maps": block("docs/maps.md", FIVE, *MAPS),
+    "bad_maps": block("docs/maps.md", HERE, *MAPS),
 }

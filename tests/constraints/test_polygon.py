@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.constraints import Obstacle, convex_pieces
+from ensemble_ctrl.constraints.cover import with_fewer_corners
 from ensemble_ctrl.constraints.exact import corner_turns
 from ensemble_ctrl.constraints.polygon import is_convex, ring
 from ensemble_ctrl.core.errors import ProblemError
@@ -79,3 +80,12 @@ def test_a_pentagram_turns_one_way_and_still_crosses_itself() -> None:
     assert Obstacle.polygon(ring).distance([0.0, 0.0]) < 0
     with pytest.raises(ProblemError, match="does not cross itself"):
         Obstacle.polygon(ring[[0, 2, 4, 1, 3]])
+
+
+def test_sides_between_opposite_ones_have_no_tip() -> None:
+    """A flat end between two parallel sides; it takes no division by zero to find that."""
+    flat = np.array([(0.0, 0.0), (1.0, 0.0), (1.3, 0.2), (1.4, 0.5), (1.3, 0.8), (1.0, 1.0), (0.0, 1.0)])
+    with np.errstate(all="raise"):
+        few = with_fewer_corners(flat, shapely.box(-1, -1, 3, 3), 4)
+    assert len(few) < len(flat)
+    assert shapely.Polygon(few).buffer(1e-9).covers(shapely.Polygon(flat))

@@ -152,10 +152,10 @@ def _tips(corners: Floats) -> Floats:
     gap = np.roll(corners, -1, axis=0) - corners
     sine = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0]
     share = gap[:, 0] * behind[:, 1] - gap[:, 1] * behind[:, 0]
+    outwards = np.stack([before[:, 1] + behind[:, 1], -before[:, 0] - behind[:, 0]], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         ahead = np.where(sine > 1e-12, share / sine, np.nan)
-    outwards = np.stack([before[:, 1] + behind[:, 1], -before[:, 0] - behind[:, 0]], axis=1)
-    outwards /= 1 + np.einsum("ij,ij->i", before, behind)[:, None]
+        outwards /= 1 + np.einsum("ij,ij->i", before, behind)[:, None]
     further = 64 * np.finfo(float).eps * np.abs(corners).max()
     return np.asarray(corners + ahead[:, None] * before + further * outwards)
 
