@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import re
 from functools import cache
 from pathlib import Path
@@ -91,6 +93,38 @@ def test_every_figure_of_the_method_is_shown_and_made() -> None:
     made = re.findall(r'"(\w+)": \1\b', (DOCS / "make_figures.py").read_text(encoding="utf-8"))
     assert sorted(shown) == sorted(made) == sorted(path.stem for path in (DOCS / "_static" / "method").glob("*.svg"))
     assert max(path.stat().st_size for path in (DOCS / "_static" / "method").glob("*.svg")) < 60_000
+
+
+ROOMS = "api|certificate|constraints|core|files|moments|ocp|planning|systems"
+NAMED = re.compile(rf"`(?:ensemble_ctrl\.(\w[\w.]*)|((?:{ROOMS})\.\w[\w.]*))(?:\(|`)")
+
+
+def is_there(name: str) -> bool:
+    """Whether a module, or something in one, has this name below the package."""
+    found: object = ensemble_ctrl
+    path = "ensemble_ctrl"
+    for part in name.split("."):
+        path = f"{path}.{part}"
+        with contextlib.suppress(ImportError):
+            importlib.import_module(path)
+        if not hasattr(found, part):
+            return False
+        found = getattr(found, part)
+    return True
+
+
+def test_names_of_the_package_on_pages_are_there() -> None:
+    """A module that moves takes the pages with it; names of files are none."""
+    named = {
+        (page.name, "".join(groups))
+        for page in PAGES
+        for groups in NAMED.findall(page.read_text(encoding="utf-8"))
+        if page.name != "CHANGELOG.md" and not groups[1].endswith((".json", ".py"))
+    }
+    assert len(named) > 60
+    assert sorted(name for name in named if not is_there(name[1])) == []
+    assert not is_there("ocp.nothing")
+    assert not is_there("nothing.at.all")
 
 
 def test_files_that_ask_for_the_kind_of_problem_are_those_of_the_page() -> None:
