@@ -16,9 +16,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import ensemble_ctrl.ocp.bonmin as module
-from ensemble_ctrl.ocp.bonmin import BonminOptions, Branching, MixedOutcome, bonmin, progress_of
+import ensemble_ctrl.ocp.solvers.bonmin as module
 from ensemble_ctrl.ocp.program import Block, Program, assemble
+from ensemble_ctrl.ocp.solvers.bonmin import BonminOptions, Branching, MixedOutcome, bonmin, progress_of
 from tests.paths import ROOT
 
 N = 40

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, minimize
 
-from ensemble_ctrl.ocp.quadratic import Quadratic, solve_quadratic
+from ensemble_ctrl.ocp.solvers.quadratic import Quadratic, solve_quadratic
 from tests.examples import examples
 
 

@@ -15,9 +15,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ensemble_ctrl.ocp import solvers
 from ensemble_ctrl.ocp.program import Block, Program, assemble
-from ensemble_ctrl.ocp.solvers import STATUS, IpoptOptions, Iteration, Outcome, ipopt
+from ensemble_ctrl.ocp.solvers import Iteration, Nlp, Outcome, SolverOptions, ipopt, solve
+from ensemble_ctrl.ocp.solvers.ipopt import STATUS
 
 Build = Callable[[Any, Any], Any]
 
@@ -39,7 +39,7 @@ def valley(z: Any, d: Any) -> Any:
 
 def run(which: Program, guess: tuple[float, float] = (-1.2, 1.0), watch: Any = None, **options: Any) -> Outcome:
     free = np.full(2, np.inf)
-    return ipopt(which, np.array(guess), -free, free, IpoptOptions(**options), watch)
+    return solve(Nlp(which, np.array(guess), -free, free), SolverOptions(**options), watch)
 
 
 def test_a_solved_program() -> None:
@@ -54,7 +54,8 @@ def test_a_solved_program() -> None:
 
 
 def test_bounds_of_the_variables_are_kept() -> None:
-    outcome = ipopt(program(valley), np.zeros(2), np.array([-1.0, -1.0]), np.array([0.5, 2.0]), IpoptOptions())
+    nlp = Nlp(program(valley), np.zeros(2), np.array([-1.0, -1.0]), np.array([0.5, 2.0]))
+    outcome = solve(nlp, SolverOptions())
     assert outcome.status == "solved"
     np.testing.assert_allclose(outcome.x, [0.5, 0.25], atol=1e-3)
 
@@ -189,7 +190,7 @@ def test_a_lack_of_memory_is_said_at_once(monkeypatch: pytest.MonkeyPatch) -> No
     """OpenBLAS would ask for its buffer for ever."""
     import resource
 
-    monkeypatch.setattr(solvers, "_reserved", set())
+    monkeypatch.setattr(ipopt, "_reserved", set())
     built, before = program(valley), resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + 120_000_000, before[1]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,17 +14,16 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
-import ensemble_ctrl.ocp.bonmin as bonmin_module
 import ensemble_ctrl.ocp.mixed as module
+import ensemble_ctrl.ocp.solvers.bonmin as bonmin_module
 import ensemble_ctrl.planning.planner as planner
 from ensemble_ctrl.api.plans import Plan, plan
 from ensemble_ctrl.api.results import summary, to_json
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.files.config import load, load_text
-from ensemble_ctrl.ocp.bonmin import Branching, MixedOutcome
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.rounds import start
-from ensemble_ctrl.ocp.solvers import Iteration
+from ensemble_ctrl.ocp.solvers import SOLVERS, Iteration, Nlp, Outcome, Status
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
@@ -166,12 +166,15 @@ def test_a_bonmin_that_dies_costs_nothing(end: signal.Signals, monkeypatch: pyte
 def test_an_answer_that_breaks_the_constraints_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Straight through the post, for less: neither Bonmin's word nor its cost counts."""
 
-    def lies(program: Any, discrete: Any, guess: Any, *_: Any) -> MixedOutcome:
-        wrong = guess.copy()
-        wrong[: len(wrong) // 50] = 0.0
-        return MixedOutcome("solved", wrong, Branching(1, -100.0, -100.0), "success", 0.0)
+    class Lies:
+        statuses: Mapping[str, Status] = {}
 
-    monkeypatch.setattr(module, "bonmin", lies)
+        def solve(self, nlp: Nlp, *_: Any) -> Outcome:
+            wrong = nlp.guess.copy()
+            wrong[: len(wrong) // 50] = 0.0
+            return Outcome("solved", wrong, -100.0, 1, "success", -100.0)
+
+    monkeypatch.setitem(SOLVERS, "bonmin", Lies())
     monkeypatch.setattr(
         module, "improve", lambda problem, controls, truncation, *_: start(problem, controls, truncation)
     )

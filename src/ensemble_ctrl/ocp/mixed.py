@@ -18,20 +18,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp.bonmin import BonminOptions, Branching, MixedOutcome, bonmin
 from ensemble_ctrl.ocp.chance import map_size
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.facet_binaries import Choice, Facets, facet_binaries, facets, workspace
 from ensemble_ctrl.ocp.hyperplanes import REACH
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
-from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration, Status, Watch, ipopt
+from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Status, Watch, solve
 from ensemble_ctrl.ocp.transcription import Iterate, Transcription, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Options = Callable[[], IpoptOptions]
+Options = Callable[[], SolverOptions]
 """The options of the next solve; their time limit is what is left of the whole."""
 
 HOLDS = 1e-6
@@ -242,57 +241,47 @@ def _round(search: _Search, name: str, neighbourhood: Neighbourhood) -> Round:
         outcome.status,
         outcome.message,
         binaries=count,
-        nodes=outcome.branching.nodes,
-        bound=outcome.branching.bound,
+        nodes=outcome.iterations if count else 0,
+        bound=outcome.bound,
     )
-    if outcome.x is None:
+    if not np.isfinite(outcome.cost):
         return replace(done, seconds=search.seconds())
     controls = transcription.iterate(outcome.x).controls
     value = evaluate(problem, controls, centre.truncation)
     found = replace(centre, controls=controls, value=value, status=outcome.status, message=outcome.message)
-    search.centre, search.objective = found, outcome.branching.cost
+    search.centre, search.objective = found, outcome.cost
     return replace(
         done,
         attempt=_polished(search, name, found),
         cost=value.cost,
-        objective=outcome.branching.cost,
+        objective=outcome.cost,
         seconds=search.seconds(),
     )
 
 
-def _fixed(search: _Search, name: str, transcription: Transcription) -> MixedOutcome:
+def _fixed(search: _Search, name: str, transcription: Transcription) -> Outcome:
     """Solve a program without binaries; a solution that needs slack is none."""
-    began = time.perf_counter()
-    outcome = ipopt(
-        transcription.program,
-        transcription.guess,
-        transcription.lower,
-        transcription.upper,
-        search.options(),
-        search.watch(name),
-    )
-    seconds = time.perf_counter() - began
+    outcome = solve(transcription.nlp, search.options(), search.watch(name))
     short = float(outcome.x[transcription.layout.slacks].max(initial=0.0))
     if outcome.status == "solved" and short <= FACET_SLACK:
-        return MixedOutcome("solved", outcome.x, Branching(cost=outcome.cost), outcome.message, seconds)
+        return outcome
     status: Status = "infeasible" if outcome.status == "solved" else outcome.status
-    return MixedOutcome(status, None, Branching(), f"these facets fall short by {short:.2g} m", seconds)
+    return replace(outcome, status=status, cost=np.inf, message=f"these facets fall short by {short:.2g} m")
 
 
-def _branched(search: _Search, name: str, transcription: Transcription) -> MixedOutcome:
+def _branched(search: _Search, name: str, transcription: Transcription) -> Outcome:
     """Let Bonmin choose, without slack, for less than the incumbent's cost."""
-    layout, options = transcription.layout, search.options()
-    discrete = np.zeros(layout.size, dtype=bool)
-    discrete[layout.binaries] = True
-    upper, guess = transcription.upper.copy(), transcription.guess.copy()
-    upper[layout.slacks] = guess[layout.slacks] = 0.0
-    limits = BonminOptions(min(LIMIT, options.time_limit / 2), search.objective - BETTER, log=options.log)
-    watch = search.watch(name)
-
-    def watching(now: Branching) -> bool:
-        return watch is not None and watch(Iteration(now.nodes, now.cost, 0.0, now.bound))
-
-    return bonmin(transcription.program, discrete, guess, transcription.lower, upper, limits, watching)
+    nlp, options = transcription.nlp, search.options()
+    upper, guess = nlp.upper.copy(), nlp.guess.copy()
+    upper[nlp.slacks] = guess[nlp.slacks] = 0.0
+    limits = replace(
+        options,
+        solver="bonmin",
+        time_limit=min(LIMIT, options.left / 2),
+        cutoff=search.objective - BETTER,
+        began=time.perf_counter(),
+    )
+    return solve(replace(nlp, guess=guess, upper=upper), limits, search.watch(name))
 
 
 def _polished(search: _Search, name: str, attempt: Attempt) -> Attempt:
@@ -310,7 +299,7 @@ def _by_hyperplanes(name: str, attempt: Attempt, began: float) -> Round:
     return Round(name, attempt, status, message, attempt.value.cost, seconds=_since(began))
 
 
-def _hyperplanes(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Watch | None) -> Attempt:
+def _hyperplanes(problem: Problem, attempt: Attempt, options: SolverOptions, watch: Watch | None) -> Attempt:
     """A few rounds with separating hyperplanes."""
     return improve(problem, attempt.controls, attempt.truncation, POLISH, options, watch)
 

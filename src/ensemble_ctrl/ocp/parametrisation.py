@@ -21,6 +21,7 @@ from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,14 @@ class Parametrisation(Protocol):
     @property
     def scale(self) -> Scale:
         """How commands are scaled."""
+
+    @property
+    def slack_weight(self) -> float:
+        """Weight of a unit of slack."""
+
+    @property
+    def dependent(self) -> Ints:
+        """The variables that `dynamics` determines from the others."""
 
     @property
     def names(self) -> tuple[str, ...]:

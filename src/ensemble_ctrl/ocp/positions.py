@@ -28,9 +28,11 @@ from ensemble_ctrl.ocp.margins import bulge, curvature
 from ensemble_ctrl.ocp.parametrisation import Iterate
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.truncation import Truncation, node_drives, points
+from ensemble_ctrl.ocp.weights import SLACK_WEIGHT
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,16 @@ class Positions:
     def scale(self) -> Scale:
         """Commands as they are."""
         return Scale.none()
+
+    @property
+    def slack_weight(self) -> float:
+        """Of a metre."""
+        return SLACK_WEIGHT
+
+    @property
+    def dependent(self) -> Ints:
+        """Turn and points after the start."""
+        return np.concatenate([self.layout.turned[1:], self.layout.points[1:].ravel()])
 
     @property
     def names(self) -> tuple[str, ...]:

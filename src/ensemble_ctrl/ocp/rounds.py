@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.ocp.chance import all_hyperplanes, map_size
 from ensemble_ctrl.ocp.evaluate import Value, evaluate
 from ensemble_ctrl.ocp.hyperplanes import REACH, Hyperplanes
-from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Status, Watch, ipopt
+from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Status, Watch, solve
 from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
 from ensemble_ctrl.problem import Problem
@@ -44,7 +44,7 @@ def improve(
     controls: Floats,
     truncation: Truncation,
     rounds: int,
-    options: IpoptOptions,
+    options: SolverOptions,
     watch: Watch | None = None,
 ) -> Attempt:
     """Solve up to `rounds` times from `controls`, each time around the last solution."""
@@ -65,7 +65,7 @@ def start(problem: Problem, controls: Floats, truncation: Truncation) -> Attempt
     return Attempt(controls, value, truncation, "failed", "not solved", 0, 0.0, 0.0, 0)
 
 
-def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Watch | None) -> Attempt:
+def _round(problem: Problem, attempt: Attempt, options: SolverOptions, watch: Watch | None) -> Attempt:
     """One choice of hyperplanes: solve, and solve again with the pairs that the solution violates."""
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
@@ -79,7 +79,7 @@ def _round(problem: Problem, attempt: Attempt, options: IpoptOptions, watch: Wat
         began = time.perf_counter()
         program = transcribe(problem, truncation, Iterate(guess), Avoiding(hyperplanes, pairs), (missed, 0.0))
         built = time.perf_counter()
-        outcome = ipopt(program.program, program.guess, program.lower, program.upper, options, watch)
+        outcome = solve(program.nlp, options, watch)
         controls = program.iterate(outcome.x).controls
         total = _after(problem, total, outcome, controls, built - began, time.perf_counter() - built)
         missing = _violated(problem, hyperplanes, points(problem, controls, truncation)) & ~pairs

@@ -13,7 +13,7 @@ from ensemble_ctrl.ocp.hyperplanes import Hyperplanes
 from ensemble_ctrl.ocp.layout import Numbers
 from ensemble_ctrl.ocp.parametrisation import Parametrisation
 from ensemble_ctrl.ocp.program import Block, Build
-from ensemble_ctrl.ocp.weights import LEVEL_WEIGHT, RATE_SPARE, SLACK_WEIGHT
+from ensemble_ctrl.ocp.weights import LEVEL_WEIGHT, RATE_SPARE
 from ensemble_ctrl.problem import Objective
 
 Floats = NDArray[np.float64]
@@ -109,9 +109,9 @@ def command_terms(layout: Numbers, cost: CommandCost) -> list[Block]:
     return terms
 
 
-def slack_term(layout: Numbers) -> Block:
+def slack_term(layout: Numbers, weight: float) -> Block:
     """The penalty on slacks."""
-    return _term("slack", lambda z, d: SLACK_WEIGHT * z, layout.slacks[:, None])
+    return _term("slack", lambda z, d: weight * z, layout.slacks[:, None])
 
 
 def robustness_term(layout: Numbers, aim: Objective) -> Block:

@@ -14,7 +14,7 @@ from ensemble_ctrl.ocp.evaluate_sampled import INFINITE, evaluate
 from ensemble_ctrl.ocp.guesses.state_guesses import Guess
 from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.rounds import GAIN, Attempt, with_work
-from ensemble_ctrl.ocp.solvers import IpoptOptions, Outcome, Watch, ipopt
+from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Watch, solve
 from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import OdeProblem
@@ -38,7 +38,7 @@ RUNAWAY_FACTOR = 50.0
 class Clock(Protocol):
     """What the search asks of whoever runs it."""
 
-    def options(self, barrier: float, tolerance: float) -> IpoptOptions:
+    def options(self, barrier: float, tolerance: float) -> SolverOptions:
         """Solver options within what is left of the time."""
 
     def over(self) -> bool:
@@ -154,14 +154,14 @@ def _more(spare: tuple[float, float], solved: Attempt, nodes: int) -> tuple[floa
 
 
 def _round(
-    stage: Stage, iterate: Iterate, spare: tuple[float, float], options: IpoptOptions, watch: Watch | None
+    stage: Stage, iterate: Iterate, spare: tuple[float, float], options: SolverOptions, watch: Watch | None
 ) -> tuple[Attempt, Iterate]:
     """One choice of hyperplanes."""
     problem, began = stage.problem, time.perf_counter()
     avoiding = stage.avoiding(iterate)
     program = transcribe(problem, stage.truncation, iterate, avoiding, spare)
     built = time.perf_counter()
-    outcome = ipopt(program.program, program.guess, program.lower, program.upper, options, watch)
+    outcome = solve(program.nlp, options, watch)
     solved = time.perf_counter()
     found = program.iterate(outcome.x)
     attempt = _attempt(stage, found.controls, outcome, built - began, solved - built, avoiding.slacks)

@@ -28,9 +28,11 @@ from ensemble_ctrl.ocp.parametrisation import Iterate
 from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.traced import moved
 from ensemble_ctrl.ocp.truncation import Truncation
+from ensemble_ctrl.ocp.weights import STATE_SLACK_WEIGHT
 from ensemble_ctrl.problem import OdeProblem
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 def scale_of(problem: OdeProblem) -> Scale:
@@ -68,6 +70,16 @@ class States:
     def scale(self) -> Scale:
         """By the bounds of the commands."""
         return scale_of(self.problem)
+
+    @property
+    def slack_weight(self) -> float:
+        """Of any state's unit."""
+        return STATE_SLACK_WEIGHT
+
+    @property
+    def dependent(self) -> Ints:
+        """States after the start."""
+        return self.layout.points[1:].ravel()
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -43,6 +43,7 @@ from ensemble_ctrl.ocp.rows import (
     robustness_term,
     slack_term,
 )
+from ensemble_ctrl.ocp.solvers import Nlp
 from ensemble_ctrl.ocp.states import States
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.terminal import terminal_blocks
@@ -70,11 +71,18 @@ register(Entry("positions", lambda problem: not isinstance(problem, OdeProblem),
 class Transcription:
     """The program with what is needed to start it and to read its solution."""
 
-    program: Program
+    nlp: Nlp
     model: Parametrisation
-    guess: Floats
-    lower: Floats
-    upper: Floats
+
+    @property
+    def program(self) -> Program:
+        """Assembled, with its derivatives."""
+        return self.nlp.program
+
+    @property
+    def guess(self) -> Floats:
+        """The decision vector to start from."""
+        return self.nlp.guess
 
     @property
     def layout(self) -> Numbers:
@@ -124,7 +132,7 @@ def transcribe(
     ]
     terms = [
         *command_terms(layout, CommandCost.of(problem.objective, model.scale, step)),
-        slack_term(layout),
+        slack_term(layout, model.slack_weight),
         *([robustness_term(layout, problem.objective)] if rated else []),
         *terminal_blocks(problem, truncation, layout.points[-1, model.position_columns], model.places),
     ]
@@ -138,7 +146,8 @@ def transcribe(
         x[risk.index], lower[risk.index], upper[risk.index] = risk.guess, risk.lower, risk.upper
     if isinstance(avoiding, Choice):
         _set_binaries(avoiding, layout, x, lower, upper)
-    return Transcription(assemble(layout.size, blocks, terms), model, x, lower, upper)
+    program = assemble(layout.size, blocks, terms)
+    return Transcription(Nlp(program, x, lower, upper, model.dependent, layout.slacks, layout.binaries), model)
 
 
 def _task(

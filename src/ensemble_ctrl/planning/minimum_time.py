@@ -33,7 +33,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.guesses.roadmap import roadmap_guesses
 from ensemble_ctrl.ocp.rounds import Attempt, improve
-from ensemble_ctrl.ocp.solvers import IpoptOptions, Iteration
+from ensemble_ctrl.ocp.solvers import Iteration, SolverOptions
 from ensemble_ctrl.ocp.truncation import coarse
 from ensemble_ctrl.planning import planner
 from ensemble_ctrl.planning.planner import Progress, Solution, coarse_steps
@@ -353,7 +353,7 @@ class _Search:
         for guess in guesses:
             if self._over():
                 break
-            options = IpoptOptions(problem.solve.max_iterations, self._left(), 1e-3, 1e-2, self.log)
+            options = SolverOptions(problem.solve.max_iterations, self._left(), 1e-3, 1e-2, self.log)
             work = partial(improve, problem, guess, coarse(problem), planner.COARSE_ROUNDS, options)
             attempt = parallel.alone(work, self._watch, self._left)
             if attempt is None:

@@ -39,7 +39,7 @@ from ensemble_ctrl.ocp.guesses.roadmap import Guess, roadmap_guesses
 from ensemble_ctrl.ocp.guesses.state_guesses import guesses
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
-from ensemble_ctrl.ocp.solvers import AT_WORK, IpoptOptions, Iteration, Watch
+from ensemble_ctrl.ocp.solvers import AT_WORK, Iteration, SolverOptions, Watch
 from ensemble_ctrl.ocp.traced import require_traceable
 from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
 from ensemble_ctrl.problem import OdeProblem, Problem
@@ -129,9 +129,9 @@ class _Search:
         """Seconds until the time limit."""
         return self.problem.solve.time_limit - (time.perf_counter() - self.began)
 
-    def options(self, barrier: float, tolerance: float) -> IpoptOptions:
+    def options(self, barrier: float, tolerance: float) -> SolverOptions:
         """Solver options within what is left of the time."""
-        return IpoptOptions(self.problem.solve.max_iterations, self.left(), tolerance, barrier, self.log)
+        return SolverOptions(self.problem.solve.max_iterations, self.left(), tolerance, barrier, self.log)
 
     def watch(self, phase: str) -> Callable[[Iteration], bool] | None:
         """The watcher of one phase."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.ocp.hyperplanes import Hyperplanes
 from ensemble_ctrl.ocp.online.point import Point
 from ensemble_ctrl.ocp.online.rows import hyperplane_rows, rate_rows, task_rows
-from ensemble_ctrl.ocp.quadratic import Quadratic, solve_quadratic
+from ensemble_ctrl.ocp.solvers.quadratic import Quadratic, solve_quadratic
 from ensemble_ctrl.ocp.weights import SLACK_WEIGHT
 
 Floats = NDArray[np.float64]

@@ -1,25 +1,18 @@
-"""Solvers: their options, their status words and how they are watched, in one place."""
+"""IPOPT: its options, its status words and how it is watched, in one place."""
 
 from __future__ import annotations
 
-import math
 import mmap
 import os
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp.interrupts import Kept, kept_interrupts
 from ensemble_ctrl.ocp.program import Program
-
-Floats = NDArray[np.float64]
-Status = Literal["solved", "infeasible", "limit", "interrupted", "failed"]
+from ensemble_ctrl.ocp.solvers.base import Iteration, Nlp, Outcome, SolverOptions, Status, Watch
+from ensemble_ctrl.ocp.solvers.interrupts import Kept, kept_interrupts
 
 STATUS: dict[str, Status] = {
     "Solve_Succeeded": "solved",
@@ -34,69 +27,10 @@ STATUS: dict[str, Status] = {
 }
 """IPOPT's words to ours; any other word means `failed`."""
 
-
 WORK_SPACE = 180_000_000
 """Bytes of address space that IPOPT takes with its libraries when it is first used, 128 MiB of them for OpenBLAS."""
 _reserved: set[int] = set()
 """Processes that have taken it: this one, and those that it was forked from."""
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """What a watcher sees of a solve that goes on.
-
-    Attributes
-    ----------
-    count : int
-        Iterations of IPOPT, or nodes of Bonmin.
-    cost : float
-        As minimised; of Bonmin's best solution, infinite without one, and while the program is being built.
-    violation : float
-        Largest violation of a constraint.
-    bound : float or None
-        Bonmin's bound, minus infinity without one; None for IPOPT.
-    """
-
-    count: int
-    cost: float
-    violation: float
-    bound: float | None = None
-
-
-BUILDING = Iteration(0, math.inf, math.inf)
-"""Before the first iteration, while the program is being built."""
-AT_WORK = Iteration(-1, math.inf, math.inf)
-"""Of work without iterations, as a proof or a replay."""
-Watch = Callable[[Iteration], bool]
-"""Called after each iteration; returning True stops the solve at the last iterate."""
-
-
-@dataclass(frozen=True)
-class IpoptOptions:
-    """The few options that differ between solves."""
-
-    max_iterations: int = 300
-    time_limit: float = 600.0
-    tolerance: float = 1e-4
-    barrier: float = 1e-3
-    log: Path | None = None
-    began: float = field(default_factory=time.perf_counter)
-
-    @property
-    def left(self) -> float:
-        """Seconds of the time limit that are left, counted from when the options were made."""
-        return self.time_limit - (time.perf_counter() - self.began)
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What a solver returns: `status` and the last iterate `x`, whatever happened."""
-
-    status: Status
-    x: Floats
-    cost: float
-    iterations: int
-    message: str
 
 
 def reserve() -> None:
@@ -117,39 +51,41 @@ def reserve() -> None:
     _reserved.add(os.getpid())
 
 
-def ipopt(
-    program: Program,
-    guess: Floats,
-    lower: Floats,
-    upper: Floats,
-    options: IpoptOptions,
-    watch: Watch | None = None,
-) -> Outcome:
-    """Solve `program` with IPOPT from `guess` between the variables' bounds.
-
-    What a signal's handler raises stops the solve after the iteration, and is raised.
+class Ipopt:
+    """An interior-point method (A. Waechter and L. T. Biegler, On the implementation of an interior-point filter
+    line-search algorithm for large-scale nonlinear programming, 2006).
     """
-    reserve()
-    settings: Any = _settings(options) | {name: program.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
-    nlp: Any = program.nlp
-    with kept_interrupts() as kept:
-        watcher = settings["iteration_callback"] = _Watcher(program, watch, kept)
-        solver = ca.nlpsol("solver", "ipopt", nlp, settings)
-        result = solver(x0=guess, p=program.parameters, lbx=lower, ubx=upper, lbg=program.lower, ubg=program.upper)
-    if watcher.error:
-        raise watcher.error
-    stats = solver.stats()
-    word = str(stats["return_status"])
-    return Outcome(
-        status=STATUS.get(word, "failed"),
-        x=np.array(result["x"]).ravel(),
-        cost=float(result["f"]),
-        iterations=int(stats["iter_count"]),
-        message=word.replace("_", " ").lower(),
-    )
+
+    statuses = STATUS
+
+    def solve(self, nlp: Nlp, options: SolverOptions, watch: Watch | None = None) -> Outcome:
+        """Solve from the guess between the variables' bounds.
+
+        What a signal's handler raises stops the solve after the iteration, and is raised.
+        """
+        reserve()
+        program = nlp.program
+        settings: Any = _settings(options) | {name: program.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
+        functions: Any = program.nlp
+        bounds = {"lbx": nlp.lower, "ubx": nlp.upper, "lbg": program.lower, "ubg": program.upper}
+        with kept_interrupts() as kept:
+            watcher = settings["iteration_callback"] = _Watcher(program, watch, kept)
+            solver = ca.nlpsol("solver", "ipopt", functions, settings)
+            result = solver(x0=nlp.guess, p=program.parameters, **bounds)
+        if watcher.error:
+            raise watcher.error
+        stats = solver.stats()
+        word = str(stats["return_status"])
+        return Outcome(
+            status=self.statuses.get(word, "failed"),
+            x=np.array(result["x"]).ravel(),
+            cost=float(result["f"]),
+            iterations=int(stats["iter_count"]),
+            message=word.replace("_", " ").lower(),
+        )
 
 
-def _settings(options: IpoptOptions) -> dict[str, object]:
+def _settings(options: SolverOptions) -> dict[str, object]:
     """The nlpsol options of one solve."""
     inner: dict[str, object] = {
         "print_level": 0,

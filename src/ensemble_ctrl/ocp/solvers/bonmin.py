@@ -18,17 +18,18 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp import bonmin_child
 from ensemble_ctrl.ocp.program import Program
+from ensemble_ctrl.ocp.solvers import bonmin_child
+from ensemble_ctrl.ocp.solvers.base import Iteration, Nlp, Outcome, SolverOptions, Status
+from ensemble_ctrl.ocp.solvers.base import Watch as Watching
 
 Floats = NDArray[np.float64]
-Status = Literal["solved", "infeasible", "limit", "interrupted", "failed"]
 
 STATUS: dict[str, Status] = {"SUCCESS": "solved", "INFEASIBLE": "infeasible", "LIMIT_EXCEEDED": "limit"}
 """Bonmin's words to ours; any other word means `failed`."""
@@ -156,6 +157,27 @@ def bonmin(
         text = _text(log)
         _append(options.log, text)
         return _outcome(child.returncode, ended, answer, text, time.perf_counter() - began)
+
+
+class Bonmin:
+    """A branch and bound over nonlinear programs (P. Bonami et al., An algorithmic framework for convex mixed integer
+    nonlinear programs, 2008), in a process of its own.
+    """
+
+    statuses = STATUS
+
+    def solve(self, nlp: Nlp, options: SolverOptions, watch: Watching | None = None) -> Outcome:
+        """Solve for less than the cutoff; a cost of infinity where nothing was found."""
+        discrete = np.zeros(len(nlp.guess), dtype=bool)
+        discrete[nlp.discrete] = True
+        limits = BonminOptions(options.left, options.cutoff, options.memory, options.log)
+
+        def watching(now: Branching) -> bool:
+            return watch is not None and watch(Iteration(now.nodes, now.cost, 0.0, now.bound))
+
+        found = bonmin(nlp.program, discrete, nlp.guess, nlp.lower, nlp.upper, limits, watching)
+        x, cost = (nlp.guess, np.inf) if found.x is None else (found.x, found.branching.cost)
+        return Outcome(found.status, x, cost, found.branching.nodes, found.message, found.branching.bound)
 
 
 def progress_of(log: str, before: Branching = Branching()) -> Branching:
