@@ -183,7 +183,8 @@ def test_a_member_of_other_commands_is_seen_outside() -> None:
 class Runaway(OdeSystem):
     """Escapes at t = 1 / k."""
 
-    name, states, positions = "runaway", ("x",), ("x",)
+    name, positions = "runaway", ("x",)
+    states: ClassVar[tuple[str, ...]] = ("x",)
     controls, control_units, input_bounds = ("u",), ("1",), ((-1.0, 1.0),)
     parameters: ClassVar[Mapping[str, float]] = {"k": 1.0}  # type: ignore[misc]
 
@@ -221,12 +222,73 @@ class Catching(Runaway):
             return [psi["k"]]
 
 
-@pytest.mark.parametrize("system", [Runaway(), Pole(), Kink(), Catching()], ids=lambda s: s.name)
+class Larger(Runaway):
+    """Takes the larger of two."""
+
+    name = "larger"
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
+        return [np.maximum(x[0], psi["k"])]
+
+
+class Root(Runaway):
+    """Takes the root of what becomes negative."""
+
+    name = "root"
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
+        return [psi["k"] + sqrt(0.5 - x[0])]
+
+
+class Scalar(Runaway):
+    """Can't be evaluated for many members at once."""
+
+    name = "scalar"
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
+        return [float(x[0]) + psi["k"]]
+
+
+BAD: dict[OdeSystem, str] = {
+    Runaway(): r"x runs away or is no number at t = (0\.9|1).* s for k \d\.\d+",
+    Pole(): r"divides by something that may vanish \(it depends on x\) at t = (0\.9|1).* s for k \d\.\d+\.\.\d\.\d+",
+    Kink(): r"compares or rounds a state \(it depends on x\) at t = 0\.\.0\.2 s for k",
+    Catching(): r"compares or rounds a state \(it depends on x\) at t = 0\.\.0\.2 s for k",
+    Larger(): r"applies numpy\.maximum to a state \(it depends on x\) at t = 0\.\.0\.2 s for k",
+    Root(): r"x runs away or is no number at t = 0\.\d+\.\.0\.\d+ s for k",
+    Scalar(): "can't be evaluated for many members",
+}
+"""Systems with what is said of them: the state, the time and the cell by name."""
+
+
+@pytest.mark.parametrize("system", BAD, ids=lambda s: s.name)
 def test_what_can_not_be_enclosed_is_said(system: OdeSystem) -> None:
     """A system that escapes, divides by zero on the way or branches on a state ends in an error, not in bounds."""
     begin = start(system, {"k": (0.9, 1.1)}, [0.9 if system.name == "runaway" else 0.0])
-    with pytest.raises(Unenclosed):
+    with pytest.raises(Unenclosed, match=BAD[system]):
         enclose(system, begin, np.zeros((10, 1)), 2.0)
+
+
+class Matrix(Runaway):
+    """Written with a matrix: members are seen as one list, and polynomials as objects."""
+
+    name = "matrix"
+    states: ClassVar[tuple[str, ...]] = ("x", "y")
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
+        return list(np.array([[0.0, 1.0], [-1.0, 0.0]]) @ np.array([x[0], x[1]]) * psi["k"])
+
+
+def test_a_system_may_be_written_with_matrices() -> None:
+    """It turns at the rate k."""
+    begin = start(Matrix(), {"k": (0.9, 1.1)}, [1.0, 0.0])
+    found = enclose(Matrix(), begin, np.zeros((10, 1)), 2.0)
+    shares = np.array([0.5, 1.0])
+    times = (np.arange(10)[:, None] + shares) * 0.2
+    for k in (0.9, 1.0, 1.1):
+        path = np.stack([np.cos(k * times), -np.sin(k * times)], axis=-1)
+        assert beyond(found, begin, np.array([k]), path, shares) <= 1e-15
+    assert found.largest < 1e-9
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

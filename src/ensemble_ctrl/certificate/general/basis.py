@@ -157,6 +157,8 @@ class Doubled:
         Times the two sums of absolute coefficients: a bound of all the roundings of one product.
     flat_error : float
         The same where one factor is constant in time: each pair is rounded once, and at most so many are summed.
+    spent : float
+        Products of coefficients so far.
     """
 
     def __init__(self, basis: Basis) -> None:
@@ -166,6 +168,7 @@ class Doubled:
         self.table, self.terms, most = _products(basis.degrees)
         self.error = _product_error(basis.times, self.count, most)
         self.flat_error = (most + 2) * UNIT * UP
+        self.spent = 0.0
 
 
 def _product_error(times: int, count: int, most: int) -> float:

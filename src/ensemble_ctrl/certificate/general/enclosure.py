@@ -46,9 +46,21 @@ ASSUMED = (1e-7, 1e-5, 1e-3, 1e-1)
 WANTED = 2e-7
 """Radius, relative likewise, below which pieces are not made smaller."""
 WORK = 600_000_000
-"""Work of all pieces together, about in operations, before the search for an enclosure ends."""
-BETTER = 60_000_000
+"""Work of all pieces together, about in operations, beyond which they are not tried."""
+SPENT = 1_000_000_000
+"""Products of coefficients, about 8 seconds, before the search for an enclosure ends."""
+BETTER = 120_000_000
 """The same for a better radius than that of an enclosure that was found."""
+ERRORS = (
+    AttributeError,
+    LookupError,
+    NotImplementedError,
+    TypeError,
+    ValueError,
+    FloatingPointError,
+    ZeroDivisionError,
+)
+"""What a right-hand side may raise where it can't be evaluated on what it is given."""
 MOST_PARTS = 16
 """Most pieces of time in one step of control."""
 
@@ -137,7 +149,9 @@ def enclose(system: OdeSystem, start: Start, controls: Floats, duration: float) 
     pieces = Pieces(system, start, np.asarray(controls, dtype=float), duration, basis, wide, np.ones(len(wide), int), 1)
     best: Enclosure | None = None
     reason: Unenclosed | None = None
-    while pieces.work <= (WORK if best is None else BETTER) and pieces.parts <= MOST_PARTS:
+    spent = 0.0
+    while pieces.work <= WORK and pieces.parts <= MOST_PARTS:
+        before = pieces.basis.doubled.spent
         try:
             found = pieces.enclosure()
         except NotSmooth:
@@ -148,7 +162,9 @@ def enclose(system: OdeSystem, start: Start, controls: Floats, duration: float) 
             relative = float((found.radius / pieces.scale(found.c)).max(initial=0.0))
             if best is None or found.largest < best.largest:
                 best = found
-        if relative <= WANTED:
+        last = pieces.basis.doubled.spent - before
+        spent += last
+        if relative <= WANTED or spent + 2 * last > (SPENT if best is None else BETTER):
             break
         pieces = pieces.finer()
     if best is None:
@@ -199,14 +215,34 @@ class Pieces:
         return replace(self, cells=cells)
 
     def enclosure(self) -> Enclosure:
-        """Polynomials with their radius."""
+        """Polynomials with their radius; a refusal says when, for whom and because of which states."""
         centre, half = self._grid()
+        try:
+            return self._enclosure(centre, half)
+        except Unenclosed as error:
+            if error.piece is None:
+                raise
+            raise type(error)(f"{error}{self._where(error, centre, half)}") from None
+
+    def _where(self, error: Unenclosed, centre: Floats, half: Floats) -> str:
+        """Which states, when and which cell a refusal is about."""
+        piece, cell = divmod(error.piece or 0, len(centre))
+        names = ", ".join(self.system.states[k] for k in error.states)
+        ends = zip(self.start.names, centre[cell] - half[cell], centre[cell] + half[cell], strict=True)
+        members = ", ".join(f"{name} {low:.6g}..{high:.6g}" for name, low, high in ends)
+        begin, end = piece * self._step, (piece + 1) * self._step
+        depends = f" (it depends on {names})" if names else ""
+        return f"{depends} at t = {begin:.4g}..{end:.4g} s" + (f" for {members}" if members else "")
+
+    def _enclosure(self, centre: Floats, half: Floats) -> Enclosure:
+        """The same for these cells."""
         c = self._polynomials(centre, half)
+        self._jacobian(c, 0 * self.scale(c), centre, half)  # what it refuses, it names
         defect, jump = self._defect(c, centre, half), self._jump(c, centre, half)
         if not (np.isfinite(defect).all() and np.isfinite(jump).all()):
             raise Unenclosed("the right-hand side is not a finite number everywhere on the way")
         step, scale = self._step * UP, self.scale(c)
-        worst: tuple[int, int] = (0, 0)
+        worst: tuple[int, int, int] = (0, 0, 0)
         reason: Unenclosed | None = None
         for assumed in ASSUMED:
             tube = assumed * scale
@@ -220,12 +256,13 @@ class Pieces:
             radius = found.transpose(0, 2, 1)
             if (radius < tube).all():
                 return Enclosure(self.basis, c, radius, centre, half, self.parts, self.wide)
-            k, state, _ = np.argwhere(~(radius < tube))[0]
-            worst, reason = (int(k), int(state)), None
+            k, state, cell = np.argwhere(~(radius < tube))[0].tolist()
+            worst, reason = (k, state, cell), None
         if reason is not None:
             raise reason
-        name, time = self.system.states[worst[1]], (worst[0] + 1) * self._step
-        raise Unenclosed(f"the enclosure of {name} grew beyond {ASSUMED[-1]:g} of its size at t = {time:.4g} s")
+        k, state, cell = worst
+        text = f"the enclosure of {self.system.states[state]} grew beyond {ASSUMED[-1]:g} of its size"
+        raise Unenclosed(text, k * len(centre) + cell)
 
     def scale(self, c: Floats) -> Floats:
         """Largest size of each state, at least 1, shape (1, states, 1)."""
@@ -260,7 +297,12 @@ class Pieces:
         shape = members.shape[:2]
         psi = {name: np.broadcast_to(np.asarray(psi[name], dtype=float), shape) for name in self.system.parameters}
         controls = np.repeat(self.controls, self.parts, axis=0)
-        return approximate(self.system, self.basis, self._origin(centre, half), psi, controls, self._step)
+        try:
+            return approximate(self.system, self.basis, self._origin(centre, half), psi, controls, self._step)
+        except Unenclosed:
+            raise
+        except ERRORS as error:
+            raise NotSmooth(f"the right-hand side can't be evaluated for many members: {error}") from error
 
     def _fixed(self) -> dict[str, Any]:
         """The system's own values of its parameters."""
@@ -356,7 +398,7 @@ class Pieces:
                 rates = list(self.system.xdot(list(x), list(u), known))
         except Unenclosed:
             raise
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        except ERRORS as error:
             raise NotSmooth(f"the right-hand side can't be evaluated on intervals: {error}") from error
         if (refused := take_refusal()) is not None:  # the right-hand side has caught it
             raise refused

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.errors import NotSmooth, Unenclosed
+from ensemble_ctrl.certificate.errors import NotSmooth
 from ensemble_ctrl.certificate.general.basis import UNIT
 from ensemble_ctrl.certificate.general.models import Smooth
 
@@ -50,6 +50,11 @@ class Gradient(Smooth):
             by[state] = 1.0
         return cls(low, high, by, by)
 
+    def _uses(self, piece: int) -> tuple[int, ...]:
+        """The states whose derivative is not zero."""
+        by = np.maximum(np.abs(self.low_by[:, piece]), np.abs(self.high_by[:, piece]))
+        return tuple(np.flatnonzero(by > 0).tolist())
+
     def _constant(self, value: float) -> Gradient:
         """A number."""
         return self._lifted(value)
@@ -65,8 +70,8 @@ class Gradient(Smooth):
         return Gradient(-self.high, -self.low, -self.high_by, -self.low_by)
 
     def __abs__(self) -> Gradient:
-        if not ((self.low > 0) | (self.high < 0)).all():
-            raise NotSmooth("the right-hand side takes the absolute value of something that may vanish")
+        known = (self.low > 0) | (self.high < 0)
+        self._require(known, "the right-hand side takes |.| of what may vanish", NotSmooth)
         positive, minus = self.low > 0, -self
         pick = [np.where(positive, a, b) for a, b in zip(vars(self).values(), vars(minus).values(), strict=True)]
         return Gradient(*pick)
@@ -98,16 +103,14 @@ class Gradient(Smooth):
 
     def reciprocal(self) -> Gradient:
         """``1 / x``."""
-        if not ((self.low > 0) | (self.high < 0)).all():
-            raise Unenclosed("the right-hand side divides by something that may vanish")
+        self._require((self.low > 0) | (self.high < 0), "the right-hand side divides by something that may vanish")
         value = down(1.0 / self.high), up(1.0 / self.low)
         square = times(value, value)
         return self._of(value, (-square[1], -np.maximum(square[0], 0.0)))
 
     def sqrt(self) -> Gradient:
         """Square root."""
-        if not (self.low > 0).all():
-            raise Unenclosed("the right-hand side takes a square root of something that may not be positive")
+        self._require(self.low > 0, "the right-hand side takes a square root of something that may not be positive")
         value = _monotone(np.sqrt, self.low, self.high)
         return self._of(value, (down(0.5 / value[1]), up(0.5 / value[0])))
 
@@ -119,8 +122,7 @@ class Gradient(Smooth):
 
     def log(self) -> Gradient:
         """Logarithm."""
-        if not (self.low > 0).all():
-            raise Unenclosed("the right-hand side takes a logarithm of something that may not be positive")
+        self._require(self.low > 0, "the right-hand side takes a logarithm of something that may not be positive")
         return self._of(_monotone(np.log, self.low, self.high), (down(1.0 / self.high), up(1.0 / self.low)))
 
     def arctan(self) -> Gradient:

@@ -148,14 +148,15 @@ def exponential_bound(matrix: Floats) -> Floats:
     last term is at most that term times ``q / (1 - q)`` with ``q = |M| / TERMS``, spread over all entries by its norm.
     """
     n = matrix.shape[-1]
-    norm = float(matrix.sum(axis=-1).max(initial=0.0)) * UP
-    halvings = 0
+    norms = matrix.sum(axis=-1).max(axis=-1, initial=0.0) * UP
+    norm, halvings = float(norms.max(initial=0.0)), 0
+    if not np.isfinite(norm):
+        piece = int(np.flatnonzero(~np.isfinite(norms))[0])
+        raise Unenclosed("the derivative of the right-hand side is not bounded near the way", piece)
     while norm > LARGEST * 2**halvings:
         halvings += 1
         if halvings > SQUARINGS:
-            raise Unenclosed("the right-hand side grows too fast for its steps")
-    if not np.isfinite(norm):
-        raise Unenclosed("the derivative of the right-hand side is not bounded near the way")
+            raise Unenclosed("the right-hand side grows too fast for its steps", int(norms.argmax()))
     matrix = matrix / 2**halvings
     term = total = np.broadcast_to(np.eye(n), matrix.shape)
     for j in range(1, TERMS):
@@ -178,7 +179,7 @@ def exponential(matrix: Floats, step: float) -> tuple[Floats, Floats, Floats]:
     size = np.abs(matrix) * step
     norm = size.sum(axis=-1).max(axis=-1)[..., None, None]
     if not (norm <= LARGEST).all():
-        raise Unenclosed("the right-hand side grows too fast for its steps")
+        raise Unenclosed("the right-hand side grows too fast for its steps", int(norm.argmax()))
     term = total = np.broadcast_to(np.eye(n), matrix.shape)
     for j in range(1, TERMS):
         term = term @ matrix * (step / j)

@@ -20,6 +20,7 @@ from ensemble_ctrl.certificate.errors import NotSmooth, Unenclosed
 from ensemble_ctrl.certificate.general.basis import UNIT, UP, Basis
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 PAIRS = 4_000_000
 """Products of coefficients held at a time."""
@@ -126,7 +127,17 @@ class Smooth(ABC):
 
     def _refuse(self, *_: Any) -> Any:
         """Comparisons, rounding and truth values of states have no derivative."""
-        raise NotSmooth("the right-hand side compares or rounds a state, which has no derivative there")
+        self._require(np.zeros(1, dtype=bool), "the right-hand side compares or rounds a state", NotSmooth)
+
+    def _require(self, good: Bools, message: str, kind: type[Unenclosed] = Unenclosed) -> None:
+        """Refuse unless all pieces are good; the refusal knows the first that is not."""
+        if not good.all():
+            piece = int(np.flatnonzero(~good)[0])
+            raise kind(message, piece, self._uses(piece))
+
+    def _uses(self, piece: int) -> tuple[int, ...]:
+        """The states on which this depends on a piece, where that is known."""
+        return ()
 
     __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _refuse
     __bool__ = __float__ = __int__ = __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = __round__ = _refuse
@@ -134,9 +145,13 @@ class Smooth(ABC):
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
         """NumPy's functions and operators, on numbers and models mixed."""
+        if method == "__call__" and any(isinstance(value, np.ndarray) and value.dtype == object for value in inputs):
+            return ufunc(*map(_boxed, inputs), **options)
         action = UFUNCS.get(ufunc.__name__)
         if method != "__call__" or action is None or options:
-            raise NotSmooth(f"the right-hand side applies numpy.{ufunc.__name__} to a state")
+            never = np.zeros(1, dtype=bool)
+            self._require(never, f"the right-hand side applies numpy.{ufunc.__name__} to a state", NotSmooth)
+            return NotImplemented
         return action(*(value.item() if isinstance(value, np.generic) else value for value in inputs))
 
 
@@ -223,8 +238,7 @@ class Model(Smooth):
 
     def __abs__(self) -> Model:
         low, high = self.range()
-        if not ((low > 0) | (high < 0)).all():
-            raise NotSmooth("the right-hand side takes the absolute value of something that may vanish")
+        self._require((low > 0) | (high < 0), "the right-hand side takes |.| of what may vanish", NotSmooth)
         sign = np.where(low > 0, 1.0, -1.0)
         return Model(self.basis, self.c * sign[:, None, None], self.r)
 
@@ -254,6 +268,7 @@ class Model(Smooth):
         pairs = (mine[:, None] * terms + theirs).ravel()
         table = doubled.table[:, pairs]
         flat = self.is_flat or other.is_flat
+        doubled.spent += len(self.c) * doubled.count * len(pairs)
         c, tail = np.zeros((len(self.c), times, terms)), np.zeros(len(self.c))
         block = max(1, PAIRS // (doubled.count * max(1, len(pairs))))
         for rows in (slice(i, i + block) for i in range(0, len(c), block)):
@@ -278,8 +293,7 @@ class Model(Smooth):
         if isinstance(other, Model):
             return self * other.reciprocal()
         number = _numbers(other, len(self.c))
-        if (number == 0).any():
-            raise Unenclosed("the right-hand side divides by zero")
+        self._require(np.asarray(number != 0), "the right-hand side divides by zero")
         return self._rounded(self.c / number[:, None, None], self.r / np.abs(number), 2.0)
 
     def _applied(self, function: Callable[[Floats], Floats], name: str) -> Model:
@@ -291,8 +305,8 @@ class Model(Smooth):
             else:
                 values = self.basis.to_times @ self.c @ self.basis.to_points.T
                 found = self.basis.from_times @ function(values) @ self.basis.from_points.T
-        if not np.isfinite(found).all():
-            raise Unenclosed(f"the right-hand side takes a function ({name}) where it may not be defined")
+        good = np.asarray(np.isfinite(found).all(axis=(1, 2)))
+        self._require(good, f"the right-hand side takes a function ({name}) where it may not be defined")
         return Model(self.basis, found, np.zeros(len(self.c)))
 
     def reciprocal(self) -> Model:
@@ -301,26 +315,25 @@ class Model(Smooth):
             return Model.of(self.basis, np.ones(len(self.c))) / self.middle
         y = self._applied(np.reciprocal, "1/x")
         miss = (1.0 - self * y).size()
-        if not (miss < 0.5).all():
-            raise Unenclosed("the right-hand side divides by something that may vanish")
+        self._require(np.asarray(miss < 0.5), "the right-hand side divides by something that may vanish")
         return y.grown(y.size() * miss / (1 - miss) * UP)
 
     def sqrt(self) -> Model:
         """Square root: ``|sqrt(f) - y| = |f - y^2| / (sqrt(f) + y) <= |f - y^2| / y`` for a positive `y` near it."""
         y = self._applied(np.sqrt, "sqrt")
         least = y.range()[0]
-        if not ((least > 0) & (self.range()[0] >= 0)).all():
-            raise Unenclosed("the right-hand side takes a square root of something that may not be positive")
+        good = (least > 0) & (self.range()[0] >= 0)
+        self._require(good, "the right-hand side takes a square root of something that may not be positive")
         return y.grown((self - y * y).size() / least * UP)
 
     def log(self) -> Model:
         """Logarithm: with ``e = f exp(-y) - 1`` for a polynomial `y` near it, ``|log f - y| <= |e| / (1 - |e|)``."""
-        if not (self.range()[0] > 0).all():
-            raise Unenclosed("the right-hand side takes a logarithm of something that may not be positive")
+        self._require(
+            self.range()[0] > 0, "the right-hand side takes a logarithm of something that may not be positive"
+        )
         y = self._applied(np.log, "log")
         miss = (self * (-y).exp() - 1.0).size()
-        if not (miss < 0.5).all():
-            raise Unenclosed("the right-hand side takes a logarithm over too wide a range")
+        self._require(miss < 0.5, "the right-hand side takes a logarithm over too wide a range")
         return y.grown(miss / (1 - miss) * UP)
 
     def arctan(self) -> Model:
@@ -334,8 +347,7 @@ class Model(Smooth):
         least = (cosine + self * sine).range()[0]
         here, there = (np.einsum("btp,t,p->b", m.c, self.basis.middle_time, self.basis.middle_cell) for m in (self, y))
         near = np.abs(np.arctan(here) - there) + self.r < 1.0
-        if not ((least > 0) & near).all():
-            raise Unenclosed("the right-hand side takes an arc tangent over too wide a range")
+        self._require((least > 0) & near, "the right-hand side takes an arc tangent over too wide a range")
         return y.grown((self * cosine - sine).size() / least * UP)
 
     def tanh(self) -> Model:
@@ -389,14 +401,22 @@ class Model(Smooth):
         rest = Model(self.basis, self.c.copy(), self.r)
         rest.c[:, 0, 0] = 0.0
         away = self.deviation()
-        if not (away < 8.0).all():
-            raise Unenclosed("an angle or exponent of the right-hand side varies by more than 8 within a piece")
+        self._require(away < 8.0, "an angle or exponent of the right-hand side varies by more than 8 within a piece")
         return self.middle, rest, away
 
     def _scaled(self, factor: Floats, error: float) -> Model:
         """Times a number for each piece, itself right to `error` times the larger of 1 and its size."""
         scaled = self * factor
         return scaled.grown(error * np.maximum(1.0, np.abs(factor)) * self.size())
+
+
+def _boxed(value: Any) -> Any:
+    """A model as an array of no dimensions, which NumPy combines with arrays of models entry by entry."""
+    if not isinstance(value, Smooth):
+        return value
+    box = np.empty((), dtype=object)
+    box[()] = value
+    return box
 
 
 def _numbers(value: Any, pieces: int) -> Floats:

@@ -48,7 +48,8 @@ def approximate(
     slopes = _antiderivative(basis.times) @ basis.from_times * (step / 2)
     sums = (cosines(basis.times, basis.times) - _signs(basis.times)) @ slopes
     sign = _signs(basis.times)[1:]
-    parameters = {name: value[:, None, :] for name, value in psi.items()}
+    shape = start.shape[1], basis.times, len(basis.points)
+    parameters = {name: np.broadcast_to(value[:, None, :], shape).ravel() for name, value in psi.items()}
     found = np.empty((len(controls), *start.shape[:2], *basis.shape))
     edge = start
     for k, command in enumerate(np.asarray(controls, dtype=float)):
@@ -63,8 +64,8 @@ def approximate(
             if not change > SETTLED * (1 + np.abs(values).max()):
                 break
         if not np.isfinite(values).all():
-            state = system.states[int(np.argwhere(~np.isfinite(values))[0, 0])]
-            raise Unenclosed(f"{state} runs away or is no number at t = {(k + 1) * step:.4g} s")
+            state, cell = np.argwhere(~np.isfinite(values))[0, :2].tolist()
+            raise Unenclosed(f"{system.states[state]} runs away or is no number", k * values.shape[1] + cell)
         # integrated term by term: the noise of values would be magnified by the derivative
         found[k] = slopes @ (_rates(system, values, command.tolist(), parameters) @ basis.from_points.T)
         found[k, :, :, 0] = edge - sign @ found[k, :, :, 1:]
@@ -73,11 +74,12 @@ def approximate(
 
 
 def _rates(system: OdeSystem, values: Floats, command: list[float], psi: Mapping[str, Floats]) -> Floats:
-    """The right-hand side at all nodes, shape of `values`."""
-    rates = np.empty_like(values)
-    for row, value in zip(rates, system.xdot(list(values), command, psi), strict=True):
+    """The right-hand side at all nodes, shape of `values`; the system sees one long list of members."""
+    flat = values.reshape(len(values), -1)
+    rates = np.empty_like(flat)
+    for row, value in zip(rates, system.xdot(list(flat), command, psi), strict=True):
         row[...] = value
-    return rates
+    return rates.reshape(values.shape)
 
 
 def _antiderivative(times: int) -> Floats:
