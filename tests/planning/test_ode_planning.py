@@ -277,7 +277,7 @@ solve: {max_iterations: 30}
     written = capfd.readouterr()
     assert written.err == (
         "error: a: no plan was found; violated near the best guess: x leaves all bounds at t = 1.3 s for k = 0.9; "
-        "tried: 1 route\n"
+        "tried: 1 route; 4 guesses with random commands\n"
     )
     assert not list((tmp_path / "out").glob("*.png"))
 

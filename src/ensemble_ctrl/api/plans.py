@@ -394,8 +394,11 @@ def failure_message(plan: Plan) -> str:
     from ensemble_ctrl.report import conflict_text
     from ensemble_ctrl.report.tried import tried
 
-    lead = "no plan was found" if plan.status == "infeasible" else f"the plan falls short ({plan.status})"
     lines = [conflict_text(c) for c in plan.conflicts()[:5]]
+    lead = "no plan was found" if plan.status == "infeasible" else f"the plan falls short ({plan.status})"
+    if plan.status == "planned" and not lines and plan.certificate is not None:
+        why = plan.certificate.reason
+        lead = "a plan was found that every replayed member does, but it is not proven" + (f" ({why})" if why else "")
     listed = "; violated near the best guess: " + "; ".join(lines) if lines else ""
     what = "; ".join(tried(plan.details))
     return f"{plan.problem.name}: {lead}{listed}" + (f"; tried: {what}" if what else "")

@@ -25,18 +25,18 @@ INFINITE = 1e6
 """Metres of shortfall where a state is not finite."""
 
 
-def evaluate(problem: OdeProblem, controls: Floats) -> Value:
-    """Evaluate `controls` of shape (steps, n_u)."""
+def evaluate(problem: OdeProblem, controls: Floats, members: Floats | None = None) -> Value:
+    """Evaluate `controls` of shape (steps, n_u) for the whole fleet, or for some members alone."""
     fleet, aim, step = problem.fleet, problem.objective, problem.duration / len(controls)
     scale = scale_of(problem)
     effort = CommandCost.of(aim, scale, step).total(scale.scaled(controls))
     excess = rate_excess(fleet.rate_bounds, controls, step)
-    members = fleet.bent_members(_spread(len(fleet.names)))
+    sampled = fleet.bent_members(_spread(len(fleet.names))) if members is None else members
     fine = np.repeat(controls, SUBSTEPS, axis=0)
-    states = fleet.integrated(fine, members, step / SUBSTEPS, 1)
+    states = fleet.integrated(fine, sampled, step / SUBSTEPS, 1)
     if not np.isfinite(states).all():
         return Value(INFINITE, -INFINITE, 0.0, effort, -INFINITE, excess)
-    worst = _robustness(problem, states[:, ::SUBSTEPS], controls)
+    worst = _robustness(problem, states[:, ::SUBSTEPS], controls, members is None)
     gap = _gap(problem, states[..., fleet.place_columns])
     terminal = _terminal(problem, controls)
     return Value(cost(aim, effort, terminal, worst), worst, terminal, effort, gap, excess)
@@ -48,13 +48,13 @@ def _spread(parameters: int) -> Floats:
     return np.array(list(product(*[axis] * parameters)), dtype=float).reshape(len(axis) ** parameters, parameters)
 
 
-def _robustness(problem: OdeProblem, states: Floats, controls: Floats) -> float:
+def _robustness(problem: OdeProblem, states: Floats, controls: Floats, draws: bool) -> float:
     """Exact robustness of the task's other parts than avoidance, worst of the members at the grid times."""
     fleet, step = problem.fleet, problem.duration / len(controls)
     formulas = [part.formula for part in problem.specification.parts]
     signals, ops = StateSignals(states, fleet.states, step), ExactOps()
     whole = signals
-    if any(map(reads_fleet, formulas)):
+    if draws and any(map(reads_fleet, formulas)):
         drawn = fleet.integrated(controls, fleet.sample(FLEET, seed=0), step, 1)
         whole = StateSignals(drawn, fleet.states, step)
     values = [float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in formulas]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp.evaluate_sampled import INFINITE, evaluate
+from ensemble_ctrl.ocp.guesses.restarts import Restart
 from ensemble_ctrl.ocp.guesses.state_guesses import Guess
 from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.rounds import GAIN, Attempt, with_work
@@ -29,8 +30,12 @@ MOST_SUBSTEPS = 8
 NOMINAL_ROUNDS, FLEET_ROUNDS = 3, 5
 ORDERS = {0: 0, 1: 3, 2: 2}
 """Truncation order for so many parameters unless the problem says another, else 1."""
+NEARLY = 0.05
+"""Of a unit by which the middle member may fall short, since the fleet's program starts from it anyway."""
 SMALL = 1e-4
 """Metres kept to spare beyond what was missing."""
+RESTART_SUBSTEPS = 4
+"""Runge-Kutta steps in a step of control where what controls a system needs is not known yet."""
 RUNAWAY_FACTOR = 50.0
 """Times the size of the guess beyond which a simulated state is no use as a start."""
 
@@ -67,6 +72,10 @@ class Stage:
         hyperplanes = separate(points, self.problem.specification.avoid, self.problem.duration)
         return Avoiding(hyperplanes, hyperplanes.active)
 
+    def alike(self, controls: Floats, states: Floats) -> Iterate:
+        """Every node robot with the same states, of shape (steps + 1, n_x, 1), whatever it would do by itself."""
+        return Iterate(controls, np.repeat(states, len(self.truncation.nodes), axis=2), self.substeps)
+
 
 def nominal(problem: OdeProblem) -> Truncation:
     """The middle member alone."""
@@ -74,10 +83,11 @@ def nominal(problem: OdeProblem) -> Truncation:
     return Truncation(none, none, False)
 
 
-def whole(problem: OdeProblem) -> Truncation:
-    """Node robots for the whole fleet, and what of them has to keep the constraints."""
+def whole(problem: OdeProblem, order: int | None = None) -> Truncation:
+    """Node robots for the whole fleet, at the order given or the problem's, and what of them keeps the constraints."""
     count = len(problem.fleet.names)
-    order = ORDERS.get(count, 1) if problem.order is None else problem.order
+    if order is None:
+        order = ORDERS.get(count, 1) if problem.order is None else problem.order
     return Truncation((order,) * count, (order,) * count, problem.solve.guarantee == "hull", problem.fleet.bent_laws)
 
 
@@ -85,7 +95,13 @@ def first(problem: OdeProblem, guess: Guess, clock: Clock, watch: Watch | None) 
     """Controls for the middle member from a geometric guess, with its states, shape (steps + 1, n_x, 1)."""
     stage = Stage(problem, nominal(problem), _substeps(problem, guess.iterate.controls))
     iterate = replace(guess.iterate, substeps=stage.substeps)
-    return _rounds(stage, iterate, NOMINAL_ROUNDS, clock, watch, 1e-1)
+    found, states = _rounds(stage, iterate, NOMINAL_ROUNDS, clock, watch, 1e-1)
+    if stage.substeps >= MOST_SUBSTEPS or clock.over() or middle_does(problem, found.controls):
+        return found, states
+    stage = replace(stage, substeps=MOST_SUBSTEPS)
+    iterate = replace(guess.iterate, substeps=stage.substeps)
+    more, states = _rounds(stage, iterate, NOMINAL_ROUNDS, clock, watch, 1e-1)
+    return with_work(more, found, more), states
 
 
 def second(problem: OdeProblem, controls: Floats, states: Floats, clock: Clock, watch: Watch | None) -> Attempt:
@@ -94,9 +110,21 @@ def second(problem: OdeProblem, controls: Floats, states: Floats, clock: Clock, 
     iterate = stage.simulated(controls)
     size = RUNAWAY_FACTOR * max(1.0, float(np.abs(states).max()))
     if not (np.abs(iterate.states) <= size).all():
-        repeated = np.repeat(states, stage.truncation.collocation.count, axis=2)
-        iterate = Iterate(controls, repeated, stage.substeps)
+        iterate = stage.alike(controls, states)
     return _rounds(stage, iterate, FLEET_ROUNDS, clock, watch, 1e-2)[0]
+
+
+def again(problem: OdeProblem, restart: Restart, clock: Clock, watch: Watch | None) -> Attempt:
+    """Controls for the whole fleet from another start: all node robots have the states of one member at first."""
+    stage = Stage(problem, whole(problem, restart.order), RESTART_SUBSTEPS)
+    iterate = stage.alike(restart.controls, restart.states)
+    return _rounds(stage, iterate, FLEET_ROUNDS, clock, watch, restart.barrier)[0]
+
+
+def middle_does(problem: OdeProblem, controls: Floats) -> bool:
+    """Whether the middle member, alone, does the task under these controls, or nearly."""
+    value = evaluate(problem, controls, problem.fleet.center[None])
+    return value.keeps(-NEARLY) and value.excess <= NEARLY
 
 
 def given(problem: OdeProblem, controls: Floats) -> tuple[Attempt, Floats]:
@@ -130,18 +158,27 @@ def _rounds(
 ) -> tuple[Attempt, Floats]:
     """Solve, choose the hyperplanes anew at the solution, keep to spare what was missing, and solve again."""
     best, found, spare = _start(stage, iterate.controls), iterate, (0.0, 0.0)
+    before = best
     for k in range(rounds):
         solved, iterate = _round(stage, iterate, spare, clock.options(barrier if k == 0 else 1e-3, 1e-4), watch)
-        better = rank(solved) < rank(best) or (best.iterations == 0 and solved.value.keeps(0.0))
+        better = _stands(stage, solved) < _stands(stage, best) or (best.iterations == 0 and solved.value.keeps(0.0))
         gain = best.value.cost - solved.value.cost
         settled = solved.value.keeps(0.0) and best.value.keeps(0.0) and gain < GAIN
+        stuck = k > 0 and not solved.value.keeps(0.0) and _as_short(solved, before)
+        before = solved
         kept = solved if better else best
         found = iterate if better else found
         best = with_work(kept, best, solved)
-        if settled or solved.status in ("interrupted", "limit") or clock.over():
+        if settled or stuck or solved.status in ("interrupted", "limit") or clock.over():
             break
         spare = _more(spare, solved, len(stage.truncation.nodes))
     return best, found.states
+
+
+def _as_short(solved: Attempt, before: Attempt) -> bool:
+    """Whether more to spare changed nothing: the solver is where the task falls short least around there."""
+    pairs = ((solved.value.robustness, before.value.robustness), (solved.value.gap, before.value.gap))
+    return all(bool(np.isclose(new, old, rtol=1e-3, atol=SMALL)) for new, old in pairs)
 
 
 def _more(spare: tuple[float, float], solved: Attempt, nodes: int) -> tuple[float, float]:
@@ -174,6 +211,12 @@ def _attempt(stage: Stage, controls: Floats, outcome: Outcome, built: float, sol
     return Attempt(
         controls, value, stage.truncation, outcome.status, outcome.message, outcome.iterations, built, solved, pairs
     )
+
+
+def _stands(stage: Stage, attempt: Attempt) -> tuple[bool, bool, float, float]:
+    """Sorting key: controls of the middle member under which it does not do the task come last."""
+    alone = len(stage.truncation.nodes) == 1
+    return (alone and not middle_does(stage.problem, attempt.controls), *rank(attempt))
 
 
 def rank(attempt: Attempt) -> tuple[bool, float, float]:

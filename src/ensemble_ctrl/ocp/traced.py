@@ -61,7 +61,7 @@ def require_traceable(fleet: OdeFleet) -> None:
             for k in range(POINTS)
         )
         expected = np.hstack(list(one_by_one))
-    found = np.array(function(states, commands, np.array([own[name] for name in names]).reshape(len(names), -1)))
+    found = np.array(function(states, commands, np.array([own[name] for name in names]).reshape(len(names), POINTS)))
     same = np.abs(found - expected) <= CLOSE * (1.0 + np.abs(expected))
     wrong = np.argwhere(np.isfinite(expected) & ~same)
     if len(wrong):

@@ -35,9 +35,12 @@ from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.curved import BATCHES, Curves, curved
 from ensemble_ctrl.ocp.guesses.perturbed import perturbed
+from ensemble_ctrl.ocp.guesses.restarts import Restart, restarts, wandering
 from ensemble_ctrl.ocp.guesses.roadmap import Guess, roadmap_guesses
+from ensemble_ctrl.ocp.guesses.state_guesses import Guess as StateGuess
 from ensemble_ctrl.ocp.guesses.state_guesses import guesses
 from ensemble_ctrl.ocp.mixed import Round, rounds
+from ensemble_ctrl.ocp.parametrisation import Iterate
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.solvers import AT_WORK, Iteration, SolverOptions, Watch
 from ensemble_ctrl.ocp.traced import require_traceable
@@ -292,8 +295,8 @@ def _require_endable(problem: Problem) -> None:
 def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> Solution:
     """The search for fleets that follow a differential equation (`ensemble_ctrl.ocp.state_rounds`).
 
-    Each guess is solved for the middle member; the best is solved for the whole fleet, the next best where that fails.
-    One that was given stands alone, unless a state runs away under it.
+    Each guess is solved for the middle member; the best is solved for the whole fleet, the next best where that fails,
+    and last from other starts. A guess that was given stands alone, unless a state runs away under it.
     """
     require_traceable(problem.fleet)
     search.tell("guess")
@@ -302,30 +305,13 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
     starts = [] if first is not None and not shooting.runs_away(first[0]) else guesses(problem, steps)
     seconds = {"guess": time.perf_counter() - search.began}
     search.tell("solve")
-    if starts:
-
-        def work(own: _Search, candidate: int) -> tuple[Attempt, Floats]:
-            return shooting.first(problem, starts[candidate], own, own.watch("first solve"))
-
-        done = search.side_by_side("first solve", work, len(starts))
-        found = [
-            one or shooting.given(problem, start.iterate.controls) for one, start in zip(done, starts, strict=True)
-        ]
-    else:
-        found = [] if first is None else [first]
-    ranked = sorted(range(len(found)), key=lambda k: shooting.rank(found[k][0]))
-    which, attempt = ranked[0], found[ranked[0]][0]
-    work_done = [one for one, _ in found]
-    for k in ranked[:FINALISTS]:
-        if search.over() or (k != ranked[0] and attempt.value.keeps(0.0)):
-            break
-        tried_one = search.alone("solve", partial(_for_all, problem, *found[k]))
-        if tried_one is None:
-            break
-        work_done.append(tried_one)
-        if k == ranked[0] or shooting.rank(tried_one) < shooting.rank(attempt):
-            which, attempt = k, tried_one
+    found = _for_middle(search, problem, starts) if starts else [] if first is None else [first]
+    if starts and not any(shooting.middle_does(problem, one.controls) for one, _ in found):
+        more = wandering(problem, starts[0])
+        starts, found = [*starts, *more], [*found, *_for_middle(search, problem, more)]
+    chosen = _for_fleet(search, problem, starts, found)
     seconds["solve"] = time.perf_counter() - search.began - seconds["guess"]
+    attempt, work = chosen.attempt, [*(one for one, _ in found), *chosen.work]
     certificate: Certificate | None = None
     if problem.verify.certificate:
         search.tell("certify")
@@ -333,30 +319,104 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
 
         def tightened(_: Attempt, tight: Problem) -> Attempt | None:
             more = problem.with_(solve=tight.solve)
-            return search.alone("solve", partial(_for_all, more, *found[which]))
+            return search.alone("solve", partial(chosen.solver, more))
 
-        attempt, certificate, more = _certified(search, attempt, tightened)
-        work_done += more
+        attempt, certificate, tighter = _certified(search, attempt, tightened)
+        work += tighter
         seconds["certify"] = time.perf_counter() - began
+    tries: list[tuple[StateGuess | Restart, Attempt]] = [
+        (seed, one) for seed, (one, _) in zip(starts, found, strict=False)
+    ]
     return Solution(
         problem,
         attempt.controls,
         _status(search, attempt, certificate),
         attempt,
-        tuple(
-            tried(start, one, None, k == which) for k, (start, one) in enumerate(zip(starts, work_done, strict=False))
-        ),
+        tuple(tried(seed, one, None, seed is chosen.start) for seed, one in [*tries, *chosen.restarts]),
         seconds,
-        sum(a.iterations for a in work_done),
-        sum(a.build_seconds for a in work_done),
-        sum(a.solve_seconds for a in work_done),
+        sum(a.iterations for a in work),
+        sum(a.build_seconds for a in work),
+        sum(a.solve_seconds for a in work),
         certificate,
     )
 
 
-def _for_all(problem: OdeProblem, middle: Attempt, states: Floats, own: _Search) -> Attempt:
+def _for_middle(search: _Search, problem: OdeProblem, starts: list[StateGuess]) -> list[tuple[Attempt, Floats]]:
+    """Each guess solved for the middle member, with its states; as it is where there was no time for that."""
+
+    def work(own: _Search, candidate: int) -> tuple[Attempt, Floats]:
+        return shooting.first(problem, starts[candidate], own, own.watch("first solve"))
+
+    done = search.side_by_side("first solve", work, len(starts))
+    return [one or shooting.given(problem, start.iterate.controls) for one, start in zip(done, starts, strict=True)]
+
+
+@dataclass(eq=False)
+class _Chosen:
+    """The best controls for the whole fleet so far: what they came from, and how to solve from there again."""
+
+    attempt: Attempt
+    start: StateGuess | Restart | None
+    solver: Callable[[OdeProblem, _Search], Attempt]
+    work: list[Attempt] = field(default_factory=list)
+    restarts: list[tuple[Restart, Attempt]] = field(default_factory=list)
+
+    def take(self, attempt: Attempt, start: StateGuess | Restart | None, solver: Callable[..., Attempt]) -> None:
+        """Note an attempt, and keep it if it is better; the first one takes the place of the middle member's plan."""
+        if not self.work or shooting.rank(attempt) < shooting.rank(self.attempt):
+            self.attempt, self.start, self.solver = attempt, start, solver
+        self.work.append(attempt)
+
+
+def _for_fleet(
+    search: _Search, problem: OdeProblem, starts: list[StateGuess], found: list[tuple[Attempt, Floats]]
+) -> _Chosen:
+    """The whole fleet from the best plans of the middle member, then from other starts if that one has a plan."""
+    ranked = sorted(range(len(found)), key=lambda k: _middle_rank(problem, found[k][0]))
+    from_ = {k: (starts[k] if starts else None, partial(_made_good, *found[k])) for k in ranked[:FINALISTS]}
+    chosen = _Chosen(found[ranked[0]][0], *from_[ranked[0]])
+    for origin, solver in from_.values():
+        if search.over() or (chosen.work and chosen.attempt.value.keeps(0.0)):
+            return chosen
+        solved = search.alone("solve", partial(solver, problem))
+        if solved is None:
+            return chosen
+        chosen.take(solved, origin, solver)
+    middle, states = found[ranked[0]]
+    if not starts or chosen.attempt.value.keeps(0.0) or not shooting.middle_does(problem, middle.controls):
+        return chosen
+    for batch in restarts(problem, starts[ranked[0]].iterate, Iterate(middle.controls, states)):
+        for restart, attempt in _again(search, problem, batch):
+            chosen.take(attempt, restart, partial(_anew, restart))
+            chosen.restarts.append((restart, attempt))
+        if search.over() or chosen.attempt.value.keeps(0.0):
+            break
+    return chosen
+
+
+def _middle_rank(problem: OdeProblem, found: Attempt) -> tuple[bool, tuple[bool, float, float]]:
+    """Sorting key: controls under which not even the middle member does the task come last."""
+    return not shooting.middle_does(problem, found.controls), shooting.rank(found)
+
+
+def _again(search: _Search, problem: OdeProblem, batch: list[Restart]) -> list[tuple[Restart, Attempt]]:
+    """The whole fleet from other starts, side by side: those that came to something."""
+
+    def work(own: _Search, candidate: int) -> Attempt:
+        return _anew(batch[candidate], problem, own)
+
+    done = zip(batch, search.side_by_side("solve", work, len(batch)), strict=True)
+    return [(restart, one) for restart, one in done if one is not None]
+
+
+def _made_good(middle: Attempt, states: Floats, problem: OdeProblem, own: _Search) -> Attempt:
     """The controls of the middle member, which has these states, made good for the whole fleet."""
     return shooting.second(problem, middle.controls, states, own, own.watch("solve"))
+
+
+def _anew(restart: Restart, problem: OdeProblem, own: _Search) -> Attempt:
+    """The whole fleet from another start."""
+    return shooting.again(problem, restart, own, own.watch("solve"))
 
 
 def screen(problem: Problem, *, progress: Progress | None = None, curves: Curved = "never") -> Floats | None:
@@ -589,7 +649,8 @@ def _certified(
     problem, work = search.problem, []
     certificate = search.certified(_refined(attempt.controls, problem.steps))
     for _ in range(CERTIFY_ROUNDS):
-        if certificate.proven == "yes" or not attempt.value.keeps(-CLOSE) or search.over():
+        settled = certificate.proven == "yes" or bool(certificate.reason)  # no margin helps where nothing was enclosed
+        if settled or not attempt.value.keeps(-CLOSE) or search.over():
             break
         short = max(0.0, -certificate.clearance, -certificate.robustness)
         if not np.isfinite(short):

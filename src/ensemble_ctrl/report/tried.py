@@ -8,6 +8,8 @@ from typing import Any
 KINDS = {
     "route": ("route", "routes"),
     "curve": ("curve that the robots can drive", "curves that the robots can drive"),
+    "random": ("guess with random commands", "guesses with random commands"),
+    "start": ("other start for the whole fleet", "other starts for the whole fleet"),
     "waves": ("guess with waves added", "guesses with waves added"),
 }
 """Words for one guess of a kind, and for several."""

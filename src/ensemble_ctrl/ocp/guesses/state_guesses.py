@@ -33,16 +33,14 @@ class Guess:
         Metres.
     iterate : Iterate
         The command at rest and the middle member's states along the way.
+    kind : str
+        What it was made from.
     """
 
     name: str
     corners: Floats
     iterate: Iterate
-
-    @property
-    def kind(self) -> str:
-        """What it was made from."""
-        return "route"
+    kind: str = "route"
 
     @property
     def length(self) -> float:

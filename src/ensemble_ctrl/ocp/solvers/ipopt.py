@@ -12,6 +12,7 @@ import numpy as np
 
 from ensemble_ctrl.ocp.program import Program
 from ensemble_ctrl.ocp.solvers.base import Iteration, Nlp, Outcome, SolverOptions, Status, Watch
+from ensemble_ctrl.ocp.solvers.evaluation_warnings import kept_warnings
 from ensemble_ctrl.ocp.solvers.interrupts import Kept, kept_interrupts
 
 STATUS: dict[str, Status] = {
@@ -68,7 +69,7 @@ class Ipopt:
         settings: Any = _settings(options) | {name: program.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
         functions: Any = program.nlp
         bounds = {"lbx": nlp.lower, "ubx": nlp.upper, "lbg": program.lower, "ubg": program.upper}
-        with kept_interrupts() as kept:
+        with kept_interrupts() as kept, kept_warnings(options.log):
             watcher = settings["iteration_callback"] = _Watcher(program, watch, kept)
             solver = ca.nlpsol("solver", "ipopt", functions, settings)
             result = solver(x0=nlp.guess, p=program.parameters, **bounds)
@@ -97,8 +98,7 @@ def _settings(options: SolverOptions) -> dict[str, object]:
     }
     if options.log:
         inner |= {"output_file": str(options.log), "file_print_level": 5, "file_append": "yes"}
-    quiet = {"print_time": False, "show_eval_warnings": False}  # a state that runs away is told in IPOPT's own log
-    return {**quiet, "calc_lam_p": False, "no_nlp_grad": True, "ipopt": inner}
+    return {"print_time": False, "calc_lam_p": False, "no_nlp_grad": True, "ipopt": inner}
 
 
 class _Watcher(ca.Callback):
