@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -77,6 +78,67 @@ def test_twice_ends_at_once_and_leaves_nothing(place: Path) -> None:
     assert '"exit_code": 130' in out
     assert "error: interrupted twice; nothing was kept" in err
     assert left(place) == before
+
+
+DEAF = """
+import sys, time
+from ensemble_ctrl.cli.progress import Progress, stoppable
+
+progress = Progress()
+with stoppable(progress, lambda: print("abandoned", flush=True)):
+    print("begun", flush=True)
+    while sys.argv[1] == "second" and progress.stop_signal is None:
+        time.sleep(0.01)
+    print("deaf", flush=True)
+    sum(range(10**14))
+"""
+"""Hears no signal, or only the first one: a call that runs no Python for hours."""
+
+
+@pytest.mark.parametrize("unheard", ["first", "second"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_twice_ends_at_once_within_a_long_call(unheard: str, number: signal.Signals) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", DEAF, unheard],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    ) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == "begun\n"
+        if unheard == "second":
+            running.send_signal(number)
+        assert running.stdout.readline() == "deaf\n"
+        for _ in range(2 if unheard == "first" else 1):
+            time.sleep(0.3)  # to be in the call; and two signals at one time are one
+            running.send_signal(number)
+        try:
+            out, err = running.communicate(timeout=30)
+        finally:
+            running.kill()
+    assert running.returncode == -number  # 130, or 143, for a shell
+    assert out == "abandoned\n"
+    assert "Traceback" not in err
+
+
+def test_twice_ends_commands_that_keep_nothing(place: Path) -> None:
+    program = (
+        "import ensemble_ctrl.cli.app as app; app.invoke = lambda _: print('deaf', flush=True) or sum(range(10**14))"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", f"{program}; app.main([])"], stdout=subprocess.PIPE, text=True, env=environment()
+    ) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == "deaf\n"
+        for _ in range(2):
+            time.sleep(0.3)
+            running.send_signal(signal.SIGINT)
+        try:
+            running.communicate(timeout=30)
+        finally:
+            running.kill()
+    assert running.returncode == -signal.SIGINT
 
 
 @pytest.mark.parametrize("signals", [1, 2])

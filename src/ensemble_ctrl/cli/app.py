@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from contextlib import suppress
 from contextvars import copy_context
@@ -15,6 +16,7 @@ import typer
 from ensemble_ctrl.cli import codes, completion
 from ensemble_ctrl.cli.memory import MemoryLimitError, require_memory
 from ensemble_ctrl.cli.streams import OutputError, complain, fail, fail_with, keep_standard_streams, say, silence
+from ensemble_ctrl.cli.watcher import forget_after_one
 from ensemble_ctrl.core.errors import EnsembleError, WorkerError
 from ensemble_ctrl.core.version import __version__
 
@@ -581,6 +583,7 @@ def doctor() -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit; a user's mistake is one clear message, never a traceback."""
     keep_standard_streams()
+    forget_after_one(signal.SIGINT)
     with suppress(AttributeError, ValueError):
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     sys.exit(invoke(list(sys.argv[1:] if arguments is None else arguments)))

@@ -13,6 +13,7 @@ from math import inf, isfinite
 from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
+from ensemble_ctrl.cli.watcher import SIGNALS, forget_after_one, watched
 from ensemble_ctrl.core.plain import visible
 
 if TYPE_CHECKING:
@@ -109,23 +110,32 @@ def stoppable(progress: Progress, abandon: Callable[[], None], promise: str = KE
     promise : str
         What is said of the first signal.
     """
-
-    def handle(number: int, frame: FrameType | None) -> None:
-        if progress.stop_signal is not None:
-            abandon()
-            os._exit(128 + number)
-        progress.stop_signal = number
-        progress.note(f"{promise} (again to stop at once)")
-
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread is sent signals
         return
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    with watched(abandon) as done:
+
+        def handle(number: int, frame: FrameType | None) -> None:
+            if progress.stop_signal is not None:
+                abandon()
+                done()
+                os._exit(128 + number)
+            progress.stop_signal = number
+            listen()
+            progress.note(f"{promise} (again to stop at once)")
+
+        def listen() -> None:
+            for number in SIGNALS:
+                signal.signal(number, handle)
+                forget_after_one(number)
+
+        before = {number: signal.getsignal(number) for number in SIGNALS}
+        listen()
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def rewritable(stream: TextIO) -> bool:
