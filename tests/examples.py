@@ -1,9 +1,12 @@
-"""How many examples a property is tried with: all of them in ``make slow``, a fifth in ``make test``."""
+"""How much is tried: all of it in ``make slow``, a part that is quick in ``make test``."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
+import pytest
+from _pytest.mark.structures import ParameterSet
 from hypothesis import settings
 
 ALL, FEW = 100, 20
@@ -24,3 +27,8 @@ def examples(number: int, **others: Any) -> settings:
     """Settings of a property that deserves `number` examples; others go to Hypothesis as they are."""
     scaled = number * settings().max_examples // ALL
     return settings(max_examples=max(scaled, min(number, LEAST)), **others)
+
+
+def quick(values: Iterable[Any], *chosen: Any) -> list[ParameterSet]:
+    """Parameters of a test of which ``make test`` runs the chosen ones only; the others are marked `slow`."""
+    return [pytest.param(value, marks=() if value in chosen else pytest.mark.slow) for value in values]

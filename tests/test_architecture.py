@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -83,12 +84,16 @@ def room_of(path: Path) -> str:
     return room(".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
 
 
-def arrows() -> Iterator[tuple[str, str, str]]:
+@cache
+def arrows() -> tuple[tuple[str, str, str], ...]:
     """Importing room, imported module, and the place of the import."""
-    for path in FILES:
-        package = ".".join(["ensemble_ctrl", *path.relative_to(ROOT).parent.parts])
-        for module, line in imports(path.read_text(), package):
-            yield room_of(path), module, f"{path.relative_to(ROOT)}:{line}"
+    return tuple(
+        (room_of(path), module, f"{path.relative_to(ROOT)}:{line}")
+        for path in FILES
+        for module, line in imports(
+            path.read_text(encoding="utf-8"), ".".join(["ensemble_ctrl", *path.relative_to(ROOT).parent.parts])
+        )
+    )
 
 
 def test_every_room_has_a_layer() -> None:

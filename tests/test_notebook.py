@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import ensemble_ctrl
+from tests.examples import quick
 from tests.paths import ROOT
 
 PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if ">>>" in page.read_text(encoding="utf-8")]
@@ -18,6 +19,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.ipynb"))
 TUTORIALS = sorted((ROOT / "examples").glob("[0-9]_*.py"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_notebook_runs(path: Path, tmp_path: Path) -> None:
     """From a folder that has nothing of the repository in it."""
@@ -30,7 +32,7 @@ def test_notebook_runs(path: Path, tmp_path: Path) -> None:
     assert any("image/png" in output.get("data", {}) for output in shown)
 
 
-@pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", quick(TUTORIALS, TUTORIALS[0]), ids=lambda path: path.stem)
 def test_tutorial_runs(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
     cells = re.findall(r"^# %%(.*)\n", path.read_text(encoding="utf-8"), re.MULTILINE)

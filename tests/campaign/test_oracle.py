@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from shapely import Point, Polygon
 
+from tests.examples import quick
+
 from . import monitor
 from .arcs import Motion
 from .cases import FAMILIES, make, of_family
@@ -94,7 +96,7 @@ def _random_signal(rng: np.random.Generator) -> Signal:
     return Signal(t, rng.normal(size=len(t)).astype(Long))
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", quick(range(60), *range(12)))
 def test_the_monitor_agrees_with_dense_sampling(seed: int) -> None:
     rng = np.random.default_rng(seed)
     f, g = _random_signal(rng), _random_signal(rng)

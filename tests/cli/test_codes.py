@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
+from tests.examples import quick
 
 from .conftest import Command
+from .tools import FAST
 
 QUICK = ("--no-plots", "-q")
 
 
 def test_a_walled_in_goal_names_what_conflicts(command: Command, place: Path) -> None:
-    done = command("walled.yaml", *QUICK, "--json")
+    done = command("walled.yaml", *QUICK, *FAST, "--json")
     assert (done.code, done.data["exit_code"]) == (3, 3)
     assert (done.data["status"], done.data["verified"]) == ("infeasible", False)
     worst = done.data["conflicts"][0]
@@ -39,11 +41,11 @@ def test_a_walled_in_goal_names_what_conflicts(command: Command, place: Path) ->
     assert [(found["change"], found["set"]) for found in tried["helps"]] == [("no obstacle west", [])]
 
 
-def test_without_suggestions(command: Command, place: Path) -> None:
-    for arguments in (("--no-suggest",), ("--set", "report.suggest=false")):
-        done = command("walled.yaml", *QUICK, *arguments)
-        assert done.code == 3
-        assert re.search("\n  try .*longer horizon.*input bounds.*narrower", done.out)
+@pytest.mark.parametrize("arguments", quick(["--no-suggest", "--set=report.suggest=false"], "--no-suggest"))
+def test_without_suggestions(arguments: str, command: Command, place: Path) -> None:
+    done = command("walled.yaml", *QUICK, *FAST, arguments)
+    assert done.code == 3
+    assert re.search("\n  try .*longer horizon.*input bounds.*narrower", done.out)
 
 
 def test_a_plan_that_some_members_violate(command: Command, results: Path) -> None:

@@ -16,7 +16,7 @@ from ensemble_ctrl.planning.online.measurement import Measurement
 from ensemble_ctrl.planning.online.simulated import SimulatedRobot
 
 from .conftest import Command
-from .tools import SMALL
+from .tools import FAST, SMALL
 
 FOLDER = "plans/small-online"
 ROBOT = "online: {deadline: 2 s, robot: {traction: 1.05, seed: 2}}\n"
@@ -124,7 +124,7 @@ def test_what_is_not_for_a_loop_is_told_with_its_place(command: Command, place: 
 
 
 def test_without_a_plan_nothing_is_driven(command: Command, place: Path) -> None:
-    done = command("online", "walled.yaml")
+    done = command("online", "walled.yaml", *FAST)
     assert done.code == 3
     assert "walled: no plan was found to begin with" in done.err
     assert not (place / "plans").exists()

@@ -13,6 +13,7 @@ import pytest
 import ensemble_ctrl as ec
 from ensemble_ctrl.cli.progress import Progress
 from ensemble_ctrl.ocp.solvers import Iteration
+from tests.examples import quick
 
 from .tools import COMMAND, Outcome, environment, process
 
@@ -147,7 +148,7 @@ def redirected(place: Path, text: str, **changes: str) -> Outcome:
 
 
 @pytest.mark.parametrize(("stream", "reason"), [("/dev/full", "No space left on device"), ("&-", "it is closed")])
-@pytest.mark.parametrize("form", ["", "--json"])
+@pytest.mark.parametrize("form", quick(["", "--json"], "--json"))
 def test_a_result_that_can_not_be_said_is_kept(place: Path, stream: str, reason: str, form: str) -> None:
     done = redirected(place, f"CMD small.yaml -q --no-plots {form} >{stream}")
     assert done.code == 1
@@ -164,7 +165,7 @@ def test_every_command_says_that_its_output_is_lost(place: Path) -> None:
         assert "Exception ignored" not in done.err, arguments
 
 
-@pytest.mark.parametrize("stream", ["2>&-", "2>/dev/full", "<&- 2>&-"])
+@pytest.mark.parametrize("stream", quick(["2>&-", "2>/dev/full", "<&- 2>&-"], "<&- 2>&-"))
 def test_without_a_place_for_messages_there_is_a_plan(place: Path, stream: str) -> None:
     done = redirected(place, f"CMD small.yaml --no-plots --json {stream}")
     assert done.code == 0

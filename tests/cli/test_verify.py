@@ -13,7 +13,7 @@ from ensemble_ctrl.api.widening import _Search
 from ensemble_ctrl.files.config import load_text
 
 from .conftest import Command
-from .tools import SMALL
+from .tools import FAST, SMALL
 
 
 def test_a_run_writes_its_certificate_and_says_what_is_proven(results: Path) -> None:
@@ -212,6 +212,7 @@ def test_an_unproven_plan_ends_with_four(command: Command, results: Path) -> Non
     assert "avoid(block)" in outcome.out
 
 
+@pytest.mark.slow
 def test_compare_prints_one_row_a_guarantee(command: Command, place: Path) -> None:
     outcome = command("compare", "small.yaml", "-q")
     assert outcome.code == 0
@@ -244,7 +245,7 @@ def test_compare_leaves_out_what_is_not_for_the_problem(command: Command, place:
 
 
 def test_widest_names_the_range_and_what_blocks(command: Command, place: Path) -> None:
-    outcome = command("widest", "small.yaml", "--tolerance", "0.2", "--json", "-q")
+    outcome = command("widest", "small.yaml", *FAST, "--tolerance", "0.2", "--json", "-q")
     assert outcome.code == 0
     low, high = outcome.data["widest"]
     assert low < 0.9
@@ -252,8 +253,9 @@ def test_widest_names_the_range_and_what_blocks(command: Command, place: Path) -
     assert low + high == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 def test_widest_without_any_plan(command: Command, place: Path) -> None:
-    outcome = command("widest", "walled.yaml", "--tolerance", "0.1", "-q")
+    outcome = command("widest", "walled.yaml", *FAST, "--tolerance", "0.1", "-q")
     assert outcome.code == 3
     assert "no certified plan for any range" in outcome.out
     assert "blocked" in outcome.out

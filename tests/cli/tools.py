@@ -45,6 +45,9 @@ task: "F[3, 4] in(goal) and G avoid(obstacles)"
 verify: {members: 200}
 """
 
+FAST = ("--set", "horizon.steps=10", "--set", "solve.routes=1")
+"""Options with which the second soon has no plan."""
+
 COMMAND = [sys.executable, "-m", "ensemble_ctrl.cli"]
 
 

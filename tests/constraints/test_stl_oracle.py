@@ -7,6 +7,7 @@ predicates here have one state with coefficient 1 or -1.
 """
 
 import numpy as np
+import pytest
 import rtamt
 
 from ensemble_ctrl.constraints.stl import (
@@ -22,6 +23,7 @@ from ensemble_ctrl.constraints.stl import (
     Until,
     member_robustness,
 )
+from tests.examples import quick
 
 STEPS = 14
 
@@ -82,9 +84,10 @@ def rtamt_value(formula: Formula, states: np.ndarray) -> float:
     return float(spec.evaluate(trace)[0][1])
 
 
-def test_exact_robustness_is_rtamts() -> None:
-    rng = np.random.default_rng(20240)
-    for _ in range(2000):
+@pytest.mark.parametrize("seed", quick(range(20240, 20245), 20240))
+def test_exact_robustness_is_rtamts(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for _ in range(400):
         formula = random_formula(rng, depth=3, left=STEPS)
         states = rng.normal(scale=2, size=(STEPS + 1, 2))
         got = member_robustness(formula, StateSignals(states[None], ["x", "y"], 1.0), ExactOps())[0, 0]

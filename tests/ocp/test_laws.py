@@ -17,6 +17,7 @@ from ensemble_ctrl.ocp.truncation import Truncation, choose, points, positions, 
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Guarantee, Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
+from tests.examples import quick
 from tests.paths import CONFIGS
 
 CONFIG = CONFIGS / "one_obstacles.yaml"
@@ -127,7 +128,7 @@ def test_the_law_decides_which_plan_is_better() -> None:
         assert costs[0] < costs[1]
 
 
-@laws
+@pytest.mark.parametrize("name", quick(LAWS, "normal"))
 def test_the_papers_constraints_on_moments_take_the_laws_moments(name: str) -> None:
     problem = under(LAWS[name])
     found = solve(

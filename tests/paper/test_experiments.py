@@ -13,6 +13,7 @@ from ensemble_ctrl.planning.baseline import unconstrained
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
+from tests.examples import quick
 from tests.paths import CONFIGS
 
 PRINTED = json.loads((CONFIGS.parent / "docs" / "_static" / "gallery" / "facts.json").read_text(encoding="utf-8"))
@@ -20,7 +21,8 @@ PRINTED = json.loads((CONFIGS.parent / "docs" / "_static" / "gallery" / "facts.j
 COSTS = {path.stem: PRINTED[path.stem]["cost"] for path in CONFIGS.glob("*.yaml")}
 """Cost of the plan of each experiment; another good plan may differ by a little, or be better."""
 NUMBERS = {"one": 1, "three": 3, "five": 5, "six": 6, "seven": 7, "eight": 8}
-experiments = pytest.mark.parametrize("name", sorted(COSTS))
+every = pytest.mark.parametrize("name", sorted(COSTS))
+experiments = pytest.mark.parametrize("name", quick(sorted(COSTS), "box", "one_obstacles", "five_obstacles"))
 
 
 @cache
@@ -49,7 +51,7 @@ def test_the_gallery_prints_what_a_run_finds(name: str) -> None:
         assert printed[number] is None or printed[number] == pytest.approx(bound, abs=5e-3)
 
 
-@experiments
+@every
 def test_it_loads_without_a_warning(name: str) -> None:
     loaded = read(CONFIGS / f"{name}.yaml")
     assert loaded.warnings == ()

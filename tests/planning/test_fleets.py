@@ -17,6 +17,7 @@ from ensemble_ctrl.ocp.truncation import points
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
+from tests.examples import quick
 from tests.paths import CONFIGS
 
 FILES = CONFIGS / "fleets"
@@ -28,7 +29,8 @@ COSTS = {
     "uncertain_start": 1.62,
     "wide": 3.83,
 }
-fleets = pytest.mark.parametrize("name", sorted(COSTS))
+every = pytest.mark.parametrize("name", sorted(COSTS))
+fleets = pytest.mark.parametrize("name", quick(sorted(COSTS), "bicycle", "measured_pairs", "two_tractions"))
 
 
 @cache
@@ -68,7 +70,7 @@ def test_no_member_of_a_grid_violates_it_between_the_grid_times_either(name: str
     assert run.worst[0] >= min(found.certificate.clearance, found.certificate.robustness) - 1e-9
 
 
-@fleets
+@every
 def test_its_problem_file_is_written_and_read_again(name: str) -> None:
     again = load_text(dump(problem(name)))
     assert again.fleet.parameters == problem(name).fleet.parameters
@@ -76,6 +78,7 @@ def test_its_problem_file_is_written_and_read_again(name: str) -> None:
     np.testing.assert_array_equal(again.fleet.input_lower, problem(name).fleet.input_lower)
 
 
+@pytest.mark.slow
 def test_cells_do_what_no_single_line_can() -> None:
     """At some step of the plan no line has an obstacle on one side and the whole fleet on the other."""
     asked, found = problem("cells"), solution("cells")
@@ -89,6 +92,7 @@ def test_cells_do_what_no_single_line_can() -> None:
     assert own.gap.min() > 0
 
 
+@pytest.mark.slow
 def test_a_wider_start_is_refuted_by_a_member_that_really_collides() -> None:
     asked, found = problem("uncertain_start"), solution("uncertain_start")
     wider = certify(asked, found.controls, {"start_x": Interval(-0.3, 0.3), "start_y": Interval(-0.3, 0.3)})

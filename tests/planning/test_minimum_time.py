@@ -55,6 +55,7 @@ def test_straight_ahead_it_takes_what_top_speed_allows() -> None:
     assert found.controls[:, 0].mean() > 1.97
 
 
+@pytest.mark.slow
 def test_around_a_block_it_is_within_two_percent_of_a_scan() -> None:
     problem = load_text(BLOCK)
     found, soonest = solve(problem)

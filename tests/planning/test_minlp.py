@@ -28,6 +28,7 @@ from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.report import summary_lines
+from tests.examples import quick
 from tests.paths import CONFIGS
 
 CONFIG = CONFIGS / "minlp" / "three_obstacles_minlp.yaml"
@@ -78,7 +79,7 @@ def check_no_worse(solution: Solution, before: Solution) -> None:
         assert not replay(solution.problem, solution.controls, members=500, substeps=10).violating.any()
 
 
-@pytest.mark.parametrize("guarantee", ["hull", "nodes", "moment"])
+@pytest.mark.parametrize("guarantee", quick(["hull", "nodes", "moment"], "hull"))
 def test_it_is_never_worse_than_the_nlp(guarantee: str) -> None:
     solution = solve(options(small(), guarantee=guarantee))
     check_no_worse(solution, by_nlp(guarantee))
@@ -89,6 +90,7 @@ def test_it_is_never_worse_than_the_nlp(guarantee: str) -> None:
     assert kept == sorted(kept, reverse=True)
 
 
+@pytest.mark.slow
 def test_three_obstacles_get_cheaper() -> None:
     problem = load(CONFIG)
     assert problem.solve.method == "minlp"
@@ -145,7 +147,7 @@ def test_facets_that_no_plan_keeps_are_reported(monkeypatch: pytest.MonkeyPatch)
     assert "fall short by" in solution.rounds[-1].message
 
 
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSEGV])
+@pytest.mark.parametrize("end", quick([signal.SIGKILL, signal.SIGSEGV], signal.SIGKILL))
 def test_a_bonmin_that_dies_costs_nothing(end: signal.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
     started = bonmin_module._started
 

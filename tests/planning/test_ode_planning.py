@@ -51,6 +51,7 @@ def test_every_member_does_the_task(path: Path) -> None:
     assert plan.verified
 
 
+@pytest.mark.slow
 def test_the_delivery_goes_through_the_window_hovers_and_spreads_as_gravity_says() -> None:
     """Unequal masses under one thrust must differ by the relative mass times climb and fall."""
     plan = plan_of(QUADROTOR)

@@ -18,6 +18,7 @@ from ensemble_ctrl.report.plot import KINDS, write_plot
 from ensemble_ctrl.report.scene import scenes
 from ensemble_ctrl.report.series import by_parameter, over_time
 from ensemble_ctrl.report.stage import HEAD, NARROW, Stage
+from tests.examples import quick
 
 from .plans import ODE_KINDS, ode_made
 from .test_page import Reader
@@ -111,7 +112,7 @@ def test_the_first_moment_is_the_mean_position() -> None:
     assert first[:, 0] / np.sqrt(2) == pytest.approx(0.5 * plan.problem.times + 0.2 * mean * plan.problem.times**2)
 
 
-@pytest.mark.parametrize("kind", ODE_KINDS)
+@pytest.mark.parametrize("kind", quick(ODE_KINDS, "plane", "line"))
 def test_pictures(kind: str, tmp_path: Path) -> None:
     plan = ode_made(kind)
     plan = replace(plan, certificate=plan.certify())

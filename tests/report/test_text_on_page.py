@@ -14,6 +14,7 @@ from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.report import figures, plot
 from ensemble_ctrl.report.figures import write_figures
 from ensemble_ctrl.report.plot import KINDS, write_plot
+from tests.examples import quick
 
 from .plans import GOAL, HORIZON, POST, QUICK, TASK, made, ode_made
 
@@ -52,7 +53,7 @@ def of_range(text: str) -> Plan:
     return replace(made("plain"), problem=load_text(fleet + HORIZON + GOAL + POST + TASK + QUICK, name="plain"))
 
 
-@pytest.mark.parametrize("name", ["plain", "several", "equal", "long", "bicycle", "mean"])
+@pytest.mark.parametrize("name", quick(["plain", "several", "equal", "long", "bicycle", "mean"], "several", "long"))
 def test_of_every_plan(name: str, written: list[Figure], tmp_path: Path) -> None:
     plan = made(name)
     write_figures(plan.problem, plan.controls, tmp_path, routes=ROUTES)
@@ -62,7 +63,7 @@ def test_of_every_plan(name: str, written: list[Figure], tmp_path: Path) -> None
     assert not [beyond for figure in written if (beyond := cut(figure))]
 
 
-@pytest.mark.parametrize("text", RANGES)
+@pytest.mark.parametrize("text", quick(RANGES, RANGES[0], RANGES[-1]))
 def test_of_every_range(text: str, written: list[Figure], tmp_path: Path) -> None:
     plan = of_range(text)
     write_figures(plan.problem, plan.controls, tmp_path)
@@ -71,7 +72,7 @@ def test_of_every_range(text: str, written: list[Figure], tmp_path: Path) -> Non
     assert not [beyond for figure in written if (beyond := cut(figure))]
 
 
-@pytest.mark.parametrize("name", ["plane", "space", "line"])
+@pytest.mark.parametrize("name", quick(["plane", "space", "line"], "space"))
 def test_of_other_systems(name: str, written: list[Figure], tmp_path: Path) -> None:
     plan = ode_made(name)
     write_figures(plan.problem, plan.controls, tmp_path)
