@@ -85,20 +85,20 @@ def roadmap_guesses(problem: Problem, steps: int, wanted: Routes) -> list[Guess]
     """
     found = trips(problem, wanted)
     names = distinct(_name(problem, trip) for trip in found)
-    return [replace(_seed(problem, trip, steps), name=name) for trip, name in zip(found, names, strict=True)]
+    return [trip_seed(problem, trip, steps, name) for trip, name in zip(found, names, strict=True)]
 
 
 def trips(problem: Problem, wanted: Routes) -> list[Trip]:
     """Orders of visits with their routes, shortest first; as for `roadmap_guesses`."""
     every = wanted == "all"
     most, longest = (ALL, LONGEST) if wanted == "all" else (wanted, LONGER)
-    planner = _Trips(problem, most, every)
+    planner = Legs(problem, most, every)
     found = sorted((trip for s in skeletons(problem) for trip in planner.trips(s)), key=lambda t: t.length)
     return [trip for trip in found if trip.length <= longest * found[0].length + 1e-9][:most]
 
 
 @dataclass(eq=False)
-class _Trips:
+class Legs:
     """Finds trips; legs are searched once."""
 
     problem: Problem
@@ -122,24 +122,24 @@ class _Trips:
         place, legs = self.problem.fleet.start, []
         for k, index in enumerate(order):
             closed = frozenset(door.name for door in skeleton.doors if door.until not in order[:k])
-            goal = _place_in(self.problem, skeleton.visits[index], place)
-            legs.append(self._leg(place, goal, closed, skeleton.corridor))
+            goal = place_in(self.problem, skeleton.visits[index], place)
+            legs.append(self.leg(place, goal, closed, skeleton.corridor))
             place = goal
         target = self.problem.objective.place
         if target is not None and np.linalg.norm(place - target) > 1e-6:
             closed = frozenset(door.name for door in skeleton.doors if door.until not in order)
-            legs.append(self._leg(place, target, closed, skeleton.corridor))
+            legs.append(self.leg(place, target, closed, skeleton.corridor))
         visits = tuple(skeleton.visits[i] for i in order)
         return Trip(visits, tuple(choices[0] for choices in legs)), legs
 
-    def _leg(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]) -> list[Route]:
+    def leg(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...] = ()) -> list[Route]:
         """Routes of different kinds for one leg."""
         key = (start.tobytes(), goal.tobytes(), closed, corridor)
         if key not in self._legs:
             self._legs[key] = self._search(start, goal, closed, corridor)
         return self._legs[key]
 
-    def _search(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]) -> list[Route]:
+    def _search(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...] = ()) -> list[Route]:
         """Each kind with the widest clearance that admits it; a straight line, at a price, where there is none."""
         straight = Route(np.stack([start, goal]), 10 * float(np.linalg.norm(goal - start)) + 1e-9, ())
         if corridor:
@@ -201,7 +201,7 @@ def _name(problem: Problem, trip: Trip) -> str:
     return "; ".join(f"to {target}: {text}" for target, text in zip(targets, told, strict=False))
 
 
-def _place_in(problem: Problem, visit: Visit, come_from: Floats) -> Floats:
+def place_in(problem: Problem, visit: Visit, come_from: Floats) -> Floats:
     """Where in a region to go: the terminal target if it is there, else its middle, or for half-planes the way in."""
     target = problem.objective.place
     if target is not None and bool(visit.region.contains(target)):
@@ -221,13 +221,22 @@ def _projected(region: Polyhedron, point: Floats) -> Floats:
     return point
 
 
+<<<<<<< HEAD:src/ensemble_ctrl/ocp/guesses/roadmap.py
 def _seed(problem: Problem, trip: Trip, steps: int) -> Guess:
     """Controls that follow a trip in time."""
+=======
+def trip_seed(problem: Problem, trip: Trip, steps: int, name: str, kind: str = "route") -> Seed:
+    """Controls that follow a trip in time, on a grid of `steps`."""
+>>>>>>> 93b2b6b (Tasks with repeated and conditional visits are laid out in time by an integer program):src/ensemble_ctrl/ocp/seeds.py
     grid = np.linspace(0.0, problem.duration, steps + 1)
     times, corners = (np.concatenate(part) for part in zip(*_timed(problem, trip), strict=True))
     path = np.stack([np.interp(grid, times, corners[:, axis]) for axis in (0, 1)], axis=1)
     names = tuple(visit.name for visit in trip.visits)
+<<<<<<< HEAD:src/ensemble_ctrl/ocp/guesses/roadmap.py
     return Guess(follow(problem, smoothed(path)), corners, trip.length, names)
+=======
+    return Seed(follow(problem, smoothed(path)), corners, trip.length, names, name, kind)
+>>>>>>> 93b2b6b (Tasks with repeated and conditional visits are laid out in time by an integer program):src/ensemble_ctrl/ocp/seeds.py
 
 
 def _timed(problem: Problem, trip: Trip) -> Iterator[tuple[Floats, Floats]]:

@@ -1,0 +1,41 @@
+"""Windows shrunk by a step, so that what holds at the times of a grid holds between them, too."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ensemble_ctrl.constraints.stl.formula import Always, Eventually, Formula, Release, Until
+from ensemble_ctrl.constraints.stl.rewrite import rebuilt
+
+
+def shrunk(formula: Formula, step: float, repeated: bool = False) -> Formula:
+    """A formula whose visits under *always* come in windows that begin a step later.
+
+    Parameters
+    ----------
+    formula : Formula
+        In negation normal form.
+    step : float
+        Of the grid, seconds.
+    repeated : bool
+        Whether an *always* is around it.
+
+    Returns
+    -------
+    Formula
+
+    Notes
+    -----
+    Every time t between two neighbours :math:`t_k, t_{k+1}` of a grid has
+    :math:`[t_{k+1} + a, t_k + b] \\subseteq [t + a, t + b]`: a visit in that window, asked for at :math:`t_k`, is one
+    for all t. Windows shorter than a step stay as they are.
+    """
+    inner = repeated or isinstance(formula, Always | Release)
+    formula = rebuilt(formula, [shrunk(part, step, inner) for part in formula.parts])
+    if repeated and isinstance(formula, Eventually | Until) and formula.a is not None and formula.b is not None:
+        if formula.b - formula.a >= 2 * step:
+            return replace(formula, a=formula.a + step)
+    return formula
+
+
+__all__ = ["shrunk"]
