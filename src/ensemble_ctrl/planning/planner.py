@@ -1,6 +1,7 @@
 """From a problem to the best controls found: guesses, a coarse search over routes, and a fine solve.
 
-1. Geometric routes of different kinds around the obstacles give first guesses (`ensemble_ctrl.ocp.guesses.roadmap`).
+1. Geometric routes of different kinds around the obstacles give first guesses (`ensemble_ctrl.ocp.guesses.roadmap`);
+   tasks with repeated or conditional visits are laid out in time (`ensemble_ctrl.ocp.guesses.laid_out`).
 2. Each is solved on a coarse grid at a low order, side by side where there are several cores; the best is kept, or the
    best few where every route is tried: each of them goes through what follows, and the best certified one is the plan.
    Where none of them leads to a plan, curves that the robots can drive, reversing where they may, are tried in the same
@@ -25,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate, certify, unproven
-from ensemble_ctrl.constraints.stl import Formula
+from ensemble_ctrl.constraints.stl import Formula, negation_normal_form, resolve
+from ensemble_ctrl.constraints.stl.dense import shrunk
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
@@ -34,6 +36,7 @@ from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
 from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.curved import BATCHES, Curves, curved
+from ensemble_ctrl.ocp.guesses.laid_out import laid_out, repeats
 from ensemble_ctrl.ocp.guesses.perturbed import perturbed
 from ensemble_ctrl.ocp.guesses.restarts import Restart, restarts, wandering
 from ensemble_ctrl.ocp.guesses.roadmap import Guess, roadmap_guesses
@@ -238,7 +241,7 @@ def solve(
     starts = (
         [Guess(given(problem, guess, steps), np.zeros((0, 2)), 0.0)]
         if guess is not None
-        else roadmap_guesses(problem, steps, problem.solve.routes)
+        else _first_guesses(problem, steps)
     )
     seconds["guess"] = time.perf_counter() - search.began
     search.tell("solve")
@@ -281,6 +284,12 @@ def solve(
         tuple(turned),
         () if guess is not None or _is_good(problem, best) or ompl_paths.available() else ("ompl",),
     )
+
+
+def _first_guesses(problem: Problem, steps: int) -> list[Guess]:
+    """Routes; before them, where the order of visits is no matter of reading, one laid out in time."""
+    found = laid_out(problem, steps) if repeats(problem) else []
+    return found + roadmap_guesses(problem, steps, problem.solve.routes)
 
 
 def _require_endable(problem: Problem) -> None:
@@ -655,7 +664,10 @@ def _certified(
         short = max(0.0, -certificate.clearance, -certificate.robustness)
         if not np.isfinite(short):
             break
-        problem = problem.with_(solve=replace(problem.solve, margin=problem.solve.margin + 1.5 * short + 1e-3))
+        more = replace(problem.solve, margin=problem.solve.margin + 1.5 * short + 1e-3)
+        problem = problem.with_(
+            solve=more, task=_between(search.problem) if certificate.robustness < 0 else problem.task
+        )
         tighter = tightened(attempt, problem)
         if tighter is None or tighter is attempt:
             break
@@ -664,6 +676,12 @@ def _certified(
         if again.proven == "yes" or _least(again) > _least(certificate):
             attempt, certificate = tighter, again
     return attempt, certificate, work
+
+
+def _between(problem: Problem) -> Formula:
+    """The task with windows in which what is asked for again and again holds between grid times, too."""
+    task = negation_normal_form(resolve(problem.task, problem.duration))
+    return shrunk(task, problem.duration / problem.steps)
 
 
 def _chosen_facets(

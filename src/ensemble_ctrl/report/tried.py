@@ -7,6 +7,7 @@ from typing import Any
 
 KINDS = {
     "route": ("route", "routes"),
+    "itinerary": ("itinerary", "itineraries"),
     "curve": ("curve that the robots can drive", "curves that the robots can drive"),
     "random": ("guess with random commands", "guesses with random commands"),
     "start": ("other start for the whole fleet", "other starts for the whole fleet"),

@@ -9,7 +9,7 @@ from ensemble_ctrl.constraints.stl.rewrite import rebuilt
 
 
 def shrunk(formula: Formula, step: float, repeated: bool = False) -> Formula:
-    """A formula whose visits under *always* come in windows that begin a step later.
+    r"""A formula whose visits under *always* come in windows that begin a step later.
 
     Parameters
     ----------
@@ -27,15 +27,14 @@ def shrunk(formula: Formula, step: float, repeated: bool = False) -> Formula:
     Notes
     -----
     Every time t between two neighbours :math:`t_k, t_{k+1}` of a grid has
-    :math:`[t_{k+1} + a, t_k + b] \\subseteq [t + a, t + b]`: a visit in that window, asked for at :math:`t_k`, is one
+    :math:`[t_{k+1} + a, t_k + b] \subseteq [t + a, t + b]`: a visit in that window, asked for at :math:`t_k`, is one
     for all t. Windows shorter than a step stay as they are.
     """
     inner = repeated or isinstance(formula, Always | Release)
     formula = rebuilt(formula, [shrunk(part, step, inner) for part in formula.parts])
-    if repeated and isinstance(formula, Eventually | Until) and formula.a is not None and formula.b is not None:
-        if formula.b - formula.a >= 2 * step:
-            return replace(formula, a=formula.a + step)
-    return formula
+    if not repeated or not isinstance(formula, Eventually | Until) or formula.a is None or formula.b is None:
+        return formula
+    return replace(formula, a=formula.a + step) if formula.b - formula.a >= 2 * step else formula
 
 
 __all__ = ["shrunk"]

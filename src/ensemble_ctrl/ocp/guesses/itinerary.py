@@ -6,9 +6,9 @@ at places, or travels between two of them in a known time, on a coarse grid of t
 .. math:: \min \sum_a c_a y_a \quad \text{with} \quad
     \sum_{a \text{ ends at } (p, k)} y_a = \sum_{a \text{ begins at } (p, k)} y_a, \qquad z_\varphi(0) = 1.
 
-:math:`y_a \in \{0, 1\}` says whether a stay or a journey is made; what holds of the robot's place at a time is linear in
-these. The truth :math:`z_\varphi(k) \in [0, 1]` of a formula is bounded by those of its parts, as for mixed-integer STL
-(Raman et al., CDC 2014), with disjunctions by sums. Solved by HiGHS through SciPy.
+:math:`y_a \in \{0, 1\}` says whether a stay or a journey is made; what holds of the place at a time is linear in these.
+The truth :math:`z_\varphi(k) \in [0, 1]` of a formula is bounded by those of its parts, as for mixed-integer STL (Raman
+et al., CDC 2014), with disjunctions by sums. Solved by HiGHS through SciPy.
 """
 
 from __future__ import annotations
@@ -220,7 +220,9 @@ class _Model:
             self._row({column: -1.0}, -float(formula.value >= 0))
             return
         if formula not in self._facts:
-            passing = [self.holds(formula, way.passed) if len(way.passed) else np.zeros(0, bool) for way in self.journeys]
+            passing = [
+                self.holds(formula, way.passed) if len(way.passed) else np.zeros(0, bool) for way in self.journeys
+            ]
             self._facts[formula] = self.holds(formula, self.places), passing
         at_places, passing = self._facts[formula]
         good = []
@@ -251,7 +253,7 @@ class _Model:
         """The arcs of the shortest way, in time."""
         self._flow(last)
         count = len(self.arcs)
-        cost, whole = np.zeros(self.columns), np.zeros(self.columns)
+        cost, whole = np.zeros(self.columns), np.zeros(self.columns, np.uint8)
         for i, arc in enumerate(self.arcs):
             cost[i] = (arc.arrive - arc.leave) * (WAITING if arc.journey < 0 else 1.0 + LATER * arc.leave / self.steps)
         whole[:count] = 1

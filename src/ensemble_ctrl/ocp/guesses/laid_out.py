@@ -27,11 +27,11 @@ from ensemble_ctrl.constraints.stl import (
 )
 from ensemble_ctrl.ocp.guesses.driven import needed
 from ensemble_ctrl.ocp.guesses.itinerary import Journey, itinerary
-from ensemble_ctrl.ocp.routes import Route
-from ensemble_ctrl.ocp.seeds import Legs, Seed, Trip, place_in, trip_seed
-from ensemble_ctrl.ocp.skeleton import Visit
+from ensemble_ctrl.ocp.guesses.roadmap import Guess, Legs, Trip, driven_trip, place_in
+from ensemble_ctrl.ocp.guesses.routes import Route
+from ensemble_ctrl.ocp.guesses.skeleton import Visit
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.duties import named_pieces
+from ensemble_ctrl.problem.specification import named_pieces
 
 Floats = NDArray[np.float64]
 
@@ -41,23 +41,26 @@ STEPS = 12, 60
 """Fewest and most steps of the coarse grid."""
 SHARES = (0.75, 0.9)
 """Shares of the top speed at which journeys are made, first the one that leaves more time to spare."""
+ORDERED = 6
+"""Visits whose orders are all tried without it."""
 SECONDS = 20.0
 """For each of the searches."""
 
 
 def repeats(problem: Problem) -> bool:
-    """Whether the order of the task's visits can't be read off: a visit under *always*, in a condition, or more than six."""
+    """Whether the task asks for visits again and again or under a condition, or for more than `ORDERED`."""
     task = _remaining(problem)
-    visited = {leaf.name for leaf in leaves(task) if isinstance(leaf, Inside)}
-    return bool(visited) and (_nests(task) or len(visited) > 6)
+    if not any(isinstance(leaf, Inside) for leaf in leaves(task)):
+        return False
+    return _nests(task) or sum(isinstance(part, Eventually) for part in _parts(task)) > ORDERED
 
 
-def laid_out(problem: Problem, steps: int) -> list[Seed]:
+def laid_out(problem: Problem, steps: int) -> list[Guess]:
     """The guess on a grid of `steps`, if an itinerary is found; shorter journeys where the first ones are too slow."""
     for share in SHARES:
         trip = _trip(problem, share)
         if trip is not None:
-            return [trip_seed(problem, trip, steps, "laid out in time", "itinerary")]
+            return [driven_trip(problem, trip, steps, "laid out in time", "itinerary")]
     return []
 
 
@@ -115,9 +118,7 @@ def _trip(problem: Problem, share: float) -> Trip | None:
     return Trip(tuple(reached), tuple(ways))
 
 
-def _routes(
-    problem: Problem, legs: Legs, task: Formula, places: Sequence[Floats]
-) -> Iterator[tuple[int, int, Route]]:
+def _routes(problem: Problem, legs: Legs, task: Formula, places: Sequence[Floats]) -> Iterator[tuple[int, int, Route]]:
     """The shortest route between each two places, and one around what the task does not always allow, if longer."""
     refused = {part.child.name for part in _parts(task) if isinstance(part, Not) and isinstance(part.child, Inside)}
     refused |= {part.name for part in _parts(task) if isinstance(part, Avoid) and part.name != "obstacles"}
@@ -163,7 +164,7 @@ def _holds(problem: Problem, formula: Formula, points: Floats) -> NDArray[np.boo
             return np.asarray(problem.regions[name].contains(points))
         case Avoid(name=name):
             inside = [piece.facet_clearance(points) < 0 for piece in named_pieces(problem, name)]
-            return ~np.logical_or.reduce([*inside, np.zeros(len(points), bool)])
+            return np.asarray(~np.logical_or.reduce([*inside, np.zeros(len(points), bool)]))
         case Predicate(coefficients=coefficients, offset=offset):
             columns = dict(zip(problem.fleet.states[:2], points.T, strict=True))
             if any(name not in columns for name, _ in coefficients):
@@ -172,9 +173,9 @@ def _holds(problem: Problem, formula: Formula, points: Floats) -> NDArray[np.boo
         case Not(child=child):
             return ~_holds(problem, child, points)
         case And(children=children):
-            return np.logical_and.reduce([_holds(problem, child, points) for child in children])
+            return np.asarray(np.logical_and.reduce([_holds(problem, child, points) for child in children]))
         case Or(children=children):
-            return np.logical_or.reduce([_holds(problem, child, points) for child in children])
+            return np.asarray(np.logical_or.reduce([_holds(problem, child, points) for child in children]))
     return np.ones(len(points), bool)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
 import numpy as np
@@ -85,7 +85,7 @@ def roadmap_guesses(problem: Problem, steps: int, wanted: Routes) -> list[Guess]
     """
     found = trips(problem, wanted)
     names = distinct(_name(problem, trip) for trip in found)
-    return [trip_seed(problem, trip, steps, name) for trip, name in zip(found, names, strict=True)]
+    return [driven_trip(problem, trip, steps, name) for trip, name in zip(found, names, strict=True)]
 
 
 def trips(problem: Problem, wanted: Routes) -> list[Trip]:
@@ -139,7 +139,7 @@ class Legs:
             self._legs[key] = self._search(start, goal, closed, corridor)
         return self._legs[key]
 
-    def _search(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...] = ()) -> list[Route]:
+    def _search(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]) -> list[Route]:
         """Each kind with the widest clearance that admits it; a straight line, at a price, where there is none."""
         straight = Route(np.stack([start, goal]), 10 * float(np.linalg.norm(goal - start)) + 1e-9, ())
         if corridor:
@@ -221,22 +221,13 @@ def _projected(region: Polyhedron, point: Floats) -> Floats:
     return point
 
 
-<<<<<<< HEAD:src/ensemble_ctrl/ocp/guesses/roadmap.py
-def _seed(problem: Problem, trip: Trip, steps: int) -> Guess:
-    """Controls that follow a trip in time."""
-=======
-def trip_seed(problem: Problem, trip: Trip, steps: int, name: str, kind: str = "route") -> Seed:
+def driven_trip(problem: Problem, trip: Trip, steps: int, name: str, kind: str = "route") -> Guess:
     """Controls that follow a trip in time, on a grid of `steps`."""
->>>>>>> 93b2b6b (Tasks with repeated and conditional visits are laid out in time by an integer program):src/ensemble_ctrl/ocp/seeds.py
     grid = np.linspace(0.0, problem.duration, steps + 1)
     times, corners = (np.concatenate(part) for part in zip(*_timed(problem, trip), strict=True))
     path = np.stack([np.interp(grid, times, corners[:, axis]) for axis in (0, 1)], axis=1)
     names = tuple(visit.name for visit in trip.visits)
-<<<<<<< HEAD:src/ensemble_ctrl/ocp/guesses/roadmap.py
-    return Guess(follow(problem, smoothed(path)), corners, trip.length, names)
-=======
-    return Seed(follow(problem, smoothed(path)), corners, trip.length, names, name, kind)
->>>>>>> 93b2b6b (Tasks with repeated and conditional visits are laid out in time by an integer program):src/ensemble_ctrl/ocp/seeds.py
+    return Guess(follow(problem, smoothed(path)), corners, trip.length, names, name, kind)
 
 
 def _timed(problem: Problem, trip: Trip) -> Iterator[tuple[Floats, Floats]]:
