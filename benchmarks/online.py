@@ -67,7 +67,7 @@ def one(problem: Problem, plan: Floats, loop: Receding, traction: float, seed: i
     """Run the loop on one robot."""
     fleet = problem.fleet
     robot = SimulatedRobot(
-        fleet.system, fleet.position, fleet.heading, problem.step, Fixed(traction, traction), FLAWS, seed
+        fleet.arcs, fleet.position, fleet.heading, problem.step, Fixed(traction, traction), FLAWS, seed
     )
     outcome = drive(loop, robot, robot)
     track = np.array(robot.track)[round(outcome.start / problem.step) * FINE :, :2]
@@ -76,7 +76,7 @@ def one(problem: Problem, plan: Floats, loop: Receding, traction: float, seed: i
     end = track[problem.steps * FINE]
     window = track[round(14.0 / problem.step) * FINE :: FINE]
     drives = fleet.drives(np.array([[traction]]))
-    blind = fleet.system.positions(plan, drives, problem.step)[0, -1]
+    blind = fleet.arcs.paths(plan, drives, problem.step)[0, -1]
     return Run(
         traction,
         outcome.ending,

@@ -28,12 +28,12 @@ class CartPole(ec.OdeSystem):
         return [v, a, rate, -(a * c + 9.81 * s) / self.length]
 
 
-def problem() -> ec.OdeProblem:
+def problem() -> ec.Problem:
     """Two metres to the right and stop, for every load from 0.1 to 0.2 kg."""
     still = "angle <= 0.1 and angle >= -0.1 and v <= 0.1 and v >= -0.1"
-    return ec.OdeProblem(
+    return ec.Problem(
         name="crane",
-        fleet=ec.OdeFleet(CartPole(), {"load": ec.Interval(0.1, 0.2)}, start={}),
+        fleet=ec.Fleet(CartPole(), {"load": ec.Interval(0.1, 0.2)}, start={}),
         duration=4.0,
         steps=40,
         task=parse(f"G[3.8, 4] (in(goal) and {still})"),

@@ -150,7 +150,7 @@ def be_the_robot(port: int, traction: float) -> None:
     flaws = Flaws(position=0.01, heading=float(np.radians(1.0)))
 
     def fresh() -> SimulatedRobot:
-        start = problem.fleet.start, problem.fleet.heading
+        start = problem.fleet.start_place, problem.fleet.heading
         return SimulatedRobot(problem.fleet.system, *start, problem.step, Fixed(traction, traction), flaws, seed=1)
 
     bounds = problem.fleet.input_lower, problem.fleet.input_upper

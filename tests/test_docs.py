@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 import ensemble_ctrl
+from ensemble_ctrl.problem.capabilities import FEATURES, allows
+from ensemble_ctrl.systems import SYSTEMS, System
 from tests.paths import ROOT
 
 DOCS = ROOT / "docs"
@@ -127,13 +129,27 @@ def test_names_of_the_package_on_pages_are_there() -> None:
     assert not is_there("nothing.at.all")
 
 
-def test_files_that_ask_for_the_kind_of_problem_are_those_of_the_page() -> None:
-    """A new one would be one more place to change for a new kind of fleet."""
+def test_nothing_asks_a_system_of_what_type_it_is() -> None:
+    """What a system can do is in the table of capabilities."""
     package = Path(ensemble_ctrl.__file__).parent
-    asks = re.compile(r"isinstance\([^)]*\b(?:Ode|Arc)[A-Z]\w*")
-    files = [path for path in package.rglob("*.py") if asks.search(path.read_text(encoding="utf-8"))]
-    found = {".".join(path.relative_to(package).with_suffix("").parts).removesuffix(".__init__") for path in files}
-    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
-    listed = re.search(r"These files do,\s+and no other may:(.*?)\.\n\n", page, re.DOTALL)
-    assert listed is not None
-    assert set(re.findall(r"`([^`]+)`", listed.group(1))) == found
+    asks = re.compile(r"(?:isinstance|issubclass)\([^)]*\b(?:Ode|Arc)[A-Z]\w*")
+    assert [path.name for path in package.rglob("*.py") if asks.search(path.read_text(encoding="utf-8"))] == []
+
+
+def feature_table() -> list[str]:
+    """The table of features and systems as the page has it; a system of one's own is as any without a closed form."""
+    models = {**SYSTEMS, "your own": System}
+    head = ["feature", *(f"`{name}`" if name in SYSTEMS else name for name in models), "elsewhere not, because"]
+    rows = [
+        [row.words, *("yes" if allows(system, name) else "" for system in models.values()), row.why]
+        for name, row in FEATURES.items()
+    ]
+    lines = [head, ["---"] * len(head), *rows]
+    return ["| " + " | ".join(cells).replace("|  ", "| ").replace("  |", " |") + " |" for cells in lines]
+
+
+def test_the_table_of_features_is_that_of_the_capabilities() -> None:
+    page = (DOCS / "systems.md").read_text(encoding="utf-8")
+    table = re.search(r"<!-- features -->\n(.*?)\n<!-- end -->", page, re.DOTALL)
+    assert table is not None
+    assert table.group(1).splitlines() == feature_table()

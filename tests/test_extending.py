@@ -24,7 +24,7 @@ from ensemble_ctrl.moments.lanczos import recurrence_of_points
 from ensemble_ctrl.moments.orthonormal import WeightedLaw
 from ensemble_ctrl.moments.recurrence import Recurrence, values
 from ensemble_ctrl.report.plot import KINDS, PlotKind, write_plot
-from ensemble_ctrl.systems import ODE_SYSTEMS
+from ensemble_ctrl.systems import SYSTEMS
 from tests.report.plans import made
 
 Floats = NDArray[np.float64]
@@ -129,7 +129,7 @@ def test_each_part_takes_fewer_than_forty_lines(part: Callable[..., Any]) -> Non
 
 def test_a_system(monkeypatch: pytest.MonkeyPatch) -> None:
     """A problem file names it; it is planned, and written back."""
-    monkeypatch.setitem(ODE_SYSTEMS, "trolley", Trolley)
+    monkeypatch.setitem(SYSTEMS, "trolley", Trolley)
     monkeypatch.setattr(Trolley, "enclosure", "general")
     text = FILE.format(model="trolley", parameters="gain: {range: [0.9, 1.1]}", start="{position: [0, 0]}")
     problem = load_text(text)
@@ -143,9 +143,9 @@ def test_a_system(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_an_enclosure(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its bounds are those of the certificate, and lie between what is true and what another enclosure proves."""
-    fleet = ec.OdeFleet(Trolley(), {"gain": ec.Interval(0.9, 1.1)}, {})
+    fleet = ec.Fleet(Trolley(), {"gain": ec.Interval(0.9, 1.1)})
     post = (ec.Obstacle.box([[0.5, 0.8], [0.7, 1.0]]),)
-    problem = ec.OdeProblem("p", fleet, 2.0, 8, parse("G avoid(post)"), {}, {"post": post})
+    problem = ec.Problem("p", fleet, 2.0, 8, parse("G avoid(post)"), {}, {"post": post})
     ahead = np.tile([0.5, 0.1], (8, 1))
     monkeypatch.setitem(PROOFS, "corners", Corners)
     mine = certify(problem, ahead)

@@ -25,7 +25,7 @@ def hover_rows(problems: tuple[str, ...]) -> Rows:
 
 def _hover(mass: float) -> list[float]:
     """One mass."""
-    fleet = ec.OdeFleet(ec.Quadrotor(mass=mass), {"payload": ec.Interval(0.0, 0.5)}, {})
+    fleet = ec.Fleet(ec.Quadrotor(mass=mass), {"payload": ec.Interval(0.0, 0.5)})
     controls = np.tile(fleet.rest(fleet.center), (round(TIMES[-1] / STEP), 1))
     height = fleet.trajectories(controls, fleet.corners, STEP)[..., 2]
     return [float(np.ptp(height[:, round(t / STEP)])) for t in TIMES]

@@ -33,10 +33,9 @@ if TYPE_CHECKING:
     from ensemble_ctrl.moments import Beta, Interval, LegendreBasis, Mixture, Samples, TruncatedNormal
     from ensemble_ctrl.planning.baseline import unconstrained
     from ensemble_ctrl.planning.online.loop import Receding
-    from ensemble_ctrl.problem import Objective, OdeProblem, Problem, ReportOptions, SolveOptions, VerifyOptions
+    from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
     from ensemble_ctrl.problem.evaluation.sampled import Replay, replay
     from ensemble_ctrl.problem.fleet import Fleet
-    from ensemble_ctrl.problem.ode_fleet import OdeFleet
     from ensemble_ctrl.problem.risk import Risk
     from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget
     from ensemble_ctrl.systems import Bicycle, DoubleIntegrator, OdeSystem, Quadrotor, Unicycle
@@ -45,8 +44,6 @@ _HOMES = {
     "Bicycle": "systems",
     "Certificate": "certificate",
     "DoubleIntegrator": "systems",
-    "OdeFleet": "problem.ode_fleet",
-    "OdeProblem": "problem",
     "OdeSystem": "systems",
     "Quadrotor": "systems",
     "Solid": "constraints",
@@ -101,8 +98,6 @@ __all__ = [
     "MomentTarget",
     "Objective",
     "Obstacle",
-    "OdeFleet",
-    "OdeProblem",
     "OdeSystem",
     "Plan",
     "Polyhedron",
@@ -138,9 +133,15 @@ __all__ = [
 ]
 
 
+_RENAMED = ("OdeFleet", "OdeProblem")
+"""Names of an earlier version (`ensemble_ctrl.problem.renamed`)."""
+
+
 def __getattr__(name: str) -> Any:
     from importlib import import_module
 
+    if name in _RENAMED:
+        return import_module(f"{__name__}.problem.renamed").renamed(name)
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name, obj=sys.modules[__name__])
     value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

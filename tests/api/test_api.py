@@ -313,7 +313,7 @@ def test_problems_are_planned_in_a_pool(plan: ec.Plan, method: str) -> None:
 
 
 def test_a_fleet_of_a_differential_equation_is_pickled() -> None:
-    fleet = ec.OdeFleet(ec.DoubleIntegrator(), {"mass": ec.Interval(1.0, 2.0)}, {"vx": 1.0})
+    fleet = ec.Fleet(ec.DoubleIntegrator(), {"mass": ec.Interval(1.0, 2.0)}, start={"vx": 1.0})
     again = pickle.loads(pickle.dumps(fleet))
     assert (again.start, again.names) == ({"vx": 1.0}, ("mass",))
 

@@ -174,7 +174,7 @@ def _long_double_path(problem: Problem, controls: Floats, parameter: float) -> N
     ratio = np.where(half == 0, wide(1), np.sin(half) / np.where(half == 0, wide(1), half))
     angle = wide(problem.fleet.own_heading) + c * turned + half
     parts = [np.cos(angle), np.sin(angle)]
-    parts = parts if problem.fleet.system.heading_from == "x" else parts[::-1]
+    parts = parts if problem.fleet.arcs.heading_from == "x" else parts[::-1]
     moves = np.stack([c * v * step * ratio * part for part in parts], axis=1)
     return np.concatenate([np.zeros((1, 2), wide), np.cumsum(moves, axis=0)])
 
@@ -256,7 +256,7 @@ def test_a_corner_cut_between_grid_times_is_found() -> None:
     # two steps of 1.5 m past a thin wall: clear at every grid time, through it in between
     wall = {"wall": (Obstacle.box([[0.7, 0.8], [-1.0, 1.0]]),)}
     problem = problem_of(2, 0.0, "x", wall, "G avoid(wall)").with_(duration=2.0)
-    problem = problem.with_(fleet=replace(problem.fleet, heading=0.0))
+    problem = problem.with_(fleet=problem.fleet.with_(heading=0.0))
     controls = np.array([[1.5, 0.0], [1.5, 0.0]])
     assert all(problem.obstacles["wall"][0].distance(trajectories(problem, controls, np.ones((1, 1)))[0]) > 0)
     certificate = certify(problem, controls)
@@ -268,7 +268,7 @@ def test_a_corner_cut_between_grid_times_is_found() -> None:
 def test_touching_counts_as_clear_only_up_to_rounding() -> None:
     wall = {"wall": (Obstacle.box([[1.0, 2.0], [-1.0, 1.0]]),)}
     problem = problem_of(1, 0.0, "x", wall, "G avoid(wall)").with_(duration=1.0)
-    problem = problem.with_(fleet=replace(problem.fleet, heading=0.0))
+    problem = problem.with_(fleet=problem.fleet.with_(heading=0.0))
     certificate = certify(problem, np.array([[1.0, 0.0]]))
     assert certificate.proven == "undecided"
     assert abs(certificate.clearance) < 2e-3
@@ -359,7 +359,7 @@ def test_a_share_is_never_refuted_by_its_cells() -> None:
 def test_the_rounding_of_coordinates_does_not_grow_with_the_steps(at: float) -> None:
     """Ten thousand steps in a national grid: a coordinate is in one sum for each position, not in one for each step."""
     problem = problem_of(10_000, 0.1, "x", {}, "G x >= -1e9")
-    problem = problem.with_(fleet=replace(problem.fleet, position=np.array([at, at + 1e6])))
+    problem = problem.with_(fleet=problem.fleet.with_(position=np.array([at, at + 1e6])))
     controls = random_controls(np.random.default_rng(3), 10_000)
     flow = Flow.of(problem, controls)
     exact = _long_double_path(problem, controls, 1.03) + problem.fleet.position.astype(np.longdouble)

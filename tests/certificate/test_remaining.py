@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -44,7 +42,7 @@ def test_no_member_of_the_set_is_below_what_is_proven(away: float, turn: float, 
     for _ in range(4):
         angle, far = rng.uniform(0, 2 * np.pi), away * np.sqrt(rng.choice([1.0, rng.random()]))
         place = far * np.array([np.cos(angle), np.sin(angle)])
-        fleet = replace(FLEET, position=place, heading=FLEET.heading + turn * rng.choice([-1.0, 1.0, 0.3]))
+        fleet = FLEET.with_(position=place, heading=FLEET.heading + turn * rng.choice([-1.0, 1.0, 0.3]))
         run = replay(problem.with_(fleet=fleet), CONTROLS, members=5, substeps=8)
         assert min(c.distance for c in run.clearances) >= min(certificate.clearance, 1e3) - 1e-9
         assert run.worst[0] >= certificate.least - 1e-9
@@ -84,13 +82,13 @@ def test_nothing_left_to_do_is_proven() -> None:
 
 
 def test_a_turn_that_leads_into_an_obstacle_is_not_proven() -> None:
-    turned = PROBLEM.with_(fleet=replace(FLEET, heading=FLEET.heading - 0.5))
+    turned = PROBLEM.with_(fleet=FLEET.with_(heading=FLEET.heading - 0.5))
     assert replay(turned, CONTROLS, members=5, substeps=8).violating.any()
     assert certify_set(PROBLEM, CONTROLS, 0.0, 0.0).proven
     assert not certify_set(PROBLEM, CONTROLS, 0.0, 0.5).proven
 
 
 def test_a_start_that_leads_into_an_obstacle_is_not_proven() -> None:
-    moved = PROBLEM.with_(fleet=replace(FLEET, position=np.array([0.0, -0.5])))
+    moved = PROBLEM.with_(fleet=FLEET.with_(position=np.array([0.0, -0.5])))
     assert replay(moved, CONTROLS, members=5, substeps=8).violating.any()
     assert not certify_set(PROBLEM, CONTROLS, 0.5, 0.0).proven

@@ -125,7 +125,7 @@ def test_only_four_things_are_required() -> None:
 
 def test_a_heading_from_y_counts_clockwise() -> None:
     problem = config.load_text(LEAST.replace("heading: 0", "heading: 30 deg, heading_from: y"))
-    assert problem.fleet.system.heading_from == "y"
+    assert problem.fleet.arcs.heading_from == "y"
     assert problem.fleet.heading == pytest.approx(math.pi / 3)
     assert problem.fleet.own_heading == pytest.approx(math.pi / 6)
 

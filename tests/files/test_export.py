@@ -23,9 +23,9 @@ from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.files.config.geojson import shapes_of
 from ensemble_ctrl.files.export.tube import areas
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import states, trajectories
-from ensemble_ctrl.problem.ode_fleet import OdeFleet
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import OdeSystem, PlanarQuadrotor
 from tests.report.plans import ode_made
 
@@ -130,7 +130,7 @@ def test_a_system_without_enclosure_has_no_tube(tmp_path: Path) -> None:
         def xdot(self, x: Any, u: Any, psi: Any) -> list[Any]:
             return [x[0] ** 2 + u[0]]
 
-    problem = OdeProblem("out", OdeFleet(Escaping(), {}, {"x": 1.0}), 2.0, 10, parse("G x >= -1"))
+    problem = Problem("out", Fleet(Escaping(), {}, start={"x": 1.0}), 2.0, 10, parse("G x >= -1"))
     with pytest.raises(UnsupportedError, match=r"geojson: nothing is proven of where the fleet is: .*runs away"):
         Plan(problem, np.zeros((10, 1)), "planned").export(tmp_path / "tube.geojson")
 
@@ -279,7 +279,7 @@ def test_a_bag_of_robots_in_space_has_their_places_and_attitudes(tmp_path: Path)
     sent = messages["/commands"]
     assert [t for t, _ in sent] == [100_000_000 * k for k in range(11)]
     assert {m.layout.dim[0].label for _, m in sent} == {"thrust, tau_x, tau_y, tau_z"}
-    assert isinstance(plan.problem, OdeProblem)
+    assert isinstance(plan.problem, Problem)
     rest = plan.problem.fleet.rest(plan.problem.fleet.center)
     np.testing.assert_array_equal([m.data for _, m in sent], [*controls.tolist(), rest])
     for k, member in enumerate(plan.problem.fleet.spread(2)):
@@ -293,8 +293,8 @@ def test_a_bag_of_robots_in_space_has_their_places_and_attitudes(tmp_path: Path)
 
 def test_a_bag_of_a_vertical_plane_is_along_its_axes_and_thrust_is_along_the_robot_s_z(tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
-    fleet = OdeFleet(PlanarQuadrotor(), {"mass": Interval(0.9, 1.1)}, {"z": 2.0, "tilt": 0.3})
-    problem = OdeProblem("out", fleet, 1.0, 4, parse("G z >= 0"))
+    fleet = Fleet(PlanarQuadrotor(), {"mass": Interval(0.9, 1.1)}, start={"z": 2.0, "tilt": 0.3})
+    problem = Problem("out", fleet, 1.0, 4, parse("G z >= 0"))
     plan = Plan(problem, np.tile([9.81, 0.01], (4, 1)), "planned")
     [(_, path)] = bag_of(plan.export(tmp_path / "plan", "rosbag", members=1))["/member_0/path"]
     pose, tilt = path.poses[0].pose, 0.3

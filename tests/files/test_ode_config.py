@@ -55,10 +55,10 @@ def refused(text: str) -> str:
 
 def test_a_good_one() -> None:
     problem = ec.load_text(GOOD)
-    assert isinstance(problem, ec.OdeProblem)
+    assert isinstance(problem, ec.Problem)
     assert problem.fleet.position.tolist() == [0, 0, 1]
     assert problem.fleet.start_states(problem.fleet.center[None])[6, 0] == 1.0
-    assert problem.fleet.input_upper.tolist() == [120, 2, 2, 0.5]  # type: ignore[union-attr]
+    assert problem.fleet.input_upper.tolist() == [120, 2, 2, 0.5]
     assert (problem.steps, problem.verify.certificate) == (10, True)
     (wall,) = problem.obstacles["wall"]
     assert isinstance(wall, ec.Solid)
@@ -113,15 +113,15 @@ def test_mistakes_are_placed(old: str, new: str, message: str) -> None:
         ("solve: {guarantee: moment}", "bad.yaml:14:20: error: solve.guarantee: moment is not for the quadrotor"),
         ("solve: {method: minlp}", "solve.method: minlp is not for the quadrotor"),
         ("solve: {cells: 4}", "solve.cells: cells are not for the quadrotor"),
-        ("report: {twin: true}", "report.twin: the twin is not for the quadrotor"),
+        ("report: {twin: true}", "report.twin: the unconstrained baseline is not for the quadrotor"),
         (
             "motions: {wall: {path: [[0, [0, 0]], [1, [1, 0]]]}}",
-            "motions.wall: moving obstacles are not for the quadrotor",
+            "motions: moving obstacles are not for the quadrotor",
         ),
         ("objective: {terminal: {target: [1, 2]}}", "objective.terminal.target: expected [x, y, z]"),
         (
             "objective: {terminal: {target: {payload: [[0, [1, 2]], [0.5, [1, 2]]]}}}",
-            "only a place can be the target of a quadrotor",
+            "objective.terminal.target: formations, moments and spreads as targets are not for the quadrotor",
         ),
     ],
 )
@@ -219,6 +219,6 @@ def test_a_line_has_regions_but_no_obstacles(tmp_path: Path) -> None:
 
 def test_the_schema_knows_both_kinds_of_fleet() -> None:
     described: dict[str, Any] = schema()
-    kinds = described["properties"]["fleet"]["anyOf"]
-    assert {kind["$ref"].rsplit("/", 1)[1] for kind in kinds} == {"FleetSection", "OdeFleetSection"}
-    assert "settings" in described["$defs"]["OdeFleetSection"]["properties"]
+    kinds = described["properties"]["fleet"]["oneOf"]
+    assert {kind["$ref"].rsplit("/", 1)[1] for kind in kinds} == {"FleetSection", "SystemFleetSection"}
+    assert "settings" in described["$defs"]["SystemFleetSection"]["properties"]

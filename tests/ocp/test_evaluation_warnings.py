@@ -32,8 +32,8 @@ def test_a_search_among_states_that_are_no_numbers_is_silent(
 ) -> None:
     if not in_a_process:
         monkeypatch.setattr(parallel, "workers", lambda _: 0)
-    fleet = ec.OdeFleet(Root(), {"start_x": ec.Interval(-0.05, 0.05)}, {"x": 0.3})
-    problem = ec.OdeProblem("root", fleet, duration=2.0, steps=10, task=parse("G[1, 2] (x >= -1 and x <= 0.2)"))
+    fleet = ec.Fleet(Root(), {"start_x": ec.Interval(-0.05, 0.05)}, start={"x": 0.3})
+    problem = ec.Problem("root", fleet, duration=2.0, steps=10, task=parse("G[1, 2] (x >= -1 and x <= 0.2)"))
     options = ec.SolveOptions(max_iterations=30)
     ec.plan(problem.with_(solve=options), log=tmp_path / "solver.log", check=False)
     written = capfd.readouterr()

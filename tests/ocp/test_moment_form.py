@@ -38,7 +38,7 @@ M = 4 * 8.0
 
 def problem_of(task: str) -> Problem:
     """A block to avoid and a room to stay in."""
-    fleet = replace(FLEET, position=AWAY, radius=RADIUS)
+    fleet = FLEET.with_(position=AWAY, radius=RADIUS)
     problem = Problem("p", fleet, STEPS * STEP, STEPS, parse(task), {"room": ROOM}, {"block": (BLOCK,)})
     return problem.with_(solve=replace(problem.solve, guarantee="moment", margin=MARGIN))
 

@@ -30,8 +30,8 @@ def present_at(program: OnlineProgram, controls: Floats, at: int, free: int, gro
     """The fleet where the commands before `at` lead its middle member, from there on."""
     problem, fleet = program.problem, program.problem.fleet
     middle = fleet.drives(fleet.center[None])
-    path = fleet.system.positions(controls, middle, problem.step)[0]
-    _, omega = fleet.system.rates(*controls.T)
+    path = fleet.arcs.paths(controls, middle, problem.step)[0]
+    _, omega = fleet.arcs.rates(*controls.T)
     drives = fleet.drives(fleet.bent_members(program.truncation.nodes))
     drives[:, 2] += problem.step * omega[:at].sum()
     drives[:, 3:] = path[at]

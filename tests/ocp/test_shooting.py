@@ -9,12 +9,12 @@ from scipy.optimize import linprog
 
 from ensemble_ctrl import (
     DoubleIntegrator,
+    Fleet,
     Interval,
     Objective,
     Obstacle,
-    OdeFleet,
-    OdeProblem,
     Polyhedron,
+    Problem,
     ProblemError,
     Solid,
     SolveOptions,
@@ -33,11 +33,11 @@ Floats = NDArray[np.float64]
 BLOCK = Obstacle.box([[1.5, 2.5], [-1.0, 0.4]])
 
 
-def problem(task: str = "G avoid(obstacles) and F[5, 6] in(goal)") -> OdeProblem:
+def problem(task: str = "G avoid(obstacles) and F[5, 6] in(goal)") -> Problem:
     """Point masses of 0.8 to 1.2 kg around a block."""
-    fleet = OdeFleet(DoubleIntegrator(), {"mass": Interval(0.8, 1.2)}, {}, radius=0.1)
+    fleet = Fleet(DoubleIntegrator(), {"mass": Interval(0.8, 1.2)}, radius=0.1)
     regions = {"goal": Polyhedron.box([[3.5, 5.5], [-0.8, 0.8]])}
-    return OdeProblem("masses", fleet, 6.0, 20, parse(task), regions, {"block": (BLOCK,)})
+    return Problem("masses", fleet, 6.0, 20, parse(task), regions, {"block": (BLOCK,)})
 
 
 def separable(points: Floats, corners: Floats) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ensemble_ctrl import DoubleIntegrator, Interval, OdeFleet, ProblemError, Quadrotor
+from ensemble_ctrl import DoubleIntegrator, Fleet, Interval, ProblemError, Quadrotor
 from ensemble_ctrl.ocp.traced import require_traceable
 
 
@@ -28,13 +28,13 @@ class Rounded(DoubleIntegrator):
 
 @pytest.mark.parametrize("system", [DoubleIntegrator(), Numpy()])
 def test_arithmetic_and_numpys_functions_are_the_same(system: DoubleIntegrator) -> None:
-    require_traceable(OdeFleet(system, {"mass": Interval(0.5, 2.0)}, {}))
+    require_traceable(Fleet(system, {"mass": Interval(0.5, 2.0)}))
 
 
 def test_so_is_the_quadrotor() -> None:
-    require_traceable(OdeFleet(Quadrotor(), {"payload": Interval(0.0, 0.5), "start_x": Interval(-1, 1)}, {}))
+    require_traceable(Fleet(Quadrotor(), {"payload": Interval(0.0, 0.5), "start_x": Interval(-1, 1)}))
 
 
 def test_what_expressions_do_not_know_is_refused() -> None:
     with pytest.raises(ProblemError, match=r"Rounded.xdot: expected arithmetic"):
-        require_traceable(OdeFleet(Rounded(), {"mass": Interval(0.5, 2.0)}, {}))
+        require_traceable(Fleet(Rounded(), {"mass": Interval(0.5, 2.0)}))

@@ -58,7 +58,7 @@ def cost_online(problem: Problem, controls: Floats, order: int) -> float:
     """What the program for loops minimises before the first step, at the controls."""
     program, fleet = OnlineProgram.of(problem, controls, order), problem.fleet
     drives = fleet.drives(fleet.bent_members(program.truncation.nodes))
-    present = InitialCondition(0, 0, drives, fleet.start[None, None], np.zeros(STEPS + 1), controls)
+    present = InitialCondition(0, 0, drives, fleet.start_place[None, None], np.zeros(STEPS + 1), controls)
     point = Point(program, present, controls)
     cost, short = point.cost(point.hyperplanes())
     assert short == 0

@@ -16,10 +16,10 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import load, load_text
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import conflicts, unit_of_parts
 from ensemble_ctrl.problem.evaluation.sampled import replay
-from ensemble_ctrl.problem.ode_fleet import OdeFleet
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.report.text import conflict_text, measured, proven
 from ensemble_ctrl.report.words import certificate_words
 from ensemble_ctrl.systems import OdeSystem
@@ -142,8 +142,8 @@ class Kelvin(Room):
 )
 def test_what_falls_short_is_said_in_its_unit(system: OdeSystem, task: str, words: str) -> None:
     regions = {"there": Polyhedron([[1.0]], [9.0], [12.0])}
-    fleet = OdeFleet(system, {}, {})
-    problem = OdeProblem("room", fleet, 2.0, 4, parse(task), regions)
+    fleet = Fleet(system, {})
+    problem = Problem("room", fleet, 2.0, 4, parse(task), regions)
     (found,) = conflicts(problem, np.zeros((4, 2)))
     assert conflict_text(found).startswith(f"{found.what} by {words} (")
     run = replay(problem, np.zeros((4, 2)))
@@ -160,13 +160,13 @@ def test_units_of_states_are_one_for_each_or_none() -> None:
 
 
 def test_what_is_proven_or_refuted_is_said_in_its_unit() -> None:
-    fleet = OdeFleet(Kelvin(), {}, {})
-    cold = OdeProblem("room", fleet, 2.0, 4, parse("G temp >= -9"))
+    fleet = Fleet(Kelvin(), {})
+    cold = Problem("room", fleet, 2.0, 4, parse("G temp >= -9"))
     proof = certify(cold, np.zeros((4, 2)))
     assert proven(cold, proof)[0][1].startswith("for every instant: rest of the task >= ")
     assert re.search(r">= (8\.9999|9\.0000) K \(", proven(cold, proof)[0][1])
     assert certificate_words(cold, proof).bounds[0].endswith(" K to spare.")
-    warm = OdeProblem("room", fleet, 2.0, 4, parse("F temp >= 9"))
+    warm = Problem("room", fleet, 2.0, 4, parse("F temp >= 9"))
     proof = certify(warm, np.zeros((4, 2)))
     assert "violates F temp >= 9 by 9 K" in proven(warm, proof)[0][1]
     assert "breaks F temp >= 9 by 9 K" in certificate_words(warm, proof).lead

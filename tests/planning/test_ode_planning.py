@@ -82,8 +82,8 @@ def test_a_better_plan_costs_less_than_a_seed() -> None:
 
 
 def test_the_same_from_python_with_nodes() -> None:
-    fleet = ec.OdeFleet(ec.DoubleIntegrator(), {"mass": ec.Interval(0.9, 1.1)}, {"x": 0.0})
-    problem = ec.OdeProblem(
+    fleet = ec.Fleet(ec.DoubleIntegrator(), {"mass": ec.Interval(0.9, 1.1)}, start={"x": 0.0})
+    problem = ec.Problem(
         name="push",
         fleet=fleet,
         duration=3.0,
@@ -109,8 +109,8 @@ def test_a_system_that_branches_on_its_state_is_refused() -> None:
         def xdot(self, x: Any, u: Any, psi: Any) -> Any:
             return super().xdot(x, u, psi) if float(np.max(x[0])) < 5 else [0.0] * 4
 
-    fleet = ec.OdeFleet(Choosing(), {"mass": ec.Interval(0.9, 1.1)}, {})
-    problem = ec.OdeProblem("choosing", fleet, 1.0, 5, parse("F x >= 0.1"))
+    fleet = ec.Fleet(Choosing(), {"mass": ec.Interval(0.9, 1.1)})
+    problem = ec.Problem("choosing", fleet, 1.0, 5, parse("F x >= 0.1"))
     with pytest.raises(ec.ProblemError, match=r"Choosing.xdot: expected arithmetic .* without choices on states"):
         ec.plan(problem)
 
@@ -225,16 +225,16 @@ class Escape(ec.OdeSystem):
         return [psi["k"] * x[0] ** 2 + u[0], 0 * x[1]]
 
 
-def escape(start: float, bound: float) -> ec.OdeProblem:
+def escape(start: float, bound: float) -> ec.Problem:
     """Keep x small; it can be kept where ``k x^2`` is below the bound of the command."""
-    fleet = ec.OdeFleet(
+    fleet = ec.Fleet(
         Escape(),
         {"k": ec.Interval(0.9, 1.2)},
-        {"x": start},
+        start={"x": start},
         input_lower=np.array([-bound]),
         input_upper=np.array([bound]),
     )
-    return ec.OdeProblem("escape", fleet, duration=2.0, steps=20, task=parse("G (x <= 3 and y <= 1)"))
+    return ec.Problem("escape", fleet, duration=2.0, steps=20, task=parse("G (x <= 3 and y <= 1)"))
 
 
 def test_a_fleet_that_runs_away_is_no_plan_and_says_what_when_and_for_whom(

@@ -112,7 +112,7 @@ def cost_by_hand(solution: Solution) -> float:
     """``-robustness of the visit + 10 |m(T) - m_F|^2 + 0.1 integral v^2 + omega^2``, members spread evenly."""
     problem, controls = solution.problem, solution.controls
     drives = np.array([[p, p, np.pi / 4, 1.0, 1.0] for p in np.linspace(0.9, 1.1, 401)])
-    paths = problem.fleet.system.positions(controls, drives, 0.1)
+    paths = problem.fleet.arcs.paths(controls, drives, 0.1)
     margin = problem.regions["goal"].margin(paths[:, 140:]).max(axis=1).min()
     off = ((paths[:, -1] - [6.5, 5.5]) ** 2).sum(axis=1)
     return float(-margin + 10 * 2 * off.mean() + 0.1 * 0.1 * (controls**2).sum())
@@ -138,7 +138,7 @@ def test_five_obstacles_with_other_orders_and_guarantees(order: int | None, guar
 
 
 def test_the_other_heading_convention_is_as_good() -> None:
-    fleet = replace(five().fleet, system=Unicycle("y" if five().fleet.system.heading_from == "x" else "x"))
+    fleet = replace(five().fleet, system=Unicycle("y" if five().fleet.arcs.heading_from == "x" else "x"))
     mirrored = solve(five().with_(fleet=fleet))
     check_good(mirrored)
     assert mirrored.attempt.value.cost == pytest.approx(planned().attempt.value.cost, abs=0.01)
@@ -168,7 +168,7 @@ def test_a_region_can_be_kept_out_of(task: str) -> None:
 def path_distance(solution: Solution, piece: Obstacle) -> float:
     """Smallest distance of some members from a piece."""
     fleet, problem = solution.problem.fleet, solution.problem
-    paths = fleet.system.positions(solution.controls, fleet.drives(fleet.grid(21)), problem.step)
+    paths = fleet.arcs.paths(solution.controls, fleet.drives(fleet.grid(21)), problem.step)
     return float(piece.distance(paths).min())
 
 

@@ -68,12 +68,10 @@ class Ball(ec.OdeSystem):
 
 def unstable(
     system: ec.OdeSystem, spread: dict[str, tuple[float, float]], start: dict[str, float], task: str, steps: int = 40
-) -> ec.OdeProblem:
+) -> ec.Problem:
     """A task for a fleet of an unstable system, in steps of 0.05 to 0.1 s; a plan has to be found, not proven."""
-    fleet = ec.OdeFleet(system, {name: ec.Interval(*ends) for name, ends in spread.items()}, start)
-    problem = ec.OdeProblem(
-        system.name, fleet, duration=4.0 if steps == 20 else steps / 20, steps=steps, task=parse(task)
-    )
+    fleet = ec.Fleet(system, {name: ec.Interval(*ends) for name, ends in spread.items()}, start=start)
+    problem = ec.Problem(system.name, fleet, duration=4.0 if steps == 20 else steps / 20, steps=steps, task=parse(task))
     return problem.with_(verify=ec.VerifyOptions(members=2_000, certificate=False))
 
 
@@ -108,7 +106,7 @@ def test_starts_that_run_away_are_one_less(monkeypatch: pytest.MonkeyPatch) -> N
     seen: list[Floats] = []
     real = transcribe
 
-    def looking(problem: ec.OdeProblem, truncation: Any, guess: Any, *given: Any) -> Any:
+    def looking(problem: ec.Problem, truncation: Any, guess: Any, *given: Any) -> Any:
         seen.append(guess.states)
         return real(problem, truncation, guess, *given)
 

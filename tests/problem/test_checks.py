@@ -148,7 +148,7 @@ def test_windows() -> None:
 
 
 def test_a_start_inside_an_obstacle() -> None:
-    error = only(fleet=replace(FLEET, position=np.array([3.25, 0.0])))
+    error = only(fleet=FLEET.with_(position=np.array([3.25, 0.0])))
     assert error.path == ("fleet", "start", "position")
     assert "0.25 m deep inside obstacle 'wall'" in error.message
 
@@ -243,7 +243,7 @@ def test_empty_and_unbounded_regions() -> None:
     half = Polyhedron([[1.0, 0.0]], [3.0], [np.inf])
     (odd,) = findings(problem(regions={"goal": half}))
     assert (odd.severity, odd.message) == ("warning", "this region is unbounded")
-    assert "2 dimensions, got 3" in only(regions={"goal": Polyhedron.box([[0, 1]] * 3)}).message
+    assert "2 dimensions (x, y), got 3" in only(regions={"goal": Polyhedron.box([[0, 1]] * 3)}).message
 
 
 def test_a_flat_region_is_no_crash() -> None:

@@ -36,7 +36,7 @@ def test_each_parameter_has_its_place_in_a_drive() -> None:
     np.testing.assert_allclose(drive, [1.0, 1.05, np.pi / 2 - 0.5 - 0.1, 1.2, 1.0])
     assert whole.bent == (0, 1)
     np.testing.assert_allclose(whole.shift, [0.1, 1.0])
-    np.testing.assert_allclose(whole.start, [1.1, 2.0])
+    np.testing.assert_allclose(whole.start_place, [1.1, 2.0])
 
 
 def test_equal_robots_need_no_parameter() -> None:
@@ -72,7 +72,7 @@ def test_wrong_members_are_refused(given: Any) -> None:
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"mass": (1, 2)}, "expected names among traction, .*, start_y, got 'mass'"),
+        ({"mass": (1, 2)}, "expected names among traction, .*, start_<state>, got 'mass'"),
         ({"traction": (1, 2), "linear_traction": (1, 2)}, "expected one of traction and linear_traction, got both"),
         ({"angular_traction": (1, 2), "traction": (1, 2)}, "expected one of angular_traction and traction, got both"),
     ],

@@ -140,7 +140,7 @@ def test_a_robot_with_a_radius_may_cut_a_corner_as_close_as_its_radius() -> None
     problem = five().with_(
         obstacles=corner,
         task=parse("G avoid(corner)"),
-        fleet=replace(five().fleet, radius=0.13, heading=np.pi / 4),
+        fleet=five().fleet.with_(radius=0.13, heading=np.pi / 4),
     )
     forward = np.zeros((160, 2))
     forward[:, 0] = 0.2  # passes the corner (1.9, 2.1) at a distance of 0.2 / sqrt(2) = 0.1414

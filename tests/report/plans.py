@@ -12,8 +12,8 @@ from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.moments import Interval
-from ensemble_ctrl.problem import OdeProblem, VerifyOptions
-from ensemble_ctrl.problem.ode_fleet import OdeFleet
+from ensemble_ctrl.problem import Problem, VerifyOptions
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import OdeSystem
 
 UNICYCLE = "fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}\n"
@@ -143,13 +143,13 @@ def ode_made(kind: str) -> Plan:
     """A replayed plan of such a fleet: pushed on steadily, or hovering with some speed; ``line`` fails its task."""
     if kind in ODE_PROBLEMS:
         problem = load_text(ODE_PROBLEMS[kind], name=kind)
-        command = [0.4, 0.05] if kind == "plane" else problem.fleet.rest(problem.fleet.center)  # type: ignore[attr-defined]
+        command = [0.4, 0.05] if kind == "plane" else problem.fleet.rest(problem.fleet.center)
     else:
         law = {"mass": Interval(0.8, 1.2), "drag": Interval(0.0, 0.2)} if kind == "line" else {}
         regions = {"goal": Polyhedron.box([[1.5, 2.0]]), "track": Polyhedron.box([[-0.5, 4.0]])}
         task = parse(f"F[1, {1.5 if law else 2}] in(goal) and G in(track) and G v <= 3")
         verify = VerifyOptions(members=50, certificate=False)
-        problem = OdeProblem("line", OdeFleet(Cart(), law, {}), 2.0, 20, task, regions, verify=verify)
+        problem = Problem("line", Fleet(Cart(), law), 2.0, 20, task, regions, verify=verify)
         command = [1.0]
     plan = Plan(problem, np.tile(command, (problem.steps, 1)), "infeasible" if kind == "line" else "planned")
     return checked(plan, plan.replay(), None)

@@ -23,7 +23,7 @@ def test_positions_are_the_integral_of_the_dynamics(seed: int, wheelbase: float,
     rng = np.random.default_rng(seed)
     controls = rng.uniform([-2.0, -0.6], [2.0, 0.6], (4, 2)) * (rng.random((4, 2)) < 0.8)
     linear, angular, heading, x, y = drive = rng.uniform(0.5, 1.5, 5)
-    path = Bicycle(axis, wheelbase).positions(controls, drive[None], 0.2)[0]
+    path = Bicycle(axis, wheelbase).paths(controls, drive[None], 0.2)[0]
     pose = np.array([x, y, heading])
     for (v, delta), reached in zip(controls, path[1:], strict=True):
 
@@ -51,7 +51,7 @@ def test_commands_turn_as_asked_or_as_hard_as_they_can(v: float, omega: float) -
 
 
 def test_a_standing_car_stays_whatever_its_steering_angle() -> None:
-    path = Bicycle().positions(np.array([[0.0, 0.5], [0.0, -0.6]]), np.array([[1.0, 1.0, 0.3, 2.0, 3.0]]), 0.1)
+    path = Bicycle().paths(np.array([[0.0, 0.5], [0.0, -0.6]]), np.array([[1.0, 1.0, 0.3, 2.0, 3.0]]), 0.1)
     np.testing.assert_array_equal(path[0], [[2.0, 3.0]] * 3)
 
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from ensemble_ctrl import DoubleIntegrator, Interval, OdeFleet, OdeSystem, ProblemError, Quadrotor, RunawayError
+from ensemble_ctrl import DoubleIntegrator, Fleet, Interval, OdeSystem, ProblemError, Quadrotor, RunawayError
 from ensemble_ctrl.systems.arrays import cos, exp, log, sin, sqrt, tan, tanh
 from ensemble_ctrl.systems.integration import ORDERS, Rule, extrapolated, halving_error, rk4
 
@@ -35,14 +35,14 @@ class Pendulum(OdeSystem):
         return [rate, -9.81 * sin(angle) + (u[0] - drag) / psi["mass"] + 0.1 * cos(tan(angle / 4))]
 
 
-def random_controls(fleet: OdeFleet, steps: int, seed: int) -> Floats:
+def random_controls(fleet: Fleet, steps: int, seed: int) -> Floats:
     """Commands anywhere in the middle half of their bounds."""
     low, high = np.asarray(fleet.input_lower), np.asarray(fleet.input_upper)
     share = 0.25 + 0.5 * np.random.default_rng(seed).random((steps, len(low)))
     return np.asarray(low + share * (high - low))
 
 
-def by_scipy(fleet: OdeFleet, controls: Floats, member: Floats, step: float) -> Floats:
+def by_scipy(fleet: Fleet, controls: Floats, member: Floats, step: float) -> Floats:
     """The states at the grid times by SciPy's rule of order 8."""
     x = fleet.start_states(member[None])[:, 0]
     psi = {name: float(value[0]) for name, value in fleet.psi(member[None]).items()}
@@ -58,9 +58,11 @@ def by_scipy(fleet: OdeFleet, controls: Floats, member: Floats, step: float) -> 
 
 
 FLEETS = {
-    "pendulum": OdeFleet(Pendulum(), {"mass": Interval(0.5, 2.0), "start_rate": Interval(-1.0, 1.0)}, {"angle": 2.0}),
-    "double_integrator": OdeFleet(DoubleIntegrator(), {"mass": Interval(0.5, 2.0)}, {"vy": 1.0}),
-    "quadrotor": OdeFleet(Quadrotor(), {"payload": Interval(0.0, 0.5)}, {"z": 1.0, "wx": 2.0, "wz": -1.0}),
+    "pendulum": Fleet(
+        Pendulum(), {"mass": Interval(0.5, 2.0), "start_rate": Interval(-1.0, 1.0)}, start={"angle": 2.0}
+    ),
+    "double_integrator": Fleet(DoubleIntegrator(), {"mass": Interval(0.5, 2.0)}, start={"vy": 1.0}),
+    "quadrotor": Fleet(Quadrotor(), {"payload": Interval(0.0, 0.5)}, start={"z": 1.0, "wx": 2.0, "wz": -1.0}),
 }
 
 
@@ -94,7 +96,7 @@ def test_the_exact_step_is_the_integral_of_the_rates() -> None:
     system, psi = DoubleIntegrator(), {"mass": np.array([0.5, 1.0, 2.0])}
     x = np.random.default_rng(0).standard_normal((4, 3))
     exact = system.flow(x, [1.0, -2.0], psi, 0.7, 1)
-    np.testing.assert_allclose(rk4(lambda at: system.rates(at, [1.0, -2.0], psi), x, 0.7, 1), exact, rtol=1e-13)
+    np.testing.assert_allclose(rk4(lambda at: system.derivatives(at, [1.0, -2.0], psi), x, 0.7, 1), exact, rtol=1e-13)
 
 
 @pytest.mark.parametrize("name", FLEETS)
@@ -107,7 +109,7 @@ def test_numpy_and_casadi_agree(name: str) -> None:
     generator = np.random.default_rng(5)
     at, command = generator.standard_normal(n_x), random_controls(fleet, 1, 2)[0]
     values = {key: np.array([value[0]]) for key, value in fleet.psi(fleet.center[None]).items()}
-    expected = system.rates(at[:, None], command, values)[:, 0]
+    expected = system.derivatives(at[:, None], command, values)[:, 0]
     found = np.array(function(at, command, [value[0] for value in values.values()])).ravel()
     np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
 
@@ -143,13 +145,13 @@ def test_rates_that_are_none(answer: Any, message: str) -> None:
     system = Broken()
     system.answer = answer
     with pytest.raises(ProblemError, match=message):
-        OdeFleet(system, {"mass": Interval(0.5, 2.0)}, {"angle": 1.0})
+        Fleet(system, {"mass": Interval(0.5, 2.0)}, start={"angle": 1.0})
 
 
 def test_states_that_run_away_or_are_too_stiff() -> None:
     system = Broken()
     system.answer = lambda x, psi: [x[0] ** 2, x[1]]
-    fleet = OdeFleet(system, {"mass": Interval(1.0, 2.0)}, {"angle": 1.0})
+    fleet = Fleet(system, {"mass": Interval(1.0, 2.0)}, start={"angle": 1.0})
     with pytest.raises(RunawayError, match=r"angle leaves all bounds at t = .* s for mass = 1$"):
         fleet.trajectories(np.zeros((20, 1)), fleet.corners, 0.2)
     system.answer = lambda x, psi: [-1e7 * (x[0] - x[1]), 0 * x[1]]
@@ -172,7 +174,7 @@ def test_states_that_run_away_or_are_too_stiff() -> None:
 def test_fleets_that_make_no_sense(change: dict[str, Any], message: str) -> None:
     given: dict[str, Any] = {"system": Pendulum(), "parameters": {}, "start": {}}
     with pytest.raises(ProblemError, match=message):
-        OdeFleet(**(given | change))
+        Fleet(**(given | change))
 
 
 @pytest.mark.parametrize(
@@ -188,4 +190,4 @@ def test_fleets_that_make_no_sense(change: dict[str, Any], message: str) -> None
 def test_systems_that_do_not_say_what_they_are(attribute: str, value: Any, message: str) -> None:
     odd = type("Odd", (Pendulum,), {attribute: value})
     with pytest.raises(ProblemError, match=message):
-        OdeFleet(odd(), {}, {})
+        Fleet(odd(), {})

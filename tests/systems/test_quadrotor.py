@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from ensemble_ctrl import Interval, OdeFleet, ProblemError, Quadrotor
+from ensemble_ctrl import Fleet, Interval, ProblemError, Quadrotor
 from ensemble_ctrl.systems.quadrotor import GRAVITY
 
 Floats = NDArray[np.float64]
 QUADROTOR = Quadrotor(mass=5.0, inertia=(0.07, 0.09, 0.15), payload_arm=0.2)
-FLEET = OdeFleet(QUADROTOR, {"payload": Interval(0.0, 0.5)}, {"z": 1.0, "wx": 0.5, "wy": -1.0, "wz": 2.0})
+FLEET = Fleet(QUADROTOR, {"payload": Interval(0.0, 0.5)}, start={"z": 1.0, "wx": 0.5, "wy": -1.0, "wz": 2.0})
 
 
 def cross_matrix(w: Floats) -> Floats:
@@ -54,7 +54,7 @@ def test_it_is_the_papers(payload: float) -> None:
 def test_the_length_of_the_quaternion_does_not_matter() -> None:
     """A quaternion twice as long is the same attitude, and moves the same way."""
     controls = np.random.default_rng(1).uniform([30, -1, -1, -1], [60, 1, 1, 1], (10, 4))
-    long = OdeFleet(QUADROTOR, FLEET.parameters, {**FLEET.start, "qw": 2.0})
+    long = Fleet(QUADROTOR, FLEET.parameters, start={**FLEET.start, "qw": 2.0})
     members = FLEET.corners
     ours, theirs = (f.trajectories(controls, members, 0.1) for f in (FLEET, long))
     np.testing.assert_allclose(theirs[..., :6], ours[..., :6], atol=1e-8)
@@ -63,7 +63,7 @@ def test_the_length_of_the_quaternion_does_not_matter() -> None:
 
 def test_it_hovers_at_its_own_weight_and_no_other() -> None:
     """Unequal masses under one thrust drift apart by half (T/m - g) t^2: what no open-loop control can prevent."""
-    fleet = OdeFleet(QUADROTOR, {"payload": Interval(0.0, 0.5)}, {"z": 1.0})
+    fleet = Fleet(QUADROTOR, {"payload": Interval(0.0, 0.5)}, start={"z": 1.0})
     controls = np.tile(fleet.rest(np.array([0.25])), (20, 1))
     heights = fleet.trajectories(controls, np.array([[0.0], [0.25], [0.5]]), 0.1)[:, :, 2]
     times = 0.1 * np.arange(21)
@@ -96,4 +96,4 @@ def test_bodies_that_there_are_not(settings: dict[str, Any], message: str) -> No
 )
 def test_payloads_that_there_are_not(lower: float, arm: float, message: str) -> None:
     with pytest.raises(ProblemError, match=message):
-        OdeFleet(Quadrotor(mass=4.0, payload_arm=arm), {"payload": Interval(lower, 0.5)}, {})
+        Fleet(Quadrotor(mass=4.0, payload_arm=arm), {"payload": Interval(lower, 0.5)})

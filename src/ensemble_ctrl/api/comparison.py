@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ensemble_ctrl.api.plans import Plan, plan
-from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect
 from ensemble_ctrl.planning.planner import Progress
-from ensemble_ctrl.problem import Guarantee, Method, OdeProblem, Problem
+from ensemble_ctrl.problem import Guarantee, Method, Problem
+from ensemble_ctrl.problem.capabilities import require
 
 VARIANTS: dict[str, tuple[Guarantee, Method]] = {
     "moment": ("moment", "nlp"),
@@ -67,15 +68,14 @@ def compare(
     Raises
     ------
     UnsupportedError
-        For a fleet that follows a differential equation: half of the variants are not for it.
+        For a system that it is not for (`ensemble_ctrl.problem.capabilities`).
 
     Notes
     -----
     Nothing is tightened after the first solution, so that each row shows what its constraints alone give.
     """
     expect("problem", problem, Problem)
-    if isinstance(problem, OdeProblem):
-        raise UnsupportedError(f"compare: expected robots on arcs, got the {problem.fleet.system.name}")
+    require(problem, "compare")
     without = left_out(problem, variants)
     return tuple(_compared(problem, name, progress) for name in variants if name not in without)
 

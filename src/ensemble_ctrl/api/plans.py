@@ -21,7 +21,8 @@ from ensemble_ctrl.core.values import called, expect, number, numbers, path_of, 
 from ensemble_ctrl.files import planfile
 from ensemble_ctrl.files.config import dump, load, load_text
 from ensemble_ctrl.moments import Law
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.capabilities import supports
 from ensemble_ctrl.problem.evaluation.arrival import arrival, risk
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict, conflicts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, replay
@@ -424,7 +425,7 @@ def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
 
     left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())
     over = plan.verified or plan.status not in ("infeasible", "limit") or left < 1
-    if over or isinstance(plan.problem, OdeProblem):
+    if over or not supports(plan.problem, "suggest"):
         return plan
     found = plan.suggest(min(SECONDS, left), progress=progress)
     helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]

@@ -17,8 +17,8 @@ from ensemble_ctrl.core.plain import to_json as to_json
 from ensemble_ctrl.core.storage import put_file, read_regular
 from ensemble_ctrl.core.version import __version__
 from ensemble_ctrl.files.config import dump
-from ensemble_ctrl.files.config.ode_section import source_file
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.files.config.system_section import source_file
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task
 from ensemble_ctrl.problem.evaluation.sampled import Replay
 
@@ -34,7 +34,7 @@ def write_results(plan: Plan, folder: Path, command: Sequence[str]) -> None:
     plan.save(folder / "plan.npz")
     put_file(folder / "controls.csv", controls_csv(plan))
     put_file(folder / "problem.yaml", dump(plan.problem))
-    if isinstance(plan.problem, OdeProblem) and (source := source_file(plan.problem.fleet.system)):
+    if source := source_file(plan.problem.fleet.system):
         put_file(folder / source.name, source.read_bytes())
     if plan.certificate is not None:
         _write_json(folder / "certificate.json", claim(plan.certificate))

@@ -105,11 +105,11 @@ class Flow:
         fleet = problem.fleet
         each = [(fleet.parameters if ranges is None else ranges)[name] for name in fleet.names]
         lower, upper = (np.array([getattr(one, end) for one in each], dtype=float) for end in ("lower", "upper"))
-        v, omega = fleet.system.rates(*np.asarray(controls, dtype=float).T)
+        v, omega = fleet.arcs.rates(*np.asarray(controls, dtype=float).T)
         mesh = Mesh.of(problem.duration, len(v)) if mesh is None else mesh
         v, omega = (np.where(mesh.owner < len(rate), rate[mesh.owner % len(rate)], 0.0) for rate in (v, omega))
         turned = np.concatenate([[0.0], np.cumsum(mesh.length * omega)[:-1]])
-        swapped = fleet.system.heading_from == "y"
+        swapped = fleet.arcs.heading_from == "y"
         drive = lower, upper, fleet.origin, fleet.directions, swapped
         return cls(*drive, mesh.length, mesh.begin, v, omega, turned, _extent(problem))
 

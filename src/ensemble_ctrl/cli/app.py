@@ -505,14 +505,12 @@ def online(
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""
-    from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS, ArcSystem, OdeSystem
+    from ensemble_ctrl.systems import SYSTEMS
 
-    known: dict[str, type[ArcSystem] | type[OdeSystem]] = {**SYSTEMS, **ODE_SYSTEMS}
-    for name, system in known.items():
+    for name, system in SYSTEMS.items():
         controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
         say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {', '.join(system.parameters)}")
-        if name in ODE_SYSTEMS:
-            say(f"{'':<18}states {', '.join(ODE_SYSTEMS[name].states)}")
+        say(f"{'':<18}states {', '.join(system.states)}")
     say("your own: fleet: {model: {python: my_system.py:MySystem}}, with --trust")
 
 

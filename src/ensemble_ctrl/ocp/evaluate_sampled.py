@@ -11,7 +11,7 @@ from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, r
 from ensemble_ctrl.ocp.cost import CommandCost, cost
 from ensemble_ctrl.ocp.evaluate import Value, rate_excess
 from ensemble_ctrl.ocp.states import scale_of
-from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ INFINITE = 1e6
 """Metres of shortfall where a state is not finite."""
 
 
-def evaluate(problem: OdeProblem, controls: Floats, members: Floats | None = None) -> Value:
+def evaluate(problem: Problem, controls: Floats, members: Floats | None = None) -> Value:
     """Evaluate `controls` of shape (steps, n_u) for the whole fleet, or for some members alone."""
     fleet, aim, step = problem.fleet, problem.objective, problem.duration / len(controls)
     scale = scale_of(problem)
@@ -48,7 +48,7 @@ def _spread(parameters: int) -> Floats:
     return np.array(list(product(*[axis] * parameters)), dtype=float).reshape(len(axis) ** parameters, parameters)
 
 
-def _robustness(problem: OdeProblem, states: Floats, controls: Floats, draws: bool) -> float:
+def _robustness(problem: Problem, states: Floats, controls: Floats, draws: bool) -> float:
     """Exact robustness of the task's other parts than avoidance, worst of the members at the grid times."""
     fleet, step = problem.fleet, problem.duration / len(controls)
     formulas = [part.formula for part in problem.specification.parts]
@@ -61,14 +61,14 @@ def _robustness(problem: OdeProblem, states: Floats, controls: Floats, draws: bo
     return min(values, default=0.0)
 
 
-def _gap(problem: OdeProblem, paths: Floats) -> float:
+def _gap(problem: Problem, paths: Floats) -> float:
     """Smallest distance, beyond the radius, of any member from what it is to keep out of at the sampled times."""
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     found = (avoid.distances(paths, times).min(initial=np.inf) for avoid in problem.specification.avoid)
     return min(map(float, found), default=np.inf)
 
 
-def _terminal(problem: OdeProblem, controls: Floats) -> float:
+def _terminal(problem: Problem, controls: Floats) -> float:
     """Twice the fleet's mean squared distance from the target, weighted."""
     aim, fleet = problem.objective, problem.fleet
     if not isinstance(aim.target, np.ndarray):

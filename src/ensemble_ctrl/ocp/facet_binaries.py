@@ -198,7 +198,7 @@ def workspace(problem: Problem, curve: Floats) -> Workspace:
     """
     fleet = problem.fleet
     pieces = (piece for avoid in problem.specification.avoid for piece in avoid.pieces)
-    corners = [fleet.start[None], curve.reshape(-1, 2), *(piece.vertices for piece in pieces)]
+    corners = [fleet.start_place[None], curve.reshape(-1, 2), *(piece.vertices for piece in pieces)]
     corners += [r.vertices for r in problem.regions.values() if r.is_bounded and not r.is_empty]
     corners += [] if problem.objective.place is None else [problem.objective.place[None]]
     every = np.concatenate(corners)
@@ -207,8 +207,8 @@ def workspace(problem: Problem, curve: Floats) -> Workspace:
     speed = max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0])) * fleet.fastest[0]
     reach = speed * np.linspace(0.0, problem.duration, len(curve))[:, None]
     return Workspace(
-        np.minimum(np.maximum(low - spare, fleet.start - reach), curve.min(axis=1)),
-        np.maximum(np.minimum(high + spare, fleet.start + reach), curve.max(axis=1)),
+        np.minimum(np.maximum(low - spare, fleet.start_place - reach), curve.min(axis=1)),
+        np.maximum(np.minimum(high + spare, fleet.start_place + reach), curve.max(axis=1)),
     )
 
 

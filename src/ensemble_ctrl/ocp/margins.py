@@ -24,18 +24,18 @@ def curvature(problem: Problem, truncation: Truncation, steps: int) -> float:
     """Metres by which an arc leaves its chord for ``|v omega| = 1``; none unless the points are hulls."""
     if not truncation.hull:
         return 0.0
-    return float(problem.fleet.system.sagitta(1.0, 1.0, *problem.fleet.fastest, problem.duration / steps))
+    return float(problem.fleet.arcs.sagitta(1.0, 1.0, *problem.fleet.fastest, problem.duration / steps))
 
 
 def bulge(problem: Problem, curvature: float, first: Any, second: Any) -> Any:
     """Metres for the arc of one step, an expression of its two commands."""
-    v, omega = problem.fleet.system.rates(first, second, CasadiArrays)
+    v, omega = problem.fleet.arcs.rates(first, second, CasadiArrays)
     return curvature * ca.sqrt((v * omega) ** 2 + SMOOTH**2)
 
 
 def largest_bulge(problem: Problem, truncation: Truncation, steps: int) -> float:
     """The largest `bulge` that the inputs allow, metres."""
-    v, omega = problem.fleet.system.rates(
+    v, omega = problem.fleet.arcs.rates(
         *np.maximum(np.abs(problem.fleet.input_lower), np.abs(problem.fleet.input_upper))
     )
     return curvature(problem, truncation, steps) * float(np.hypot(v * omega, SMOOTH))

@@ -137,7 +137,7 @@ def _times(steps: NDArray[np.bool_]) -> Ints:
 def _big_m(problem: Problem) -> float:
     """An M that no position or facet offset on the map exceeds: start, target, regions, obstacles along their way."""
     times = np.linspace(0.0, problem.duration, problem.steps + 1)
-    corners = [problem.fleet.start + problem.fleet.shift, problem.fleet.start - problem.fleet.shift]
+    corners = [problem.fleet.start_place + problem.fleet.shift, problem.fleet.start_place - problem.fleet.shift]
     corners = [corner[None] for corner in corners]
     corners += [] if problem.objective.place is None else [problem.objective.place[None]]
     corners += [

@@ -108,7 +108,7 @@ class Positions:
 
     def _turning(self) -> Block:
         """``turned`` is the running integral of the turn rate."""
-        system, layout, step = self.problem.fleet.system, self.layout, self.step
+        system, layout, step = self.problem.fleet.arcs, self.layout, self.step
         columns = np.column_stack([layout.controls, layout.turned[:-1], layout.turned[1:]])
         zero = np.zeros((layout.steps, 1))
 
@@ -121,7 +121,7 @@ class Positions:
 
     def _moving(self) -> Block:
         """The points move by the image C of the Gauss-node robots' exact displacements d."""
-        system, layout, step, n = self.problem.fleet.system, self.layout, self.step, self.layout.count
+        system, layout, step, n = self.problem.fleet.arcs, self.layout, self.step, self.layout.count
         image = ca.DM(self.truncation.to_points)
         linear, angular, heading = (ca.DM(column) for column in node_drives(self.problem, self.truncation)[:, :3].T)
 
@@ -148,7 +148,7 @@ class Positions:
     def start(self, x: Floats) -> None:
         """Commands, turn and points under the guess."""
         controls, layout = self.guess.controls, self.layout
-        _, omega = self.problem.fleet.system.rates(*controls.T)
+        _, omega = self.problem.fleet.arcs.rates(*controls.T)
         x[layout.controls] = controls
         x[layout.turned] = np.concatenate([[0.0], np.cumsum(omega) * self.step])
         x[layout.points] = np.concatenate([self.curve[..., 0], self.curve[..., 1]], axis=1)

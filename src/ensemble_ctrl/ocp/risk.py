@@ -71,7 +71,7 @@ def risk_rows(
         return None
     members = problem.fleet.representatives(MEMBERS[risk.of])
     seen = truncation.evaluation(_scaled(problem, members))
-    offset = problem.fleet.drives(members)[:, 3:] - problem.fleet.start
+    offset = problem.fleet.drives(members)[:, 3:] - problem.fleet.start_place
     level, excess = layout.more(1), layout.more(len(members))
     if risk.of == "terminal":
         offset = offset - problem.objective.places(problem.fleet, members)

@@ -18,7 +18,7 @@ from ensemble_ctrl.ocp.rounds import GAIN, Attempt, with_work
 from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Watch, solve
 from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation
-from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.systems.integration import rk4
 
 Floats = NDArray[np.float64]
@@ -54,7 +54,7 @@ class Clock(Protocol):
 class Stage:
     """One choice of node robots, and how finely they are integrated."""
 
-    problem: OdeProblem
+    problem: Problem
     truncation: Truncation
     substeps: int
 
@@ -77,13 +77,13 @@ class Stage:
         return Iterate(controls, np.repeat(states, len(self.truncation.nodes), axis=2), self.substeps)
 
 
-def nominal(problem: OdeProblem) -> Truncation:
+def nominal(problem: Problem) -> Truncation:
     """The middle member alone."""
     none = (0,) * len(problem.fleet.names)
     return Truncation(none, none, False)
 
 
-def whole(problem: OdeProblem, order: int | None = None) -> Truncation:
+def whole(problem: Problem, order: int | None = None) -> Truncation:
     """Node robots for the whole fleet, at the order given or the problem's, and what of them keeps the constraints."""
     count = len(problem.fleet.names)
     if order is None:
@@ -91,7 +91,7 @@ def whole(problem: OdeProblem, order: int | None = None) -> Truncation:
     return Truncation((order,) * count, (order,) * count, problem.solve.guarantee == "hull", problem.fleet.bent_laws)
 
 
-def first(problem: OdeProblem, guess: Guess, clock: Clock, watch: Watch | None) -> tuple[Attempt, Floats]:
+def first(problem: Problem, guess: Guess, clock: Clock, watch: Watch | None) -> tuple[Attempt, Floats]:
     """Controls for the middle member from a geometric guess, with its states, shape (steps + 1, n_x, 1)."""
     stage = Stage(problem, nominal(problem), _substeps(problem, guess.iterate.controls))
     iterate = replace(guess.iterate, substeps=stage.substeps)
@@ -104,7 +104,7 @@ def first(problem: OdeProblem, guess: Guess, clock: Clock, watch: Watch | None) 
     return with_work(more, found, more), states
 
 
-def second(problem: OdeProblem, controls: Floats, states: Floats, clock: Clock, watch: Watch | None) -> Attempt:
+def second(problem: Problem, controls: Floats, states: Floats, clock: Clock, watch: Watch | None) -> Attempt:
     """Controls for the whole fleet from those of the middle member and its states."""
     stage = Stage(problem, whole(problem), _substeps(problem, controls))
     iterate = stage.simulated(controls)
@@ -114,20 +114,20 @@ def second(problem: OdeProblem, controls: Floats, states: Floats, clock: Clock, 
     return _rounds(stage, iterate, FLEET_ROUNDS, clock, watch, 1e-2)[0]
 
 
-def again(problem: OdeProblem, restart: Restart, clock: Clock, watch: Watch | None) -> Attempt:
+def again(problem: Problem, restart: Restart, clock: Clock, watch: Watch | None) -> Attempt:
     """Controls for the whole fleet from another start: all node robots have the states of one member at first."""
     stage = Stage(problem, whole(problem, restart.order), RESTART_SUBSTEPS)
     iterate = stage.alike(restart.controls, restart.states)
     return _rounds(stage, iterate, FLEET_ROUNDS, clock, watch, restart.barrier)[0]
 
 
-def middle_does(problem: OdeProblem, controls: Floats) -> bool:
+def middle_does(problem: Problem, controls: Floats) -> bool:
     """Whether the middle member, alone, does the task under these controls, or nearly."""
     value = evaluate(problem, controls, problem.fleet.center[None])
     return value.keeps(-NEARLY) and value.excess <= NEARLY
 
 
-def given(problem: OdeProblem, controls: Floats) -> tuple[Attempt, Floats]:
+def given(problem: Problem, controls: Floats) -> tuple[Attempt, Floats]:
     """A caller's controls as an attempt that cost nothing, with the middle member's states."""
     stage = Stage(problem, nominal(problem), _substeps(problem, controls))
     return _start(stage, controls), np.nan_to_num(stage.simulated(controls).states)
@@ -138,7 +138,7 @@ def runs_away(attempt: Attempt) -> bool:
     return attempt.value.gap <= -INFINITE
 
 
-def _substeps(problem: OdeProblem, controls: Floats) -> int:
+def _substeps(problem: Problem, controls: Floats) -> int:
     """Runge-Kutta steps within the program."""
     try:
         found = problem.fleet.substeps(controls, problem.duration / len(controls), ACCURACY, rk4)

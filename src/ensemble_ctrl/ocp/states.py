@@ -29,13 +29,13 @@ from ensemble_ctrl.ocp.program import Block
 from ensemble_ctrl.ocp.traced import moved
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.ocp.weights import STATE_SLACK_WEIGHT
-from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def scale_of(problem: OdeProblem) -> Scale:
+def scale_of(problem: Problem) -> Scale:
     """Commands in half widths of their bounds; those that keep the middle member at rest take no effort."""
     fleet = problem.fleet
     return Scale.of_bounds(np.asarray(fleet.input_lower), np.asarray(fleet.input_upper), fleet.rest(fleet.center))
@@ -45,7 +45,7 @@ def scale_of(problem: OdeProblem) -> Scale:
 class States:
     """States of the node robots at every grid time."""
 
-    problem: OdeProblem
+    problem: Problem
     truncation: Truncation
     guess: Iterate
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.problem.ode_fleet import OdeFleet
-from ensemble_ctrl.systems import OdeSystem
+from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.systems import System
 from ensemble_ctrl.systems.integration import rk4
 
 Floats = NDArray[np.float64]
@@ -23,7 +23,7 @@ CLOSE = 1e-9
 """Relative difference allowed."""
 
 
-def moved(system: OdeSystem, before: ca.SX, u: list[ca.SX], psi: dict[str, ca.SX], step: float, substeps: int) -> ca.SX:
+def moved(system: System, before: ca.SX, u: list[ca.SX], psi: dict[str, ca.SX], step: float, substeps: int) -> ca.SX:
     """The state after a step of a constant command, as an expression."""
 
     def build() -> Any:
@@ -34,7 +34,7 @@ def moved(system: OdeSystem, before: ca.SX, u: list[ca.SX], psi: dict[str, ca.SX
     return _traced(system, build)
 
 
-def require_traceable(fleet: OdeFleet) -> None:
+def require_traceable(fleet: Fleet) -> None:
     """Refuse a system whose expressions differ from its numbers: one with an ``if`` or `numpy.where` on a state.
 
     Raises
@@ -57,7 +57,7 @@ def require_traceable(fleet: OdeFleet) -> None:
     own = fleet.psi(members)
     with np.errstate(all="ignore"):
         one_by_one = (
-            system.rates(states[:, [k]], list(commands[:, [k]]), {name: own[name][[k]] for name in names})
+            system.derivatives(states[:, [k]], list(commands[:, [k]]), {name: own[name][[k]] for name in names})
             for k in range(POINTS)
         )
         expected = np.hstack(list(one_by_one))
@@ -68,7 +68,7 @@ def require_traceable(fleet: OdeFleet) -> None:
         raise _refusal(system, f"the rate of {fleet.states[wrong[0][0]]} is another one there")
 
 
-def _traced(system: OdeSystem, build: Callable[[], Any]) -> ca.SX:
+def _traced(system: System, build: Callable[[], Any]) -> ca.SX:
     """An expression, or why there is none."""
     try:
         with warnings.catch_warnings():
@@ -78,7 +78,7 @@ def _traced(system: OdeSystem, build: Callable[[], Any]) -> ca.SX:
         raise _refusal(system, str(error).partition("\n")[0] or type(error).__name__) from error
 
 
-def _refusal(system: OdeSystem, reason: str) -> ProblemError:
+def _refusal(system: System, reason: str) -> ProblemError:
     """Why a system can't be planned for."""
     wanted = "arithmetic and the functions of ensemble_ctrl.systems.arrays, without choices on states"
     return ProblemError(

@@ -48,7 +48,7 @@ from ensemble_ctrl.ocp.states import States
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
 from ensemble_ctrl.ocp.terminal import terminal_blocks
 from ensemble_ctrl.ocp.truncation import Truncation
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -57,14 +57,8 @@ SLACK_START = 1e-3
 """Slack to start from, in metres or the unit of the task."""
 
 
-def _states(problem: Problem, truncation: Truncation, guess: Iterate) -> States:
-    """States of the node robots."""
-    assert isinstance(problem, OdeProblem)
-    return States(problem, truncation, guess)
-
-
-register(Entry("states", lambda problem: isinstance(problem, OdeProblem), _states))
-register(Entry("positions", lambda problem: not isinstance(problem, OdeProblem), Positions))
+register(Entry("states", lambda problem: problem.fleet.system.transcription == "states", States))
+register(Entry("positions", lambda problem: problem.fleet.system.transcription == "positions", Positions))
 
 
 @dataclass(frozen=True, eq=False)

@@ -197,7 +197,7 @@ def node_drives(problem: Problem, truncation: Truncation) -> Floats:
 def positions(problem: Problem, controls: Floats, members: Floats) -> Floats:
     """Exact positions of `members` of shape (members, parameters), shape (members, steps + 1, 2), metres."""
     fleet = problem.fleet
-    return fleet.system.positions(controls, fleet.drives(members), problem.duration / len(controls))
+    return fleet.arcs.paths(controls, fleet.drives(members), problem.duration / len(controls))
 
 
 def points(problem: Problem, controls: Floats, truncation: Truncation) -> Floats:

@@ -92,4 +92,6 @@ def _anywhere(problem: Problem) -> Polyhedron:
     fleet = problem.fleet
     speed = max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
     reach = 2 * float(speed * fleet.fastest[0]) * problem.duration + 1.0
-    return Polyhedron.box(np.column_stack([fleet.start - fleet.shift - reach, fleet.start + fleet.shift + reach]))
+    return Polyhedron.box(
+        np.column_stack([fleet.start_place - fleet.shift - reach, fleet.start_place + fleet.shift + reach])
+    )

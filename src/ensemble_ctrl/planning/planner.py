@@ -48,7 +48,7 @@ from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.solvers import AT_WORK, Iteration, SolverOptions, Watch
 from ensemble_ctrl.ocp.traced import require_traceable
 from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks import building_seconds, spoken
 
 Floats = NDArray[np.float64]
@@ -233,8 +233,11 @@ def solve(
     """
     _require_endable(problem)
     search = _Search(problem, progress, log)
-    if isinstance(problem, OdeProblem):
-        return _by_shooting(search, problem, guess)
+    return STRATEGIES[problem.fleet.system.transcription](search, problem, guess)
+
+
+def _by_positions(search: _Search, problem: Problem, guess: Floats | None) -> Solution:
+    """In positions of the truncated curve: routes, coarse and fine solves, further guesses, other facets."""
     seconds: dict[str, float] = {}
     search.tell("guess")
     steps = coarse_steps(problem)
@@ -301,8 +304,8 @@ def _require_endable(problem: Problem) -> None:
         raise ProblemError(f"horizon.steps: expected fewer {where}, got {problem.steps}: {why}")
 
 
-def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> Solution:
-    """The search for fleets that follow a differential equation (`ensemble_ctrl.ocp.state_rounds`).
+def _by_states(search: _Search, problem: Problem, guess: Floats | None) -> Solution:
+    """In full states of the members at the nodes, by multiple shooting (`ensemble_ctrl.ocp.state_rounds`).
 
     Each guess is solved for the middle member; the best is solved for the whole fleet, the next best where that fails,
     and last from other starts. A guess that was given stands alone, unless a state runs away under it.
@@ -350,7 +353,7 @@ def _by_shooting(search: _Search, problem: OdeProblem, guess: Floats | None) -> 
     )
 
 
-def _for_middle(search: _Search, problem: OdeProblem, starts: list[StateGuess]) -> list[tuple[Attempt, Floats]]:
+def _for_middle(search: _Search, problem: Problem, starts: list[StateGuess]) -> list[tuple[Attempt, Floats]]:
     """Each guess solved for the middle member, with its states; as it is where there was no time for that."""
 
     def work(own: _Search, candidate: int) -> tuple[Attempt, Floats]:
@@ -366,7 +369,7 @@ class _Chosen:
 
     attempt: Attempt
     start: StateGuess | Restart | None
-    solver: Callable[[OdeProblem, _Search], Attempt]
+    solver: Callable[[Problem, _Search], Attempt]
     work: list[Attempt] = field(default_factory=list)
     restarts: list[tuple[Restart, Attempt]] = field(default_factory=list)
 
@@ -378,7 +381,7 @@ class _Chosen:
 
 
 def _for_fleet(
-    search: _Search, problem: OdeProblem, starts: list[StateGuess], found: list[tuple[Attempt, Floats]]
+    search: _Search, problem: Problem, starts: list[StateGuess], found: list[tuple[Attempt, Floats]]
 ) -> _Chosen:
     """The whole fleet from the best plans of the middle member, then from other starts if that one has a plan."""
     ranked = sorted(range(len(found)), key=lambda k: _middle_rank(problem, found[k][0]))
@@ -403,12 +406,12 @@ def _for_fleet(
     return chosen
 
 
-def _middle_rank(problem: OdeProblem, found: Attempt) -> tuple[bool, tuple[bool, float, float]]:
+def _middle_rank(problem: Problem, found: Attempt) -> tuple[bool, tuple[bool, float, float]]:
     """Sorting key: controls under which not even the middle member does the task come last."""
     return not shooting.middle_does(problem, found.controls), shooting.rank(found)
 
 
-def _again(search: _Search, problem: OdeProblem, batch: list[Restart]) -> list[tuple[Restart, Attempt]]:
+def _again(search: _Search, problem: Problem, batch: list[Restart]) -> list[tuple[Restart, Attempt]]:
     """The whole fleet from other starts, side by side: those that came to something."""
 
     def work(own: _Search, candidate: int) -> Attempt:
@@ -418,14 +421,21 @@ def _again(search: _Search, problem: OdeProblem, batch: list[Restart]) -> list[t
     return [(restart, one) for restart, one in done if one is not None]
 
 
-def _made_good(middle: Attempt, states: Floats, problem: OdeProblem, own: _Search) -> Attempt:
+def _made_good(middle: Attempt, states: Floats, problem: Problem, own: _Search) -> Attempt:
     """The controls of the middle member, which has these states, made good for the whole fleet."""
     return shooting.second(problem, middle.controls, states, own, own.watch("solve"))
 
 
-def _anew(restart: Restart, problem: OdeProblem, own: _Search) -> Attempt:
+def _anew(restart: Restart, problem: Problem, own: _Search) -> Attempt:
     """The whole fleet from another start."""
     return shooting.again(problem, restart, own, own.watch("solve"))
+
+
+STRATEGIES: dict[str, Callable[[_Search, Problem, Floats | None], Solution]] = {
+    "positions": _by_positions,
+    "states": _by_states,
+}
+"""How a problem is planned, by the transcription of its system."""
 
 
 def screen(problem: Problem, *, progress: Progress | None = None, curves: Curved = "never") -> Floats | None:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
-from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.target import Formation, SpreadTarget
 
 if TYPE_CHECKING:
@@ -129,7 +128,7 @@ def _obstacles(sheet: _Sheet, problem: Problem) -> Iterator[str]:
 def _start(sheet: _Sheet, problem: Problem) -> str:
     """An arrow head in the direction of the heading; a disk where a robot has none."""
     x, y = sheet.at(_flat(problem.fleet.start_place[None, :])[0])
-    if not isinstance(problem.fleet, Fleet):
+    if not problem.fleet.system.heading_state:
         return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4"/>'
     turn = f"translate({x:.1f} {y:.1f}) rotate({-np.degrees(problem.fleet.heading):.1f})"
     return f'<path transform="{turn}" d="M8 0L-5 5L-2 0L-5 -5Z"/>'

@@ -1,9 +1,8 @@
-"""What every fleet is: parameters that differ between its members, and ways of listing and drawing members."""
+"""An ensemble: parameters with their distributions, and ways of listing, drawing and weighing members."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
@@ -15,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays
 from ensemble_ctrl.core.values import numbers
-from ensemble_ctrl.moments import Law, tensor_rule
+from ensemble_ctrl.moments import Law, Samples, tensor_rule
+from ensemble_ctrl.problem.arguments import mapping_of
 
 Floats = NDArray[np.float64]
 Member = dict[str, float]
@@ -25,96 +25,40 @@ PRIMES = np.array([1, 2, 3, 5, 7, 11, 13])
 """Multiples of their roots scatter over an interval, each in its own way."""
 
 
-class Ensemble(ReadOnlyArrays, ABC):
+class Ensemble(ReadOnlyArrays):
     """The parameters of a fleet with their laws; members are rows of numbers in the parameters' order.
 
     Attributes
     ----------
     parameters : mapping of str to Law
         The law of each parameter, independent of each other.
-    input_lower, input_upper : ndarray, shape (n_u,)
-        Bounds of the commands.
-    radius : float
-        Of a robot, metres.
+    cloud : mapping of str to ndarray of shape (robots,), or None
+        Columns of parameters that were measured together, where there are such.
     """
 
     parameters: Mapping[str, Law]
-    input_lower: Floats
-    input_upper: Floats
-    radius: float
     cloud: Mapping[str, Floats] | None = None
-    """Columns of parameters that were measured together, where a fleet has such."""
 
     def with_laws(self, laws: Mapping[str, Law]) -> Self:
         """The same fleet with other laws of its parameters, for which a cloud does not stand."""
         changes: dict[str, Any] = {"parameters": dict(laws)} | ({} if self.cloud is None else {"cloud": None})
         return replace(self, **changes)  # type: ignore[type-var]
 
-    @property
-    @abstractmethod
-    def enclosure(self) -> str:
-        """The name of the enclosure that proofs of this fleet use (`ensemble_ctrl.certificate.PROOFS`)."""
-
-    @property
-    @abstractmethod
-    def identity(self) -> list[object]:
-        """What tells how members move, and from where, from that of another fleet."""
-
-    @property
-    @abstractmethod
-    def states(self) -> tuple[str, ...]:
-        """Names of the states that a task speaks of, the columns of `trajectories`."""
-
-    @property
-    @abstractmethod
-    def places(self) -> tuple[str, ...]:
-        """Which states are the position."""
-
-    @property
-    @abstractmethod
-    def start_place(self) -> Floats:
-        """Middle of the start positions, shape (d,), metres."""
-
-    @property
-    @abstractmethod
-    def state_units(self) -> dict[str, str]:
-        """Unit of each state, for those that have a known one."""
-
-    def unit_of(self, names: Iterable[str]) -> str:
-        """What follows a number that is the smallest of distances in these states; of no states, a distance in space.
-
-        A unit, or words like ``in mixed units (m, m/s)`` and ``in m or the unit of temp``.
-        """
-        named = set(names) or set(self.places)
-        known = sorted({self.state_units[name] for name in named if name in self.state_units})
-        others = [f"the unit of {name}" for name in sorted(named) if name not in self.state_units]
-        if others:
-            return f"in {' or '.join([*known, *others])}"
-        known = ["without unit" if unit == "1" else unit for unit in known]
-        return known[0] if len(known) == 1 else f"in mixed units ({', '.join(known)})"
-
-    @abstractmethod
-    def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:
-        """States of members at the ends of all steps.
-
-        Parameters
-        ----------
-        controls : ndarray, shape (steps, n_u)
-        members : ndarray, shape (members, parameters)
-        step : float
-            Seconds.
-
-        Returns
-        -------
-        ndarray, shape (members, steps + 1, states)
-        """
-
-    @cached_property
-    def place_columns(self) -> slice | list[int]:
-        """Where the position stands among the states."""
-        columns = [self.states.index(name) for name in self.places]
-        first = columns[0]
-        return slice(first, first + len(columns)) if columns == list(range(first, first + len(columns))) else columns
+    def checked_cloud(self, cloud: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+        """Columns of one length, whose laws are their samples."""
+        given = mapping_of("fleet.cloud", cloud, object, "columns")
+        columns = {name: numbers(f"fleet.cloud[{name!r}]", values) for name, values in given.items()}
+        lengths = {column.shape for column in columns.values()}
+        if len(lengths) != 1 or any(len(shape) != 1 for shape in lengths):
+            raise ProblemError(f"fleet.cloud: expected columns of one length, got shapes {sorted(lengths)}")
+        bending = [self.names[k] for k in self.bent]
+        for name, column in columns.items():
+            if name not in bending:
+                raise ProblemError(f"fleet.cloud: expected parameters that bend trajectories, got {name!r}")
+            if self.parameters[name] != Samples(column):
+                raise ProblemError(f"fleet.cloud: expected the law of {name} to be the samples of its column")
+            column.setflags(write=False)
+        return columns
 
     @cached_property
     def bent(self) -> tuple[int, ...]:
@@ -126,6 +70,10 @@ class Ensemble(ReadOnlyArrays, ABC):
         drawn = np.empty((count, len(self.parameters)))
         for k, law in enumerate(self.parameters.values()):
             drawn[:, k] = law.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
+        if self.cloud is not None:
+            robots = np.random.default_rng(seed).integers(0, len(next(iter(self.cloud.values()))), count)
+            for name, column in self.cloud.items():
+                drawn[:, self.names.index(name)] = column[robots]
         return drawn
 
     def rule(self, count: int) -> tuple[Floats, Floats]:
@@ -139,9 +87,19 @@ class Ensemble(ReadOnlyArrays, ABC):
         Returns
         -------
         scaled, weights : ndarray, shapes (points, bent parameters) and (points,)
-            Weights sum to 2.
+            Weights sum to 2; measured robots are their own points, each with the same weight.
         """
-        return tensor_rule(self.bent_laws, count)
+        if self.cloud is None:
+            return tensor_rule(self.bent_laws, count)
+        own = [self.names[k] in self.cloud for k in self.bent]
+        others, weights = tensor_rule([law for law, mine in zip(self.bent_laws, own, strict=True) if not mine], count)
+        robots = len(next(iter(self.cloud.values())))
+        scaled = np.empty((robots, len(others), len(own)))
+        scaled[:, :, [not mine for mine in own]] = others
+        for column, (k, law) in enumerate(zip(self.bent, self.bent_laws, strict=True)):
+            if own[column]:
+                scaled[:, :, column] = law.to_scaled(self.cloud[self.names[k]])[:, None]
+        return scaled.reshape(-1, len(own)), np.tile(weights / robots, robots)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -207,18 +165,51 @@ class Ensemble(ReadOnlyArrays, ABC):
         share[:, :1] = np.linspace(0.0, 1.0, count)[:, None]
         return np.asarray(self.lower + share * (self.upper - self.lower))
 
-    def checked_controls(self, controls: ArrayLike) -> Floats:
-        """Commands as an array of shape (steps, n_u).
+    def representatives(self, count: int) -> Floats:
+        """Exactly `count` members of equal weight that stand for the laws, shape (count, parameters).
 
-        Raises
-        ------
-        ProblemError
-            For commands that are empty, of another shape or not finite; a NaN would fail no comparison.
+        Even in the law of the first parameter, scattered evenly in those of the others; robots of the cloud stay whole.
         """
-        array, n_u = numbers("controls", controls), len(self.input_lower)
-        if array.ndim != 2 or not array.size or array.shape[1] != n_u or not np.isfinite(array).all():
-            raise ProblemError(f"controls: expected finite numbers of shape (steps, {n_u}), got shape {array.shape}")
-        return array
+        share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
+        share[:, :1] = (0.5 + np.arange(count)[:, None]) / count
+        laws = self.parameters.values()
+        members = np.column_stack([law.quantile(s) for law, s in zip(laws, share.T, strict=True)]) if laws else share
+        if self.cloud is not None:
+            first = self.names.index(next(iter(self.cloud)))
+            robots = (share[:, first] * len(next(iter(self.cloud.values())))).astype(int)
+            for name, column in self.cloud.items():
+                members[:, self.names.index(name)] = column[robots]
+        return members
+
+    def mass(self, lower: Floats, upper: Floats) -> float:
+        """Share of the fleet in a closed box of parameters, under the laws and the cloud.
+
+        Parameters
+        ----------
+        lower, upper : ndarray, shape (parameters,)
+            The box.
+
+        Returns
+        -------
+        float
+            0 to 1; measured members are counted.
+        """
+        cloud, share, together = self.cloud or {}, 1.0, []
+        counted = whole = 1
+        for k, (name, law) in enumerate(self.parameters.items()):
+            values = cloud.get(name, law.measured)
+            if values is None:
+                below = np.nextafter(lower[k], -np.inf)
+                share *= float(law.cdf(upper[k]) - law.cdf(below))
+                continue
+            inside = (values >= lower[k]) & (values <= upper[k])
+            if name in cloud:
+                together.append(inside)
+            else:
+                counted, whole = counted * int(inside.sum()), whole * len(values)
+        if together:
+            counted, whole = counted * int(np.all(together, axis=0).sum()), whole * len(together[0])
+        return max(0.0, share) * (counted / whole)
 
     def members(self, parameters: ArrayLike | Sequence[Mapping[str, float]]) -> Floats:
         """Members from numbers or names.

@@ -1,173 +1,314 @@
-"""The ensemble: shared dynamics, the parameters that differ between its members, and where and how they start."""
+"""The fleet: a system that all members share, the parameters that differ between them, and where they start."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.constraints.stl._tokens import RESERVED
+from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.core.readonly import ReadOnlyMapping
 from ensemble_ctrl.core.values import expect, numbers
-from ensemble_ctrl.moments import Law, Samples, tensor_rule
-from ensemble_ctrl.problem.arguments import laws_of, mapping_of, quantity_of
-from ensemble_ctrl.problem.ensemble import PRIMES, Ensemble, Member
-from ensemble_ctrl.systems import ArcSystem
+from ensemble_ctrl.moments import Law
+from ensemble_ctrl.problem.arguments import laws_of
+from ensemble_ctrl.problem.arguments.fleets import per_control, radius_of, rates_of, start_of
+from ensemble_ctrl.problem.ensemble import Ensemble, Member
+from ensemble_ctrl.problem.integrated import ACCURACY, accurate, integrated, needed
+from ensemble_ctrl.systems import ArcSystem, System
+from ensemble_ctrl.systems.integration import Rule, extrapolated
 
 Floats = NDArray[np.float64]
+
+START_PREFIX = "start_"
+"""What the name of a parameter that shifts a state's start begins with."""
 START_COLUMNS = {"start_heading": 2, "start_x": 3, "start_y": 4}
-"""Parameters of the start, offsets from the fleet's own, and their places in a drive."""
+"""Parameters of the start of robots on arcs, and their places among the member coefficients."""
 
 
-def frozen(values: Any, shape: tuple[int, ...], what: str) -> Floats:
-    """A read-only float copy of `values`, checked for shape and finiteness."""
-    array = numbers(what, values, f"{shape} numbers")
-    if array.shape != shape:
-        raise ProblemError(f"{what}: expected {shape} numbers, got shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise ProblemError(f"{what}: expected finite numbers, got {array.tolist()}")
-    array.setflags(write=False)
-    return array
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Fleet(Ensemble):
-    """Who moves: robots on arcs. Those of other systems are an `OdeFleet`.
+    """Who moves.
 
     Parameters
     ----------
-    system : ArcSystem
-        The dynamics all members share.
+    system : System
+        The dynamics that all members share.
     parameters : mapping of str to Law
         The law of each parameter that differs between members, independent of each other. Names are those of
-        ``system.parameters`` (dimensionless factors), and ``start_x``, ``start_y`` (metres) and ``start_heading``
-        (radians), which are offsets from `position` and `heading`. Factors that are not named are 1.
-    position : array_like, shape (2,)
-        Start position in metres.
-    heading : float
-        Start heading in radians, counted from +x counter-clockwise whatever the system's own convention.
-    input_lower, input_upper : array_like, shape (2,)
-        Bounds of the commands (m/s and rad/s for a unicycle, m/s and rad for a bicycle).
+        ``system.parameters``, and ``start_`` with the name of a state, an offset of its start. Parameters of the system
+        that are not named have its values.
+    position : array_like, shape (d,), optional
+        Start position in metres, short for its states in `start`, before which it goes.
+    heading : float, optional
+        Start heading in radians, counted from +x counter-clockwise whatever the system's own convention; short for that
+        state in `start`, for systems that have one.
+    input_lower, input_upper : array_like, shape (n_u,), optional
+        Bounds of the commands; the system's own if not given.
     radius : float
         Radius of a robot in metres; obstacles grow by it.
-    rate_bounds : array_like, shape (2,), optional
-        Largest change of each command per second, between successive steps; infinite if not given.
     cloud : mapping of str to array_like of shape (robots,), optional
         Measured robots whose parameters belong together: for each of some parameters that bend trajectories the values
         of all robots, in one order. Their laws have to be the `Samples` of these values. Means, moments and draws
         follow the cloud; a plan still holds for all combinations in the ranges.
+    rate_bounds : array_like, shape (n_u,), optional
+        Largest change of each command per second, between successive steps; infinite if not given.
+    start : mapping of str to float, optional
+        Where all members start, by the names of states; the others start at the system's own values, or zero.
 
     Raises
     ------
     ProblemError
-        For names that the system does not know or that say the same thing twice, and for numbers that are not finite.
+        For names that the system does not know or that say the same thing twice, numbers that are not finite,
+        parameters that the system refuses, and rates that are not finite or of another shape at the start.
+
+    Examples
+    --------
+    >>> from ensemble_ctrl.moments import Interval
+    >>> from ensemble_ctrl.systems import DoubleIntegrator, Unicycle
+    >>> fleet = Fleet(DoubleIntegrator(), {"mass": Interval(1.0, 2.0)}, start={"vx": 1.0})
+    >>> fleet.trajectories(np.array([[2.0, 0.0]]), fleet.corners, 1.0)[:, -1, :2]
+    array([[2. , 0. ],
+           [1.5, 0. ]])
+    >>> Fleet(Unicycle(), {"traction": Interval(0.9, 1.1)}, position=[0, 1], heading=0.0).start
+    {'x': 0.0, 'y': 1.0, 'heading': 0.0}
     """
 
-    system: ArcSystem
+    system: System
     parameters: Mapping[str, Law]
-    position: Floats
-    heading: float
     input_lower: Floats
     input_upper: Floats
-    radius: float = 0.0
-    cloud: Mapping[str, Floats] | None = None
-    rate_bounds: Floats | None = None
+    radius: float
+    cloud: Mapping[str, Floats] | None
+    rate_bounds: Floats | None
+    start: Mapping[str, float]
 
-    def __post_init__(self) -> None:
-        expect("fleet.system", self.system, ArcSystem)
-        object.__setattr__(self, "parameters", ReadOnlyMapping(laws_of("fleet.parameters", self.parameters)))
-        for name, kind in (("heading", "angle"), ("radius", "length")):
-            object.__setattr__(self, name, quantity_of(f"fleet.{name}", getattr(self, name), kind))
-        for name in ("position", "input_lower", "input_upper"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (2,), f"fleet.{name}"))
-        if not np.isfinite([self.heading, self.radius]).all() or self.radius < 0:
-            raise ProblemError(f"fleet: expected a finite heading and a radius >= 0, got {self.heading}, {self.radius}")
-        if (self.input_lower > self.input_upper).any():
-            raise ProblemError(f"fleet.input_bounds: low above high: {self.input_lower}, {self.input_upper}")
-        if self.rate_bounds is not None:
-            rates = numbers("fleet.rate_bounds", self.rate_bounds, "two numbers above 0")
-            if rates.shape != (2,) or np.isnan(rates).any() or (rates <= 0).any():
-                raise ProblemError(f"fleet.rate_bounds: expected two numbers above 0, got {self.rate_bounds!r}")
-            rates.setflags(write=False)
-            object.__setattr__(self, "rate_bounds", rates)
+    def __init__(
+        self,
+        system: System,
+        parameters: Mapping[str, Law],
+        position: ArrayLike | None = None,
+        heading: float | str | None = None,
+        input_lower: ArrayLike | None = None,
+        input_upper: ArrayLike | None = None,
+        radius: float | str = 0.0,
+        cloud: Mapping[str, ArrayLike] | None = None,
+        rate_bounds: ArrayLike | None = None,
+        *,
+        start: Mapping[str, float] | None = None,
+    ) -> None:
+        expect("fleet.system", system, System).require_complete()
+        self._set(system=system, parameters=ReadOnlyMapping(laws_of("fleet.parameters", parameters)), cloud=None)
         self._check_names()
-        if self.cloud is not None:
-            object.__setattr__(self, "cloud", ReadOnlyMapping(self._checked_cloud(self.cloud)))
+        self._set(start=start_of(system, start, position, heading), radius=radius_of(radius))
+        lower, upper = np.array(system.input_bounds, dtype=float).T
+        lower = per_control(system, "input_lower", lower if input_lower is None else input_lower)
+        upper = per_control(system, "input_upper", upper if input_upper is None else input_upper)
+        if (lower > upper).any():
+            raise ProblemError(f"fleet.input_bounds: low above high: {lower}, {upper}")
+        self._set(input_lower=lower, input_upper=upper, rate_bounds=rates_of(system, rate_bounds))
+        if cloud is not None:
+            self._set(cloud=ReadOnlyMapping(self.checked_cloud(cloud)))
+        if not system.on_arcs:
+            self._check_members()
 
-    def _checked_cloud(self, cloud: Mapping[str, ArrayLike]) -> dict[str, Floats]:
-        """Columns of one length, whose laws are their samples."""
-        given = mapping_of("fleet.cloud", cloud, object, "columns")
-        columns = {name: numbers(f"fleet.cloud[{name!r}]", values) for name, values in given.items()}
-        lengths = {column.shape for column in columns.values()}
-        if len(lengths) != 1 or any(len(shape) != 1 for shape in lengths):
-            raise ProblemError(f"fleet.cloud: expected columns of one length, got shapes {sorted(lengths)}")
-        bending = [self.names[k] for k in self.bent]
-        for name, column in columns.items():
-            if name not in bending:
-                raise ProblemError(f"fleet.cloud: expected parameters that bend trajectories, got {name!r}")
-            if self.parameters[name] != Samples(column):
-                raise ProblemError(f"fleet.cloud: expected the law of {name} to be the samples of its column")
-            column.setflags(write=False)
-        return columns
+    def _set(self, **fields: Any) -> None:
+        """Fields of a new fleet."""
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
 
     def _check_names(self) -> None:
-        """Known names, each factor told once."""
-        known = [*self.system.parameters, *START_COLUMNS]
+        """Known parameters and states; states that a task can speak of."""
+        for name in self.system.states:
+            if name in RESERVED:
+                wanted = "names that are no words of the task language"
+                raise ProblemError(f"{type(self.system).__name__}.states: expected {wanted}, got {name!r}")
+        known = [*self.system.parameters, *(START_PREFIX + name for name in self.system.states)]
         for name in self.parameters:
             if name not in known:
-                raise ProblemError(f"fleet.parameters: expected names among {', '.join(known)}, got {name!r}")
-        for place in (0, 1):
-            twice = [n for n in self.parameters if n in self.system.parameters and self.system.parameters[n][place]]
-            if len(twice) > 1:
-                raise ProblemError(f"fleet.parameters: expected one of {' and '.join(twice)}, got both")
+                own = ", ".join([*self.system.parameters, f"{START_PREFIX}<state>"])
+                raise ProblemError(f"fleet.parameters: expected names among {own}, got {name!r}")
+        self.system.check_names(self.parameters)
 
-    @property
-    def enclosure(self) -> str:
-        """The name of the enclosure that proofs of this fleet use."""
-        return self.system.enclosure
+    def _check_members(self) -> None:
+        """The system takes every corner of the ranges and the middle, and its rates are numbers at the start."""
+        rest: Sequence[float] = ()
+        for member in (*self.corners, self.center):
+            psi = {name: float(value[0]) for name, value in self.psi(member[None]).items()}
+            self.system.check(psi)
+            rest = self.system.rest(psi)
+        command = per_control(self.system, "system.rest", rest)
+        members = np.concatenate([self.corners, self.center[None]])
+        try:
+            with np.errstate(all="ignore"):
+                rates = self.system.derivatives(self.start_states(members), command, self.psi(members))
+        except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
+            what = f"{type(self.system).__name__}.xdot can't be evaluated"
+            raise ProblemError(f"{what}: {type(error).__name__}: {error}") from error
+        bad = np.argwhere(~np.isfinite(rates))
+        if len(bad):
+            state, member = bad[0]
+            told = ", ".join(f"{n} = {v:g}" for n, v in self.named(members[member]).items()) or "every member"
+            what = f"{type(self.system).__name__}.xdot"
+            name = self.system.states[state]
+            raise ProblemError(
+                f"{what}: expected finite rates at the start, got {rates[state, member]} for {name} ({told})"
+            )
+
+    def with_(self, **changes: Any) -> Self:
+        """A copy with some arguments replaced, `position` and `heading` among them, checked like a new fleet."""
+        return replace(self, **changes)
 
     @property
     def identity(self) -> list[object]:
-        """The system, and the pose at the start."""
-        return [self.system, self.position.tolist(), self.heading]
+        """What tells how members move, and from where, from that of another fleet."""
+        return self.system.identity(self.start, self.start_states(self.center[None]))
+
+    @property
+    def enclosure(self) -> str:
+        """The name of the enclosure that proofs of this fleet use (`ensemble_ctrl.certificate`)."""
+        return self.system.enclosure
 
     @property
     def states(self) -> tuple[str, ...]:
-        """The position alone."""
-        return ("x", "y")
+        """Names of the states that a task speaks of, the columns of `trajectories`."""
+        return self.system.spoken
 
     @property
     def places(self) -> tuple[str, ...]:
-        """The position."""
-        return ("x", "y")
+        """Which states are the position."""
+        return self.system.positions
 
     @property
     def state_units(self) -> dict[str, str]:
-        """Metres."""
-        return dict.fromkeys(self.states, "m")
+        """What the system says; metres for the position where it says nothing."""
+        known = dict(zip(self.states, self.system.state_units, strict=False))
+        return dict.fromkeys(self.places, "m") | known
 
-    def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:
-        """Positions by exact arcs, shape (members, steps + 1, 2), metres."""
-        return self.system.positions(controls, self.drives(members), step)
+    def unit_of(self, names: Iterable[str]) -> str:
+        """What follows a number that is the smallest of distances in these states; of no states, a distance in space.
+
+        A unit, or words like ``in mixed units (m, m/s)`` and ``in m or the unit of temp``.
+        """
+        named = set(names) or set(self.places)
+        known = sorted({self.state_units[name] for name in named if name in self.state_units})
+        others = [f"the unit of {name}" for name in sorted(named) if name not in self.state_units]
+        if others:
+            return f"in {' or '.join([*known, *others])}"
+        known = ["without unit" if unit == "1" else unit for unit in known]
+        return known[0] if len(known) == 1 else f"in mixed units ({', '.join(known)})"
+
+    @cached_property
+    def place_columns(self) -> slice | list[int]:
+        """Where the position stands among the states."""
+        columns = [self.states.index(name) for name in self.places]
+        first = columns[0]
+        return slice(first, first + len(columns)) if columns == list(range(first, first + len(columns))) else columns
+
+    @property
+    def position(self) -> Floats:
+        """Where members start but for the offsets of the parameters, shape (d,), metres."""
+        given = {**self.system.start(), **self.start}
+        return np.array([float(given.get(name, 0.0)) for name in self.places])
+
+    @property
+    def heading(self) -> float:
+        """Start heading but for the offset of a parameter, radians from +x counter-clockwise; 0 where there is none."""
+        return float(self.start.get(self.system.heading_state, 0.0))
+
+    @cached_property
+    def start_place(self) -> Floats:
+        """Middle of the start positions, shape (d,), metres."""
+        columns = [self.system.states.index(name) for name in self.places]
+        return np.asarray(self.start_states(self.center[None])[columns, 0])
+
+    @cached_property
+    def bent(self) -> tuple[int, ...]:
+        """Columns of the parameters that bend the position curve; the others only shift the start."""
+        shifts = {START_PREFIX + name for name in self.system.shifts}
+        return tuple(k for k, name in enumerate(self.names) if name not in shifts)
+
+    @cached_property
+    def _shifting(self) -> Floats:
+        """How much each parameter shifts the whole position curve, shape (parameters, d)."""
+        rows = np.zeros((len(self.names), len(self.places)))
+        for k in set(range(len(self.names))) - set(self.bent):
+            rows[k, self.places.index(self.names[k].removeprefix(START_PREFIX))] = 1.0
+        return rows
+
+    @cached_property
+    def shift(self) -> Floats:
+        """Half the side lengths of the box by which parameters shift the position curve, shape (d,), metres."""
+        return np.asarray((self.upper - self.lower) / 2 @ self._shifting)
+
+    @cached_property
+    def shift_covariance(self) -> Floats:
+        """Covariance of these shifts, shape (d, d), square metres: no control can change it."""
+        total = np.zeros((len(self.places), len(self.places)))
+        for direction, law in zip(self._shifting, self.parameters.values(), strict=True):
+            if direction.any():
+                s, weights = law.rule(2)
+                psi = law.to_parameter(s)
+                variance = float(weights @ psi**2 / 2 - (weights @ psi / 2) ** 2)
+                total += variance * np.outer(direction, direction)
+        return total
+
+    def shifted(self, name: str) -> int:
+        """The state whose start a parameter shifts; -1 for a parameter of the system."""
+        return -1 if name in self.system.parameters else self.system.states.index(name.removeprefix(START_PREFIX))
+
+    def rest(self, member: Floats) -> Floats:
+        """The command that costs no effort, of one member of shape (parameters,), within the bounds, shape (n_u,)."""
+        psi = {name: float(value[0]) for name, value in self.psi(member[None]).items()}
+        return np.asarray(np.clip(np.array(self.system.rest(psi), dtype=float), self.input_lower, self.input_upper))
+
+    def psi(self, members: Floats) -> dict[str, Floats]:
+        """The system's parameters of members of shape (members, parameters), each of shape (members,)."""
+        columns = dict(zip(self.names, members.T, strict=True))
+        return {
+            name: columns.get(name, np.full(len(members), float(value)))
+            for name, value in self.system.parameters.items()
+        }
+
+    def start_states(self, members: Floats) -> Floats:
+        """States of members at time zero, shape (n_x, members)."""
+        told = {**self.system.start(), **self.start}
+        states = np.tile(
+            np.array([float(told.get(name, 0.0)) for name in self.system.states])[:, None], (1, len(members))
+        )
+        for name, column in zip(self.names, members.T, strict=True):
+            if (state := self.shifted(name)) >= 0:
+                states[state] += column
+        return states
+
+    def checked_controls(self, controls: ArrayLike) -> Floats:
+        """Commands as an array of shape (steps, n_u).
+
+        Raises
+        ------
+        ProblemError
+            For commands that are empty, of another shape or not finite; a NaN would fail no comparison.
+        """
+        array, n_u = numbers("controls", controls), len(self.input_lower)
+        if array.ndim != 2 or not array.size or array.shape[1] != n_u or not np.isfinite(array).all():
+            raise ProblemError(f"controls: expected finite numbers of shape (steps, {n_u}), got shape {array.shape}")
+        return array
+
+    @property
+    def arcs(self) -> ArcSystem:
+        """The system of a fleet that moves on exact arcs; the rows below are about such fleets."""
+        if not self.system.on_arcs:
+            raise UnsupportedError(f"expected a system on arcs, got the {self.system.name}")
+        return cast(ArcSystem, self.system)
 
     @property
     def own_heading(self) -> float:
         """Start heading in radians in the system's own convention."""
-        return self.heading if self.system.heading_from == "x" else np.pi / 2 - self.heading
-
-    @property
-    def start(self) -> Floats:
-        """Middle of the start positions, shape (2,), metres."""
-        return np.asarray(self.drives(self.center[None])[0, 3:])
-
-    @property
-    def start_place(self) -> Floats:
-        """Middle of the start positions."""
-        return self.start
+        return self.arcs.own_heading(self.heading)
 
     @cached_property
     def directions(self) -> Floats:
@@ -175,9 +316,9 @@ class Fleet(Ensemble):
         rows = np.zeros((len(self.parameters), 5))
         for row, name in zip(rows, self.names, strict=True):
             if name in START_COLUMNS:
-                row[START_COLUMNS[name]] = -1.0 if name == "start_heading" and self.system.heading_from == "y" else 1.0
+                row[START_COLUMNS[name]] = -1.0 if name == "start_heading" and self.arcs.heading_from == "y" else 1.0
             else:
-                row[:2] = self.system.parameters[name]
+                row[:2] = self.arcs.directions[name]
         return rows
 
     @cached_property
@@ -185,29 +326,6 @@ class Fleet(Ensemble):
         """The drive from which `directions` count, shape (5,)."""
         told = self.directions[:, :2].any(axis=0)
         return np.array([*np.where(told, 0.0, 1.0), self.own_heading, *self.position])
-
-    @cached_property
-    def bent(self) -> tuple[int, ...]:
-        """Columns of the parameters that bend the position curve; the others only shift the start."""
-        return tuple(np.flatnonzero(self.directions[:, :3].any(axis=1)).tolist())
-
-    @cached_property
-    def shift(self) -> Floats:
-        """Half the side lengths of the box of start positions around its middle, shape (2,), metres."""
-        half = (self.upper - self.lower) / 2
-        return np.asarray(half @ np.abs(self.directions[:, 3:]))
-
-    @cached_property
-    def shift_covariance(self) -> Floats:
-        """Covariance of the start positions, shape (2, 2), square metres: no control can change it."""
-        total = np.zeros((2, 2))
-        for direction, law in zip(self.directions, self.parameters.values(), strict=True):
-            if not direction[:3].any():
-                s, weights = law.rule(2)
-                psi = law.to_parameter(s)
-                variance = float(weights @ psi**2 / 2 - (weights @ psi / 2) ** 2)
-                total += variance * np.outer(direction[3:], direction[3:])
-        return total
 
     @cached_property
     def fastest(self) -> tuple[float, float]:
@@ -224,74 +342,51 @@ class Fleet(Ensemble):
         """The drives of members of shape (members, parameters), shape (members, 5)."""
         return np.asarray(self.origin + members @ self.directions)
 
-    def representatives(self, count: int) -> Floats:
-        """Exactly `count` members of equal weight that stand for the laws, shape (count, parameters).
-
-        Even in the law of the first parameter, scattered evenly in those of the others; robots of the cloud stay whole.
-        """
-        share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
-        share[:, :1] = (0.5 + np.arange(count)[:, None]) / count
-        laws = self.parameters.values()
-        members = np.column_stack([law.quantile(s) for law, s in zip(laws, share.T, strict=True)]) if laws else share
-        if self.cloud is not None:
-            first = self.names.index(next(iter(self.cloud)))
-            robots = (share[:, first] * len(next(iter(self.cloud.values())))).astype(int)
-            for name, column in self.cloud.items():
-                members[:, self.names.index(name)] = column[robots]
-        return members
-
-    def sample(self, count: int, seed: int) -> Floats:
-        """Members drawn from the parameters' laws, shape (count, parameters)."""
-        drawn = super().sample(count, seed)
-        if self.cloud is not None:
-            robots = np.random.default_rng(seed).integers(0, len(next(iter(self.cloud.values()))), count)
-            for name, column in self.cloud.items():
-                drawn[:, self.names.index(name)] = column[robots]
-        return drawn
-
-    def mass(self, lower: Floats, upper: Floats) -> float:
-        """Share of the fleet in a closed box of parameters, under the laws and the cloud.
+    def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:
+        """The `states` of members at the ends of all steps: on exact arcs, or with an estimated error below `ACCURACY`.
 
         Parameters
         ----------
-        lower, upper : ndarray, shape (parameters,)
-            The box.
+        controls : ndarray, shape (steps, n_u)
+        members : ndarray, shape (members, parameters)
+        step : float
+            Seconds.
 
         Returns
         -------
-        float
-            0 to 1; measured members are counted.
+        ndarray, shape (members, steps + 1, states)
+
+        Raises
+        ------
+        RunawayError
+            If a state is not finite, or the system is too stiff for the rule.
         """
-        cloud, share, together = self.cloud or {}, 1.0, []
-        counted = whole = 1
-        for k, (name, law) in enumerate(self.parameters.items()):
-            values = cloud.get(name, law.measured)
-            if values is None:
-                below = np.nextafter(lower[k], -np.inf)
-                share *= float(law.cdf(upper[k]) - law.cdf(below))
-                continue
-            inside = (values >= lower[k]) & (values <= upper[k])
-            if name in cloud:
-                together.append(inside)
-            else:
-                counted, whole = counted * int(inside.sum()), whole * len(values)
-        if together:
-            counted, whole = counted * int(np.all(together, axis=0).sum()), whole * len(together[0])
-        return max(0.0, share) * (counted / whole)
+        if self.system.on_arcs:
+            return self.arcs.paths(controls, self.drives(members), step)
+        return accurate(self, controls, members, step)
 
-    def rule(self, count: int) -> tuple[Floats, Floats]:
-        """As `Ensemble.rule`; measured robots are their own points, each with the same weight."""
-        if self.cloud is None:
-            return super().rule(count)
-        own = [self.names[k] in self.cloud for k in self.bent]
-        others, weights = tensor_rule([law for law, mine in zip(self.bent_laws, own, strict=True) if not mine], count)
-        robots = len(next(iter(self.cloud.values())))
-        scaled = np.empty((robots, len(others), len(own)))
-        scaled[:, :, [not mine for mine in own]] = others
-        for column, (k, law) in enumerate(zip(self.bent, self.bent_laws, strict=True)):
-            if own[column]:
-                scaled[:, :, column] = law.to_scaled(self.cloud[self.names[k]])[:, None]
-        return scaled.reshape(-1, len(own)), np.tile(weights / robots, robots)
+    def full_states(self, controls: Floats, members: Floats, step: float) -> Floats:
+        """As `trajectories`, with every state of the system, shape (members, steps + 1, n_x)."""
+        found = self.trajectories(controls, members, step)
+        if not self.system.on_arcs:
+            return found
+        turns = self.arcs.headings(controls, self.drives(members), step)
+        return np.concatenate([found, turns[..., None]], axis=2)
+
+    @cached_property
+    def counted(self) -> dict[tuple[bytes, float], int]:
+        """The substeps that the last controls need: a replay asks block by block."""
+        return {}
+
+    def integrated(
+        self, controls: Floats, members: Floats, step: float, substeps: int, rule: Rule = extrapolated
+    ) -> Floats:
+        """States by a given number of steps of a rule, finite or not (`ensemble_ctrl.problem.integrated`)."""
+        return integrated(self, controls, members, step, substeps, rule)
+
+    def substeps(self, controls: Floats, step: float, accuracy: float = ACCURACY, rule: Rule = extrapolated) -> int:
+        """How many steps of a rule a step of control needs (`ensemble_ctrl.problem.integrated`)."""
+        return needed(self, controls, step, accuracy, rule)
 
 
-__all__ = ["START_COLUMNS", "Fleet", "Member", "frozen"]
+__all__ = ["START_COLUMNS", "START_PREFIX", "Fleet", "Member"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,8 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays, ReadOnlyMapping
 from ensemble_ctrl.core.values import expect, flag, numbers
 from ensemble_ctrl.problem.arguments import mapping_of, names_of, obstacles_of, quantity_of, regions_of, task_of
-from ensemble_ctrl.problem.ensemble import Ensemble
-from ensemble_ctrl.problem.fleet import Fleet, frozen
-from ensemble_ctrl.problem.ode_fleet import OdeFleet
+from ensemble_ctrl.problem.arguments.fleets import frozen
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.risk import Risk
 from ensemble_ctrl.problem.specification import Specification
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
@@ -254,7 +253,6 @@ class Problem:
     least_duration: float | None = None
     online: OnlineSettings | None = None
     ignore: Collection[str] = ()
-    fleets: ClassVar[type[Ensemble]] = Fleet
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.problem.checks import require_sound
@@ -262,7 +260,7 @@ class Problem:
         least = self.least_duration
         read: dict[str, Any] = {
             "name": expect("name", self.name, str, "text"),
-            "fleet": expect("fleet", self.fleet, self.fleets),
+            "fleet": expect("fleet", self.fleet, Fleet),
             "duration": quantity_of("duration", self.duration, "time"),
             "task": task_of("task", self.task),
             "regions": ReadOnlyMapping(regions_of("regions", self.regions)),
@@ -329,15 +327,3 @@ class Problem:
             ("obstacles", str(len(self.obstacles))),
         ]
         return card_html(map_svg(self), self.name, rows)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class OdeProblem(Problem):
-    """A planning problem of a fleet that follows a differential equation: a quadrotor, or a system of one's own.
-
-    Its fields are those of `Problem`, with a fleet of other dynamics. Not for such fleets are obstacles that move,
-    targets other than a place, ``guarantee: moment``, ``method: minlp``, cells, and the twin.
-    """
-
-    fleet: OdeFleet  # type: ignore[assignment]
-    fleets: ClassVar[type[Ensemble]] = OdeFleet

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.drawing import highest, outlines, target_lines
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
@@ -32,7 +32,12 @@ GHOSTS = 6
 MARGINS = (0.72, 1.26, 0.5, 0.45)
 """Inches at the left, right, below and above a map."""
 VIEW_MARGINS = (0.78, 1.15, 0.5, 0.45)
-"""The same for views of fleets that follow a differential equation."""
+"""The same for views."""
+
+
+def on_map(problem: Problem) -> bool:
+    """Whether a fleet is drawn on one map, as robots with a heading in the plane are; others are drawn in views."""
+    return bool(problem.fleet.system.heading_state) and len(problem.fleet.places) == 2
 
 
 def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
@@ -129,8 +134,8 @@ def draw_trajectories(
     """
     from matplotlib.collections import LineCollection
 
-    if isinstance(problem, OdeProblem):
-        return _draw_ode(problem, controls, ax)
+    if not on_map(problem):
+        return _draw_views(problem, controls, ax)
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
     substeps = max(1, POINTS // problem.steps)
@@ -150,8 +155,8 @@ def draw_trajectories(
     return ax
 
 
-def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
-    """Views of a fleet that follows a differential equation; on given axes the first of them."""
+def _draw_views(problem: Problem, controls: Floats, ax: Axes | None) -> Axes:
+    """Views of a fleet, one below the other; on given axes the first of them."""
     if ax is None:
         import matplotlib.pyplot as plt
 
@@ -163,8 +168,8 @@ def _draw_ode(problem: OdeProblem, controls: Floats, ax: Axes | None) -> Axes:
     return axes[0]
 
 
-def _ode_figures(problem: OdeProblem, controls: Floats) -> dict[str, Figure]:
-    """Views and spread of a fleet that follows a differential equation."""
+def _view_figures(problem: Problem, controls: Floats) -> dict[str, Figure]:
+    """Views of a fleet, and its spread."""
     paths, spread = new_figure((7.2, 4.2)), new_figure((7.2, 4.2))
     axes = sheet(problem, controls, paths, 7.2, VIEW_MARGINS)
     draw_paths(problem, controls, axes)
@@ -211,13 +216,13 @@ def write_figures(
 
     control_figure = new_figure((7.2, 1.0 + 1.6 * controls.shape[1]))
     draw_controls(problem, controls, placed_axes(control_figure, 0.75, 0.2, 0.55, 0.4))
-    if isinstance(problem, OdeProblem):
-        figures = _ode_figures(problem, controls)
+    if not on_map(problem):
+        figures = _view_figures(problem, controls)
     else:
         figures = {"trajectories.png": new_figure(map_size(problem, controls, twin_controls))}
         draw_trajectories(problem, controls, placed_axes(figures["trajectories.png"], *MARGINS), twin_controls)
     figures["controls.png"] = control_figure
-    if len(routes) > 1 and not isinstance(problem, OdeProblem):
+    if len(routes) > 1 and on_map(problem):
         figures["routes.png"] = draw_routes(problem, controls, routes)
     for name, figure in figures.items():
         save(figure, folder / name)

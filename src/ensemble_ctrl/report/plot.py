@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.problem import OdeProblem
 from ensemble_ctrl.problem.evaluation.conflicts import units_of_parts
 from ensemble_ctrl.report.canvas import COLUMN, PAPER, new_figure, place_axes, placed_axes, save, shown_axes
-from ensemble_ctrl.report.figures import draw_trajectories, map_size
+from ensemble_ctrl.report.figures import draw_trajectories, map_size, on_map
 from ensemble_ctrl.report.kinds.certificate import draw_certificate
 from ensemble_ctrl.report.kinds.clearance import draw_clearance
 from ensemble_ctrl.report.kinds.controls import draw_controls
@@ -83,7 +82,7 @@ def _certificate(plan: Drawable, ax: Axes) -> Axes:
 
 def _map_height(plan: Drawable) -> float:
     """That of a map; of several views, the usual one."""
-    if isinstance(plan.problem, OdeProblem):
+    if not on_map(plan.problem):
         return 2.4
     return map_size(plan.problem, plan.controls, plan.twin, COLUMN, KINDS["trajectories"].margins)[1]
 
@@ -154,7 +153,7 @@ def write_plot(plan: Drawable, kind: str, path: Path, format: str = "png") -> Pa
         margins = shape.margins
         height = shape.height(plan) if callable(shape.height) else shape.height
         figure = new_figure((COLUMN, height), dpi=300)
-        if kind == "trajectories" and isinstance(plan.problem, OdeProblem):
+        if kind == "trajectories" and not on_map(plan.problem):
             axes = sheet(plan.problem, plan.controls, figure, COLUMN, VIEW_MARGINS)
             draw_paths(plan.problem, plan.controls, axes)
             ax = axes[0]

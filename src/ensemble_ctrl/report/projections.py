@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, placed_axes
 from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION, shades, viridis
@@ -29,12 +29,12 @@ GAP = 0.1
 """Inches between views, besides the margin."""
 
 
-def draw_paths(problem: OdeProblem, controls: Floats, axes: Sequence[Axes]) -> None:
+def draw_paths(problem: Problem, controls: Floats, axes: Sequence[Axes]) -> None:
     """Map and trajectories of members spread over the parameters' ranges, coloured by the first parameter.
 
     Parameters
     ----------
-    problem : OdeProblem
+    problem : Problem
     controls : ndarray, shape (steps, n_u)
     axes : sequence of matplotlib Axes
         One for each of `ensemble_ctrl.report.scene.scenes`; where fewer are given, so many views are drawn.
@@ -74,12 +74,12 @@ def _draw_shapes(scene: Scene, ax: Axes) -> None:
     ax.set(xlabel=literal(f"{across}{seen}"), ylabel=literal(up))
 
 
-def _times(problem: OdeProblem, path: Floats) -> Floats:
+def _times(problem: Problem, path: Floats) -> Floats:
     """Times of a path's points."""
     return np.linspace(0.0, problem.duration, len(path))
 
 
-def draw_spread(problem: OdeProblem, controls: Floats, ax: Axes) -> None:
+def draw_spread(problem: Problem, controls: Floats, ax: Axes) -> None:
     """How far apart the members are over time, in each coordinate of the position: largest less smallest."""
     paths = trajectories(problem, controls, problem.fleet.grid(MEMBERS), LOOKS)
     apart = np.ptp(paths, axis=0)
@@ -92,13 +92,13 @@ def draw_spread(problem: OdeProblem, controls: Floats, ax: Axes) -> None:
 
 
 def sheet(
-    problem: OdeProblem, controls: Floats, figure: Figure, width: float, margins: tuple[float, float, float, float]
+    problem: Problem, controls: Floats, figure: Figure, width: float, margins: tuple[float, float, float, float]
 ) -> list[Axes]:
     """Axes for every view below each other, in its own proportions, on a figure that is made as high as they need.
 
     Parameters
     ----------
-    problem : OdeProblem
+    problem : Problem
     controls : ndarray, shape (steps, n_u)
     figure : matplotlib Figure
     width : float
@@ -118,7 +118,7 @@ def sheet(
     return made
 
 
-def _ratios(problem: OdeProblem, controls: Floats) -> list[float]:
+def _ratios(problem: Problem, controls: Floats) -> list[float]:
     """Heights of all views, in widths."""
     found = []
     for scene in scenes(problem, trajectories(problem, controls, problem.fleet.corners)):

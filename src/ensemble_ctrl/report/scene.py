@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.drawing import frame, highest, outlines, shadow, target_lines
-from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.report.view import Canvas
 
 Floats = NDArray[np.float64]
@@ -92,7 +91,7 @@ class Scene:
     @property
     def heading(self) -> float | None:
         """Of the fleet at the start, radians; None for robots that have none."""
-        return self.problem.fleet.heading if isinstance(self.problem.fleet, Fleet) else None
+        return self.problem.fleet.heading if self.problem.fleet.system.heading_state else None
 
     @property
     def tags(self) -> dict[str, Floats]:

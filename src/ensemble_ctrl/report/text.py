@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.plain import at_least
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks import coverage_text
 from ensemble_ctrl.problem.ensemble import Ensemble
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task, units_of_parts
@@ -152,16 +152,11 @@ def _suggested(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _fleet(problem: Problem) -> str:
     """Who moves, from where."""
-    if isinstance(problem, OdeProblem):
-        own = problem.fleet
-        place = ", ".join(f"{value:g}" for value in own.position)
-        return f"{own.system.name}, {ranges_text(own)}, radius {own.radius:g} m, from ({place})"
     fleet = problem.fleet
-    x, y = fleet.position
-    return (
-        f"{fleet.system.name}, {ranges_text(fleet)}, radius {fleet.radius:g} m, "
-        f"from ({x:g}, {y:g}) heading {np.degrees(fleet.heading):.4g} deg"
-    )
+    headed = bool(fleet.system.heading_state)
+    place = ", ".join(f"{value:g}" for value in (fleet.position if headed else fleet.start_place))
+    turned = f" heading {np.degrees(fleet.heading):.4g} deg" if headed else ""
+    return f"{fleet.system.name}, {ranges_text(fleet)}, radius {fleet.radius:g} m, from ({place}){turned}"
 
 
 def ranges_text(fleet: Ensemble) -> str:
@@ -201,7 +196,7 @@ def literal(text: str) -> str:
 
 def parameter_label(problem: Problem, name: str) -> str:
     """A parameter and its unit for an axis; of a differential equation's own parameters the unit is not known."""
-    unit = unit_of(name).strip() or ("SI units" if isinstance(problem, OdeProblem) else "-")
+    unit = unit_of(name).strip() or ("-" if name in problem.fleet.system.factors else "SI units")
     return f"{name} [{unit}]"
 
 

@@ -6,7 +6,7 @@ its turn rate, and its pose at the start.  Under commands that are constant over
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -14,16 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.systems.arrays import Arrays, sinc
+from ensemble_ctrl.systems.arrays import Arrays, cos, sin, sinc
+from ensemble_ctrl.systems.system import System
 
 Floats = NDArray[np.float64]
 
 DRIVE = ("linear", "angular", "heading", "x", "y")
 """The five numbers that tell one member's motion from another's, in order."""
+FACTORS: Mapping[str, tuple[float, float]] = {
+    "traction": (1.0, 1.0),
+    "linear_traction": (1.0, 0.0),
+    "angular_traction": (0.0, 1.0),
+}
+"""Parameters of every robot on arcs, with the rates at which each raises the linear and the angular factor."""
 
 
 @dataclass(frozen=True)
-class ArcSystem:
+class ArcSystem(System):
     r"""A robot with a speed `v` and a turn rate `omega` made from its two commands.
 
     .. math:: \dot p_x = \psi_1 v \cos\theta, \quad \dot p_y = \psi_1 v \sin\theta, \quad \dot\theta = \psi_2 \omega
@@ -39,23 +46,55 @@ class ArcSystem:
 
     heading_from: Literal["x", "y"] = "x"
 
-    enclosure: ClassVar[str] = "arcs"
-    name: ClassVar[str]
-    summary: ClassVar[str]
-    controls: ClassVar[tuple[str, ...]]
-    control_units: ClassVar[tuple[str, ...]]
-    input_bounds: ClassVar[tuple[tuple[float, float], ...]]
     turns_in_place: ClassVar[bool]
-    parameters: ClassVar[Mapping[str, tuple[float, float]]] = {
-        "traction": (1.0, 1.0),
-        "linear_traction": (1.0, 0.0),
-        "angular_traction": (0.0, 1.0),
-    }
-    """Names that a fleet may vary, with the rates at which each raises the linear and the angular factor."""
+    states: ClassVar[tuple[str, ...]] = ("x", "y", "heading")
+    state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad")
+    positions: ClassVar[tuple[str, ...]] = ("x", "y")
+    heading_state: ClassVar[str] = "heading"
+    transcription: ClassVar[str] = "positions"
+    enclosure: ClassVar[str] = "arcs"
+    on_arcs: ClassVar[bool] = True
+    shifts: ClassVar[tuple[str, ...]] = ("x", "y")
+    directions: ClassVar[Mapping[str, tuple[float, float]]] = FACTORS
+    factors: ClassVar[tuple[str, ...]] = tuple(FACTORS)
+    parameters = dict.fromkeys(FACTORS, 1.0)
 
     def __post_init__(self) -> None:
         if self.heading_from not in ("x", "y"):
             raise ProblemError(f"heading_from: expected 'x' or 'y', got {self.heading_from!r}")
+
+    @property
+    def spoken(self) -> tuple[str, ...]:
+        """The position alone: headings are no variables of the program."""
+        return self.positions
+
+    def check_names(self, names: Collection[str]) -> None:
+        """Each of the two factors is given once."""
+        for place in (0, 1):
+            twice = [name for name in names if name in self.directions and self.directions[name][place]]
+            if len(twice) > 1:
+                raise ProblemError(f"fleet.parameters: expected one of {' and '.join(twice)}, got both")
+
+    def identity(self, start: Mapping[str, float], states: Floats) -> list[object]:
+        """The system, and the pose at the start."""
+        x, y, heading = (float(start.get(name, 0.0)) for name in self.states)
+        return [self, [x, y], heading]
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
+        """Speed along the heading, and the turn rate."""
+        v, omega = self.rates(u[0], u[1])
+        speed = psi["traction"] * psi["linear_traction"] * v
+        turn = psi["traction"] * psi["angular_traction"] * omega
+        return [speed * cos(x[2]), speed * sin(x[2]), turn if self.heading_from == "x" else -turn]
+
+    def attitude(self, x: Floats) -> Floats:
+        """Turned about the vertical by the heading."""
+        half = x[2] / 2
+        return np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)])
+
+    def own_heading(self, heading: float) -> float:
+        """A heading from +x, counter-clockwise, in the system's own convention, radians."""
+        return heading if self.heading_from == "x" else np.pi / 2 - heading
 
     def rates(self, first: Any, second: Any, arrays: Arrays = np) -> tuple[Any, Any]:
         """Speed `v` in m/s and turn rate `omega` in rad/s that the two commands ask for."""
@@ -122,7 +161,7 @@ class ArcSystem:
         along, across = chord * arrays.cos(angle), chord * arrays.sin(angle)
         return (along, across) if self.heading_from == "x" else (across, along)
 
-    def positions(self, controls: Floats, drives: Floats, step: float) -> Floats:
+    def paths(self, controls: Floats, drives: Floats, step: float) -> Floats:
         """Positions of members at the ends of all steps, by exact arcs.
 
         Parameters
@@ -148,6 +187,13 @@ class ArcSystem:
             np.cumsum(move, axis=1, out=path[:, 1:, axis])
             path[:, 1:, axis] += drives[:, 3 + axis, None]
         return path
+
+    def headings(self, controls: Floats, drives: Floats, step: float) -> Floats:
+        """Headings of members at the ends of all steps, from +x, not wrapped, shape (members, steps + 1), radians."""
+        _, omega = self.rates(*np.asarray(controls, dtype=float).T)
+        turned = np.concatenate([[0.0], step * np.cumsum(omega)])
+        own = drives[:, 2, None] + drives[:, 1, None] * turned
+        return np.asarray(own if self.heading_from == "x" else np.pi / 2 - own)
 
     def sagitta(self, v: Any, omega: Any, linear: Any, angular: Any, step: float) -> Any:
         r"""Bound in metres on how far the arc of one step leaves its chord, ``step^2 / 8 psi_1 psi_2 |v omega|``.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -44,6 +45,7 @@ class Bicycle(ArcSystem):
     controls: ClassVar[tuple[str, ...]] = ("v", "delta")
     control_units: ClassVar[tuple[str, ...]] = ("m/s", "rad")
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((-2.0, 2.0), (-0.6, 0.6))
+    command_kind: ClassVar[str] = "drive"
     turns_in_place: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -51,6 +53,10 @@ class Bicycle(ArcSystem):
         object.__setattr__(self, "wheelbase", number("wheelbase", self.wheelbase))
         if not np.isfinite(self.wheelbase) or self.wheelbase <= 0:
             raise ProblemError(f"wheelbase: expected a finite length above 0 m, got {self.wheelbase!r}")
+
+    def settings(self) -> Mapping[str, Any]:
+        """The wheelbase."""
+        return {"wheelbase": self.wheelbase}
 
     def rates(self, first: Any, second: Any, arrays: Arrays = np) -> tuple[Any, Any]:
         """Speed in m/s, and turn rate ``v tan(delta) / L`` in rad/s."""

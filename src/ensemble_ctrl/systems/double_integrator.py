@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.systems.ode import OdeSystem
+from ensemble_ctrl.systems.system import System
 
 
-class DoubleIntegrator(OdeSystem):
+class DoubleIntegrator(System):
     r"""A point of mass `m` in the plane under a force: :math:`m \ddot p = f`; its steps are exact.
 
     Examples

@@ -10,12 +10,12 @@ import numpy as np
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.systems.arrays import cos, sin
-from ensemble_ctrl.systems.ode import Floats, OdeSystem
 from ensemble_ctrl.systems.quadrotor import GRAVITY
+from ensemble_ctrl.systems.system import Floats, System
 
 
 @dataclass(frozen=True)
-class PlanarQuadrotor(OdeSystem):
+class PlanarQuadrotor(System):
     r"""A rigid body in the plane of `x` (along) and `z` (up), with linear drag.
 
     .. math::

@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.systems.ode import Floats, OdeSystem
+from ensemble_ctrl.systems.system import Floats, System
 
 GRAVITY = 9.81
 """m/s^2."""
 
 
 @dataclass(frozen=True)
-class Quadrotor(OdeSystem):
+class Quadrotor(System):
     r"""A rigid body with a thrust along its own z axis and three body torques, in six degrees of freedom.
 
     .. math::

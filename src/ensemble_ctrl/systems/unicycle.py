@@ -29,6 +29,7 @@ class Unicycle(ArcSystem):
     controls: ClassVar[tuple[str, ...]] = ("v", "omega")
     control_units: ClassVar[tuple[str, ...]] = ("m/s", "rad/s")
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((-2.0, 2.0), (-2.0, 2.0))
+    command_kind: ClassVar[str] = "twist"
     turns_in_place: ClassVar[bool] = True
 
     def rates(self, first: Any, second: Any, arrays: Arrays = np) -> tuple[Any, Any]:

@@ -26,11 +26,10 @@ SEEN = 2e-4
 
 
 @cache
-def problem_of(name: str) -> ec.OdeProblem:
+def problem_of(name: str) -> ec.Problem:
     """A problem file."""
     folder = "examples" if name == "own_system" else "configs/systems"
     problem = ec.load(ROOT / folder / f"{name}.yaml", trust=True)
-    assert isinstance(problem, ec.OdeProblem)
     return problem
 
 
@@ -49,7 +48,7 @@ def paths_of(name: str) -> tuple[Floats, Floats]:
     return members, problem.fleet.trajectories(controls, members, problem.step / fine)
 
 
-def least(problem: ec.OdeProblem, states: Floats, obstacle: str) -> float:
+def least(problem: ec.Problem, states: Floats, obstacle: str) -> float:
     """The smallest distance from an obstacle seen, the radius taken off."""
     places = states[..., problem.fleet.place_columns]
     return min(float(piece.distance(places).min()) for piece in problem.obstacles[obstacle]) - problem.fleet.radius
@@ -79,7 +78,7 @@ def test_a_plan_that_is_unsafe_by_a_millimetre_is_refused_with_a_member(name: st
     left = least(problem, paths_of(name)[1], worst)
     task = ec.parse(f"G avoid({worst})")
 
-    def grown(by: float) -> ec.OdeProblem:
+    def grown(by: float) -> ec.Problem:
         return replace(problem, fleet=replace(problem.fleet, radius=problem.fleet.radius + by), task=task)
 
     unsafe = grown(left + 1e-3)
@@ -91,7 +90,7 @@ def test_a_plan_that_is_unsafe_by_a_millimetre_is_refused_with_a_member(name: st
     assert ec.certify(grown(left - 1e-3), controls).proven == "yes"
 
 
-def distance_of(problem: ec.OdeProblem, controls: Floats, obstacle: str, example: ec.CounterExample) -> float:
+def distance_of(problem: ec.Problem, controls: Floats, obstacle: str, example: ec.CounterExample) -> float:
     """The distance of a counter-example's member at its time, by a step of integration of its own."""
     assert example.time is not None
     step = min(int(example.time / problem.step), problem.steps - 1)
@@ -115,7 +114,7 @@ def test_a_limit_of_another_state_is_refused_and_proven_to_a_thousandth(name: st
     column = sign * paths[..., problem.fleet.states.index(state)]
     most = float(column.max())
 
-    def limited(by: float) -> ec.OdeProblem:
+    def limited(by: float) -> ec.Problem:
         end = sign * (most + by)
         return replace(problem, task=ec.parse(f"G {state} {'<=' if sign > 0 else '>='} {end!r}"))
 

@@ -33,14 +33,12 @@ class Robot(ec.OdeSystem):
         return [psi["traction"] * v * cos(x[2]), psi["traction"] * v * sin(x[2]), psi["traction"] * omega]
 
 
-def twin(problem: ec.Problem) -> ec.OdeProblem:
+def twin(problem: ec.Problem) -> ec.Problem:
     """The same problem of robots that are given by their equations."""
     fleet = problem.fleet
     start = {"x": fleet.position[0], "y": fleet.position[1], "heading": fleet.heading}
-    robots = ec.OdeFleet(Robot(), dict(fleet.parameters), start, radius=fleet.radius)
-    return ec.OdeProblem(
-        "twin", robots, problem.duration, problem.steps, problem.task, problem.regions, problem.obstacles
-    )
+    robots = ec.Fleet(Robot(), dict(fleet.parameters), start=start, radius=fleet.radius)
+    return ec.Problem("twin", robots, problem.duration, problem.steps, problem.task, problem.regions, problem.obstacles)
 
 
 @pytest.mark.parametrize("name", ["five_obstacles", "three_obstacles"])
@@ -79,13 +77,13 @@ def test_obstacles_that_move() -> None:
         assert one.proven == pytest.approx(other.proven, abs=2e-3)
 
 
-def masses(task: str, spread: float = 0.2, **more: Any) -> ec.OdeProblem:
+def masses(task: str, spread: float = 0.2, **more: Any) -> ec.Problem:
     """Point masses of unequal mass and start."""
     laws = {"mass": ec.Interval(1 - spread, 1 + spread), "start_vy": ec.Interval(-0.05, 0.05)}
-    fleet = ec.OdeFleet(ec.DoubleIntegrator(), laws, {}, radius=0.1)
+    fleet = ec.Fleet(ec.DoubleIntegrator(), laws, radius=0.1)
     obstacles = {"post": (Obstacle.polygon([[1.5, 0.4], [2.0, 0.3], [2.2, 0.9], [1.7, 1.1]]),)}
     regions = {"goal": ec.Polyhedron.box([[1.8, 3.2], [-0.8, 0.8]])}
-    return ec.OdeProblem("masses", fleet, 3.0, 15, ec.parse(task), regions, obstacles, **more)
+    return ec.Problem("masses", fleet, 3.0, 15, ec.parse(task), regions, obstacles, **more)
 
 
 TASKS = [
@@ -143,9 +141,9 @@ def test_a_robustness_of_other_units_says_so(task: str, unit: str) -> None:
 
 def test_solids_in_space() -> None:
     """A falling quadrotor is as far from a ledge as its height says, to the tolerance of the search."""
-    fleet = ec.OdeFleet(ec.Quadrotor(), {"payload": ec.Interval(0.0, 0.3)}, {"z": 3.0}, radius=0.2)
+    fleet = ec.Fleet(ec.Quadrotor(), {"payload": ec.Interval(0.0, 0.3)}, start={"z": 3.0}, radius=0.2)
     ledge = Solid.hull(np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0, 0, 1]], dtype=float))
-    problem = ec.OdeProblem("fall", fleet, 0.5, 10, ec.parse("G avoid(ledge)"), {}, {"ledge": (ledge,)})
+    problem = ec.Problem("fall", fleet, 0.5, 10, ec.parse("G avoid(ledge)"), {}, {"ledge": (ledge,)})
     found = ec.certify(problem, np.tile([30.0, 0, 0, 0], (10, 1)))
     lowest = 3.0 + (30.0 / 4.0 - 9.81) * 0.125
     heaviest = 3.0 + (30.0 / 4.3 - 9.81) * 0.125
@@ -172,8 +170,8 @@ def test_what_can_not_be_enclosed_is_undecided_with_its_reason() -> None:
         def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
             return [x[0] ** 2 + u[0], 0.0 * x[1], 0.0 * x[2]]
 
-    fleet = ec.OdeFleet(Escaping(), {"traction": ec.Interval(0.9, 1.1)}, {"x": 1.0})
-    problem = ec.OdeProblem("escape", fleet, 2.0, 10, ec.parse("G x >= -1"))
+    fleet = ec.Fleet(Escaping(), {"traction": ec.Interval(0.9, 1.1)}, start={"x": 1.0})
+    problem = ec.Problem("escape", fleet, 2.0, 10, ec.parse("G x >= -1"))
     found = ec.certify(problem, np.zeros((10, 2)))
     assert (found.proven, found.parts, found.clearances) == ("undecided", (), ())
     assert "x runs away" in found.reason

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.problem.ode_fleet import OdeFleet
+from ensemble_ctrl.problem.fleet import Fleet
 
 
 class Growing(ec.OdeSystem):
@@ -39,12 +39,12 @@ class Growing(ec.OdeSystem):
 )
 def test_a_window_ends_where_it_says(steps: int, window: str, latest: float) -> None:
     """The state is largest at the window's end: neither before nor after it."""
-    fleet = OdeFleet(Growing(), {"rate": ec.Interval(0.8, 1.2)}, {"x": 1.0}, np.array([-1.0]), np.array([1.0]))
+    fleet = Fleet(Growing(), {"rate": ec.Interval(0.8, 1.2)}, start={"x": 1.0}, input_lower=[-1.0], input_upper=[1.0])
     for task, truth in (
         (f"G{window} x <= 20", 20 - exp(1.2 * latest)),
         (f"F{window} x >= 3", exp(0.8 * latest) - 3),
     ):
-        found = ec.certify(ec.OdeProblem("w", fleet, 3.0, steps, ec.parse(task)), np.zeros((steps, 1)))
+        found = ec.certify(ec.Problem("w", fleet, 3.0, steps, ec.parse(task)), np.zeros((steps, 1)))
         assert found.robustness <= truth
         assert found.robustness >= truth - 1e-3
         assert found.proven == ("yes" if truth >= 0 else "no")

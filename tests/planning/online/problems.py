@@ -50,7 +50,7 @@ def robot(factors: Factors | float = 1.0, seed: int = 0, **flaws: Any) -> Simula
     """A robot at the start, measured 0.1 s late with as much noise as is assumed."""
     given = {"position": NOISE.position, "heading": NOISE.heading, "delay": 0.1, **flaws}
     truth = Fixed(factors, factors) if isinstance(factors, float) else factors
-    return SimulatedRobot(FLEET.system, np.zeros(2), 0.0, SHORT.step, truth, Flaws(**given), seed)
+    return SimulatedRobot(FLEET.arcs, np.zeros(2), 0.0, SHORT.step, truth, Flaws(**given), seed)
 
 
 def clearance(problem: Problem, driven: SimulatedRobot) -> float:

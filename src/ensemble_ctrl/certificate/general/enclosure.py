@@ -28,7 +28,7 @@ from ensemble_ctrl.certificate.general.models import Model
 from ensemble_ctrl.certificate.general.picard import approximate
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.systems import OdeSystem
+    from ensemble_ctrl.systems import System
 
 
 Floats = NDArray[np.float64]
@@ -121,12 +121,12 @@ class Enclosure:
         return float(self.radius.max(initial=0.0))
 
 
-def enclose(system: OdeSystem, start: Start, controls: Floats, duration: float) -> Enclosure:
+def enclose(system: System, start: Start, controls: Floats, duration: float) -> Enclosure:
     """The enclosure of all members under piecewise constant controls.
 
     Parameters
     ----------
-    system : OdeSystem
+    system : System
     start : Start
     controls : ndarray, shape (steps, n_u)
     duration : float
@@ -176,7 +176,7 @@ def enclose(system: OdeSystem, start: Start, controls: Floats, duration: float) 
 class Pieces:
     """One way to cut time and parameters: so many parts of each step, so many cells of each wide parameter."""
 
-    system: OdeSystem
+    system: System
     start: Start
     controls: Floats
     duration: float

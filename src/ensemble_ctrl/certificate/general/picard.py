@@ -12,7 +12,7 @@ from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.general.basis import Basis, cosines
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.systems import OdeSystem
+    from ensemble_ctrl.systems import System
 
 
 Floats = NDArray[np.float64]
@@ -24,13 +24,13 @@ SETTLED = 4e-16
 
 
 def approximate(
-    system: OdeSystem, basis: Basis, start: Floats, psi: Mapping[str, Floats], controls: Floats, step: float
+    system: System, basis: Basis, start: Floats, psi: Mapping[str, Floats], controls: Floats, step: float
 ) -> Floats:
     """Coefficients of the states in every step, shape (steps, states, cells, times, terms).
 
     Parameters
     ----------
-    system : OdeSystem
+    system : System
     basis : Basis
     start : ndarray, shape (states, cells, terms)
         Coefficients of the start in the parameters.
@@ -73,7 +73,7 @@ def approximate(
     return found
 
 
-def _rates(system: OdeSystem, values: Floats, command: list[float], psi: Mapping[str, Floats]) -> Floats:
+def _rates(system: System, values: Floats, command: list[float], psi: Mapping[str, Floats]) -> Floats:
     """The right-hand side at all nodes, shape of `values`; the system sees one long list of members."""
     flat = values.reshape(len(values), -1)
     rates = np.empty_like(flat)

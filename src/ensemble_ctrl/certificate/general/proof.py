@@ -25,7 +25,7 @@ from ensemble_ctrl.problem.specification import AvoidConstraint, ChanceConstrain
 
 if TYPE_CHECKING:
     from ensemble_ctrl.moments import Law
-    from ensemble_ctrl.problem import OdeProblem
+    from ensemble_ctrl.problem import Problem
 
 
 Floats = NDArray[np.float64]
@@ -40,7 +40,7 @@ class GeneralProof:
 
     Parameters
     ----------
-    problem : OdeProblem
+    problem : Problem
     controls : ndarray, shape (steps, n_u)
     laws : mapping of str to Law
         The ranges that the claim is about.
@@ -51,7 +51,7 @@ class GeneralProof:
         By every bound, if the system can't be enclosed.
     """
 
-    problem: OdeProblem
+    problem: Problem
     controls: Floats
     laws: Mapping[str, Law]
 

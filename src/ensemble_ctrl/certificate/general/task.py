@@ -24,7 +24,8 @@ from ensemble_ctrl.constraints.stl.formula import Share
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.problem.ensemble import Ensemble, Member
+    from ensemble_ctrl.problem.ensemble import Member
+    from ensemble_ctrl.problem.fleet import Fleet
 
 
 Floats = NDArray[np.float64]
@@ -191,11 +192,11 @@ class TubeCells:
     states: tuple[str, ...]
     schedule: Schedule
     elements: Elements
-    fleet: Ensemble
+    fleet: Fleet
 
     @classmethod
     def of(
-        cls, enclosure: Enclosure, states: tuple[str, ...], schedule: Schedule, elements: Elements, fleet: Ensemble
+        cls, enclosure: Enclosure, states: tuple[str, ...], schedule: Schedule, elements: Elements, fleet: Fleet
     ) -> TubeCells:
         """All cells of an enclosure; boxes of one cell are next to each other."""
         rows = np.eye(len(fleet.states))[[fleet.states.index(name) for name in states]].reshape(len(states), -1)
@@ -275,7 +276,7 @@ def bound_task(
     schedule: Schedule,
     elements: Elements,
     states: tuple[str, ...],
-    fleet: Ensemble,
+    fleet: Fleet,
     fleet_wide: bool,
 ) -> TaskBound:
     """Bound the robustness of a formula for every member of an enclosure.
@@ -288,7 +289,7 @@ def bound_task(
     return refined(cells, fleet, fleet_wide, NUMBERS if len(enclosure.wide) else 0)
 
 
-def _ends(fleet: Ensemble) -> tuple[Floats, Floats]:
+def _ends(fleet: Fleet) -> tuple[Floats, Floats]:
     """The ranges of the parameters."""
     laws = list(fleet.parameters.values())
     return np.array([law.lower for law in laws]), np.array([law.upper for law in laws])

@@ -10,7 +10,6 @@ from textwrap import dedent
 from typing import Any
 
 from ensemble_ctrl.files.config.fields import Model
-from ensemble_ctrl.files.config.ode_section import OdeProblemFile
 from ensemble_ctrl.files.config.schema import ProblemFile
 
 IDENTITY = "urn:ensemble-ctrl:problem-file:1"
@@ -21,9 +20,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def schema() -> dict[str, Any]:
     """The JSON Schema of a problem file, for editors: every field with its type, its default and what it means."""
-    described, other = ProblemFile.model_json_schema(), OdeProblemFile.model_json_schema()
-    described["$defs"] = {**other["$defs"], **described["$defs"]}
-    described["properties"]["fleet"] = {"anyOf": [described["properties"]["fleet"], other["properties"]["fleet"]]}
+    described = ProblemFile.model_json_schema()
     obstacles = described["properties"]["obstacles"]
     listed = obstacles["additionalProperties"]
     obstacles["additionalProperties"] = {"anyOf": [listed["items"], listed]}

@@ -12,13 +12,10 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import Predicate
-from ensemble_ctrl.files.config.laws import law_data
-from ensemble_ctrl.files.config.ode_section import ode_fleet_data
+from ensemble_ctrl.files.config.fleets import fleet_data
 from ensemble_ctrl.files.config.targets import target_data
 from ensemble_ctrl.files.config.tree import SCALARS
-from ensemble_ctrl.problem import Objective, OdeProblem, Problem
-from ensemble_ctrl.problem.fleet import Fleet
-from ensemble_ctrl.systems import Bicycle
+from ensemble_ctrl.problem import Objective, Problem
 
 Floats = NDArray[np.float64]
 Data = dict[str, Any]
@@ -58,7 +55,7 @@ def to_data(problem: Problem) -> Data:
     return {
         "version": 1,
         "name": problem.name,
-        "fleet": ode_fleet_data(problem.fleet) if isinstance(problem, OdeProblem) else _fleet(problem.fleet),
+        "fleet": fleet_data(problem.fleet),
         "horizon": {"duration": _duration(problem), "steps": int(problem.steps)},
         "moments": {"basis": "legendre", "order": "auto" if problem.order is None else int(problem.order)},
         "regions": {name: _region(region, places) for name, region in problem.regions.items()},
@@ -78,32 +75,6 @@ def _duration(problem: Problem) -> float | Data:
     if problem.least_duration is None:
         return float(problem.duration)
     return {"at_least": float(problem.least_duration), "at_most": float(problem.duration)}
-
-
-def _fleet(fleet: Fleet) -> Data:
-    """The section on the fleet."""
-    bounds = np.column_stack([fleet.input_lower, fleet.input_upper]).tolist()
-    system, cloud = fleet.system, fleet.cloud or {}
-    return {
-        "model": system.name,
-        **({"wheelbase": float(system.wheelbase)} if isinstance(system, Bicycle) else {}),
-        "parameters": {name: law_data(law) for name, law in fleet.parameters.items() if name not in cloud},
-        **({"cloud": {name: column.tolist() for name, column in cloud.items()}} if cloud else {}),
-        "start": {
-            "position": fleet.position.tolist(),
-            "heading": float(fleet.own_heading),
-            "heading_from": system.heading_from,
-        },
-        "input_bounds": dict(zip(system.controls, bounds, strict=True)),
-        **({} if fleet.rate_bounds is None else {"rate_bounds": _rates(fleet)}),
-        "radius": float(fleet.radius),
-    }
-
-
-def _rates(fleet: Fleet) -> Data:
-    """The rate bounds that are finite."""
-    pairs = zip(fleet.system.controls, np.asarray(fleet.rate_bounds).tolist(), strict=True)
-    return {name: rate for name, rate in pairs if np.isfinite(rate)}
 
 
 def _motion(motion: Motion) -> Data:

@@ -14,7 +14,7 @@ from ensemble_ctrl.files.config.wrong import Wrong, only, show, suggestion
 from ensemble_ctrl.moments import MAX_ORDER
 from ensemble_ctrl.problem.arguments.units import pattern, quantity
 from ensemble_ctrl.problem.checks import ALL_OBSTACLES
-from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS
+from ensemble_ctrl.systems import SYSTEMS
 from ensemble_ctrl.systems.bicycle import STEEPEST
 
 _NAME = re.compile(r"[^\W\d][\w.-]*")
@@ -122,9 +122,8 @@ def free_duration(value: Any) -> float | tuple[float, float]:
 
 def model_name(value: str) -> str:
     """The name of a system."""
-    known = (*SYSTEMS, *ODE_SYSTEMS)
     if value not in SYSTEMS:
-        raise Wrong(f"{show(value)} is not one of {', '.join(known)}", suggestion(value, known))
+        raise Wrong(f"{show(value)} is not one of {', '.join(SYSTEMS)}", suggestion(value, SYSTEMS))
     return value
 
 

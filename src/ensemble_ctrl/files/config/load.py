@@ -17,9 +17,8 @@ from ensemble_ctrl.files.config.dump import to_data
 from ensemble_ctrl.files.config.locate import Locator
 from ensemble_ctrl.files.config.mapped import edge_findings, map_notes
 from ensemble_ctrl.files.config.messages import Diagnostic, findings_of, layout
-from ensemble_ctrl.files.config.ode_section import OdeProblemFile
 from ensemble_ctrl.files.config.overrides import Given, Override, apply, name_of_override, parse_override
-from ensemble_ctrl.files.config.own import CONSENT, is_ode, system_class
+from ensemble_ctrl.files.config.own import CONSENT, by_ode, system_class
 from ensemble_ctrl.files.config.schema import ProblemFile
 from ensemble_ctrl.files.config.source import Source, Text, name_of, read_source
 from ensemble_ctrl.files.config.tree import TextError, Tree
@@ -135,10 +134,8 @@ def _read(text: Text, overrides: Iterable[Given], trust: bool = False, loop: boo
 def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> tuple[Problem, list[Diagnostic]]:
     """Validate and build, collecting every error; what its maps have to say, too."""
     found = locate.repeated()
-    kind: type[ProblemFile] = ProblemFile
     context: dict[str, Any] = {"folder": text.folder, "trust": trust}
-    if is_ode(data):
-        kind = OdeProblemFile
+    if by_ode(data):
         try:
             context["places"] = system_class(data["fleet"]["model"], context).positions
         except Wrong as error:  # nothing else can be read without it
@@ -146,12 +143,12 @@ def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> 
             _refuse([*found, locate(Finding(path, error.message, error.hint))], text.name)
     notes: list[Diagnostic] = []
     try:
-        file = kind.model_validate(data, context=context)
+        file = ProblemFile.model_validate(data, context=context)
         notes = [locate(finding) for finding in map_notes(file)]
         problem = build(file, re.sub(r"[^\w .+-]", "", FilePath(text.name).stem) or "problem")
         found += [locate(finding) for finding in edge_findings(file, problem)]
     except ValidationError as error:
-        found += [locate(finding) for finding in findings_of(error, kind)]
+        found += [locate(finding) for finding in findings_of(error)]
     except ProblemError as error:
         found += [locate(finding) for finding in error.findings or [Finding((), str(error))]]
     if found:

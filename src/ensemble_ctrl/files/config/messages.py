@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from ensemble_ctrl.constraints.stl import FormulaError
 from ensemble_ctrl.core.errors import MOST_LISTED, first_of, with_short_words
+from ensemble_ctrl.files.config.fleets import SECTIONS
 from ensemble_ctrl.files.config.schema import ProblemFile
 from ensemble_ctrl.files.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.problem.checks import Finding, Path, Severity
@@ -94,20 +95,21 @@ def layout(diagnostics: Iterable[Diagnostic], name: str) -> str:
     return "\n".join([*first_of(listed), f"{count} error{'s' * (count != 1)} in {_printable(name)}"])
 
 
-def findings_of(error: ValidationError, root: type[BaseModel] = ProblemFile) -> list[Finding]:
+def findings_of(error: ValidationError) -> list[Finding]:
     """Pydantic's errors in our words."""
     found = enumerate(error.errors(include_url=False))
-    return [_finding(detail, root, guess=place < MOST_LISTED) for place, detail in found]
+    return [_finding(detail, guess=place < MOST_LISTED) for place, detail in found]
 
 
 ROUND = dict.fromkeys(["circle", "disc", "disk"], "write a polygon whose sides lie around the circle")
 """What to write in place of shapes that there are not."""
 
 
-def _finding(detail: Any, root: type[BaseModel], guess: bool) -> Finding:
+def _finding(detail: Any, guess: bool) -> Finding:
     """One of pydantic's errors in our words, with a guess at what was meant."""
-    path: Path = tuple(key for key in detail["loc"] if key != "[key]")
-    on_key = path != detail["loc"]
+    place: Path = tuple(key for key in detail["loc"] if key != "[key]")
+    path: Path = tuple(key for key in place if key not in SECTIONS)
+    on_key = place != detail["loc"]
     kind, value = detail["type"], detail["input"]
     match kind:
         case "value_error":
@@ -117,7 +119,7 @@ def _finding(detail: Any, root: type[BaseModel], guess: bool) -> Finding:
             hint = f"for example  {EXAMPLES[path]}" if path in EXAMPLES else ""
             return Finding(path, "this is required, but missing", hint)
         case "extra_forbidden":
-            known = fields_at(path[:-1], root)
+            known = fields_at(place[:-1])
             hint = (
                 ROUND.get(str(path[-1]), "")
                 or (guess and suggestion(path[-1], known))
@@ -143,11 +145,13 @@ def _raised(path: Path, error: Exception) -> Finding:
     return Finding(path, str(error))
 
 
-def fields_at(path: Path, root: type[BaseModel] = ProblemFile) -> list[str]:
-    """Fields of the section at a path."""
-    kind: Any = root
+def fields_at(path: Path) -> list[str]:
+    """Fields of the section at a path, in which the form of a fleet section follows its key."""
+    kind: Any = ProblemFile
     for key in path:
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
+        if key in SECTIONS:
+            kind = SECTIONS[str(key)]
+        elif isinstance(kind, type) and issubclass(kind, BaseModel):
             kind = kind.model_fields[str(key)].annotation
         else:
             kind = get_args(kind)[-1]

@@ -12,20 +12,21 @@ from typing import Any
 from ensemble_ctrl.files.config.source import read_bytes, text_of
 from ensemble_ctrl.files.config.tree import TextError, Tree
 from ensemble_ctrl.files.config.wrong import Wrong, show, suggestion
-from ensemble_ctrl.systems import ODE_SYSTEMS, SYSTEMS, OdeSystem
+from ensemble_ctrl.systems import SYSTEMS, System
 
 CONSENT: ContextVar[bool] = ContextVar("CONSENT", default=False)
 """Whether Python files next to problem files may be run without being asked for each; the command's ``--trust``."""
 EXAMPLE = "for example  model: {python: my_system.py:MySystem}"
-MODELS = (*SYSTEMS, *ODE_SYSTEMS)
-"""Every model by the name a problem file uses."""
+BY_ODE = [name for name, system in SYSTEMS.items() if not system.on_arcs]
+"""The models whose fleet section names states, settings and parameters as the system does."""
 
 
-def is_ode(data: Any) -> bool:
-    """Whether a problem file's data are about a fleet that follows a differential equation."""
+def by_ode(data: Any) -> bool:
+    """Whether a problem file's data are about a model of `BY_ODE`, or a user's own."""
     fleet = data.get("fleet") if isinstance(data, dict) else None
     model = fleet.get("model") if isinstance(fleet, dict) else None
-    return isinstance(model, dict) or (isinstance(model, str) and model in ODE_SYSTEMS)
+    known = SYSTEMS.get(model) if isinstance(model, str) else None
+    return isinstance(model, dict) or (known is not None and not known.on_arcs)
 
 
 def named_source(path: Path) -> str | None:
@@ -34,12 +35,12 @@ def named_source(path: Path) -> str | None:
         data = Tree.read(text_of(read_bytes(path))).data
     except TextError:
         return None
-    model = data["fleet"]["model"] if is_ode(data) else None
+    model = data["fleet"]["model"] if by_ode(data) else None
     value = model.get("python") if isinstance(model, dict) else None
     return value.rpartition(":")[0] if isinstance(value, str) else None
 
 
-def system_class(value: Any, context: dict[str, Any] | None) -> type[OdeSystem]:
+def system_class(value: Any, context: dict[str, Any] | None) -> type[System]:
     """The class that ``fleet.model`` names.
 
     Parameters
@@ -54,12 +55,12 @@ def system_class(value: Any, context: dict[str, Any] | None) -> type[OdeSystem]:
     Wrong
         If there is no such class, or its file may not be run.
     """
-    if isinstance(value, type) and issubclass(value, OdeSystem):
+    if isinstance(value, type) and issubclass(value, System):
         return value
     if not isinstance(value, dict):
-        if value not in ODE_SYSTEMS:
-            raise Wrong(f"{show(value)} is not one of {', '.join(MODELS)}", suggestion(value, MODELS))
-        return ODE_SYSTEMS[value]
+        if value not in SYSTEMS:
+            raise Wrong(f"{show(value)} is not one of {', '.join(SYSTEMS)}", suggestion(value, SYSTEMS))
+        return SYSTEMS[value]
     if set(value) != {"python"} or not isinstance(value["python"], str):
         raise Wrong(f"expected a model's name or {{python: FILE.py:CLASS}}, got {show(value)}", EXAMPLE)
     name, _, kind = value["python"].rpartition(":")
@@ -81,11 +82,11 @@ def _beside(name: str, folder: Path) -> Path:
     return path.resolve()
 
 
-def _class(path: Path, kind: str) -> type[OdeSystem]:
+def _class(path: Path, kind: str) -> type[System]:
     """A class of a file."""
     status = path.stat()
     found = getattr(_module(path, status.st_mtime_ns, status.st_size), kind, None)
-    if not (isinstance(found, type) and issubclass(found, OdeSystem)):
+    if not (isinstance(found, type) and issubclass(found, System)):
         came = "there is no such name" if found is None else f"got {type(found).__name__}"
         raise Wrong(f"{path.name}: expected a child of OdeSystem called {kind}, {came}", path=("python",))
     return found

@@ -2,134 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field
 
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.clouds import Cloud, read_cloud
 from ensemble_ctrl.files.config.fields import Model, whole
-from ensemble_ctrl.files.config.laws import LawSection, OffsetSection, TurnSection
+from ensemble_ctrl.files.config.fleets import AnyFleet
 from ensemble_ctrl.files.config.motions import MotionSection
 from ensemble_ctrl.files.config.online import OnlineSection
-from ensemble_ctrl.files.config.samples import Columns
 from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.files.config.targets import Terminal as TerminalTarget
-from ensemble_ctrl.files.config.wrong import Wrong
 from ensemble_ctrl.problem import Guarantee, Method, Objective, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.problem.checks import MAX_MEMBERS, MAX_SEED, MAX_STEPS
 from ensemble_ctrl.problem.risk import Risk
-from ensemble_ctrl.systems import SYSTEMS, Bicycle
-
-
-class Parameters(Model):
-    """The parameters that differ between members; those left out are the same for all."""
-
-    traction: LawSection | None = None
-    """Factor on speed and turn rate at once; above 0."""
-    linear_traction: LawSection | None = None
-    """Factor on the speed alone; above 0."""
-    angular_traction: LawSection | None = None
-    """Factor on the turn rate alone; above 0."""
-    start_x: OffsetSection | None = None
-    """Offset of the start from `start.position`, in metres."""
-    start_y: OffsetSection | None = None
-    """Offset of the start from `start.position`, in metres."""
-    start_heading: TurnSection | None = None
-    """Offset of the heading from `start.heading`, counter-clockwise, in radians."""
-
-    @model_validator(mode="after")
-    def _each_once(self) -> Self:
-        """`traction` is both of the others in one number."""
-        for name in ("linear_traction", "angular_traction"):
-            if self.traction is not None and getattr(self, name) is not None:
-                raise Wrong(f"expected traction or {name}, got both", "traction scales both at once", (name,))
-        return self
-
-
-class Start(Model):
-    """Where all members start; the heading counts counter-clockwise from +x, or clockwise from +y."""
-
-    position: f.Point
-    """Start of all members, `[x, y]`, but for the offsets `start_x` and `start_y`."""
-    heading: f.Angle
-    """Start heading of all members, but for the offset `start_heading`."""
-    heading_from: Literal["x", "y"] = "x"
-    """`x`: from +x, counter-clockwise. `y`: from +y, clockwise (the paper's)."""
-
-
-class InputBounds(Model):
-    """Bounds of the commands: v and omega for a unicycle, v and delta for a bicycle."""
-
-    v: f.SpeedBounds | None = None
-    """Bounds of the commanded speed, `[low, high]`."""
-    omega: f.TurnRateBounds | None = None
-    """Unicycle: bounds of the commanded turn rate, `[low, high]`."""
-    delta: f.SteeringBounds | None = None
-    """Bicycle: bounds of the steering angle, `[low, high]`, within ±1.5 rad."""
-
-
-class RateBounds(Model):
-    """Largest change of each command per second."""
-
-    v: f.Positive | None = None
-    """Largest change of the speed per second, m/s²."""
-    omega: f.Positive | None = None
-    """Unicycle: largest change of the turn rate per second, rad/s²."""
-    delta: f.Positive | None = None
-    """Bicycle: largest change of the steering angle per second, rad/s."""
-
-
-class FleetSection(Model):
-    """Who moves."""
-
-    model: f.ModelName
-    """The dynamics all members share; `ensemble-plan models` lists them."""
-    wheelbase: f.Wheelbase | None = None
-    """Bicycle only: distance between the axles; 0.3 m if not given."""
-    parameters: Parameters = Field(default_factory=lambda: Parameters(traction=LawSection()))
-    """What differs between members; without the section, `traction` from 0.9 to 1.1."""
-    cloud: Cloud | None = None
-    """Measured robots whose parameters belong together: a CSV file with a column for each, or columns."""
-    start: Start
-    """Where all members start."""
-    input_bounds: InputBounds = Field(default_factory=InputBounds)
-    """Bounds of the commands."""
-    rate_bounds: RateBounds | None = None
-    """Largest change of each command per second, from each step to the next."""
-    radius: f.Margin = 0.0
-    """Radius of a robot; what `avoid(...)` names grows by it."""
-    _robots: Columns = PrivateAttr(default_factory=dict)
-
-    @model_validator(mode="after")
-    def _read_cloud(self, info: ValidationInfo) -> Self:
-        """Read the table of measured robots; what it holds is not given by a law too."""
-        if self.cloud is not None:
-            self._robots = read_cloud(self.cloud, (info.context or {}).get("folder", Path()))
-            laws = {name for name, law in self.parameters if law is not None and "parameters" in self.model_fields_set}
-            for name in sorted(laws & set(self._robots)):
-                raise Wrong(f"expected {name} in the cloud or among the parameters, got both", path=("cloud",))
-        return self
-
-    @property
-    def robots(self) -> Columns:
-        """Columns of the measured robots."""
-        return self._robots
-
-    @model_validator(mode="after")
-    def _of_its_model(self) -> Self:
-        """Only what the model has."""
-        system = SYSTEMS[self.model]
-        for name in self.input_bounds.model_fields_set - set(system.controls):
-            controls = " and ".join(system.controls)
-            raise Wrong(f"expected bounds of {controls}, got {name!r}", path=("input_bounds", name))
-        for name in (self.rate_bounds.model_fields_set if self.rate_bounds else set()) - set(system.controls):
-            controls = " and ".join(system.controls)
-            raise Wrong(f"expected rates of {controls}, got {name!r}", path=("rate_bounds", name))
-        if self.wheelbase is not None and self.model != Bicycle.name:
-            raise Wrong(f"expected a wheelbase for the bicycle only, got one for the {self.model}", path=("wheelbase",))
-        return self
 
 
 class Horizon(Model):
@@ -248,7 +134,7 @@ class ProblemFile(Model):
     """Version of the file's format."""
     name: f.FolderName | None = None
     """Names the results folder; by default the file's name."""
-    fleet: FleetSection
+    fleet: AnyFleet
     """Who moves: the model, what differs between its members, where they start."""
     horizon: Horizon
     """How long, in how many steps."""

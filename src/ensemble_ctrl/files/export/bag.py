@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.core.storage import read_regular
 from ensemble_ctrl.files.export.members import Members
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
@@ -89,16 +89,15 @@ def write_bag(path: Path, problem: Problem, controls: Floats, members: Members) 
 def _commands(problem: Problem, messages: _Messages) -> tuple[str, Callable[..., Any]]:
     """The topic of the commands, and what makes a message of a time and a command."""
     controls = problem.fleet.system.controls
-    if isinstance(problem, OdeProblem):
-        return COMMANDS, partial(messages.numbers, ", ".join(controls))
-    return (DRIVE, messages.drive) if controls[1] == "delta" else (COMMAND, messages.twist)
+    known = {"twist": (COMMAND, messages.twist), "drive": (DRIVE, messages.drive)}
+    return known.get(problem.fleet.system.command_kind, (COMMANDS, partial(messages.numbers, ", ".join(controls))))
 
 
 def _last(problem: Problem) -> list[float]:
     """What is sent at the end."""
-    if isinstance(problem, OdeProblem):
-        return [float(value) for value in problem.fleet.rest(problem.fleet.center)]
-    return [0.0, 0.0]
+    if problem.fleet.system.command_kind:
+        return [0.0, 0.0]
+    return [float(value) for value in problem.fleet.rest(problem.fleet.center)]
 
 
 def _poses(problem: Problem, members: Members) -> list[tuple[Floats, Floats]]:
@@ -108,15 +107,11 @@ def _poses(problem: Problem, members: Members) -> list[tuple[Floats, Floats]]:
     """
     values = members.values
     places = np.zeros((*values.shape[:2], 3))
-    if not isinstance(problem, OdeProblem):
-        places[..., :2], half = values[..., :2], values[..., 2] / 2
-        turns = np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=-1)
-        return list(zip(places, turns, strict=True))
     fleet = problem.fleet
     left = [k for k, axis in enumerate("xyz") if axis not in fleet.places]
     for name in fleet.places:
         axis = "xyz".index(name) if name in tuple("xyz") else left.pop(0)
-        places[..., axis] = values[..., fleet.states.index(name)]
+        places[..., axis] = values[..., fleet.system.states.index(name)]
     return [(place, fleet.system.attitude(x.T).T) for place, x in zip(places, values, strict=True)]
 
 

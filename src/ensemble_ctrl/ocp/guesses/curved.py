@@ -59,7 +59,7 @@ BATCHES = (
 def curved(problem: Problem, curves: Curves, steps: int, stop: Callable[[], bool]) -> list[Guess]:
     """Guesses on a grid of `steps`, one for each heading at the end that a path was found for; shortest first."""
     ways = trips(problem, curves.trip + 1)
-    if len(ways) <= curves.trip or (curves.radius < 1 and not problem.fleet.system.turns_in_place):
+    if len(ways) <= curves.trip or (curves.radius < 1 and not problem.fleet.arcs.turns_in_place):
         return []
     trip, around = ways[curves.trip], _surroundings(problem, curves.clearance)
     radius = max(SPARE * curves.radius * tightest(problem), 1e-3)
@@ -81,7 +81,7 @@ def _surroundings(problem: Problem, clearance: float) -> Surroundings:
     fleet = problem.fleet
     static = [avoid for avoid in problem.specification.avoided_by_anyone if avoid.motion is None]
     pieces = [(piece, avoid.radius) for avoid in static for piece in avoid.pieces]
-    places = [fleet.start[None], *(piece.vertices for piece, _ in pieces)]
+    places = [fleet.start_place[None], *(piece.vertices for piece, _ in pieces)]
     places += [region.vertices for region in problem.regions.values() if region.is_bounded]
     corners = np.concatenate(places)
     size = float(np.ptp(corners, axis=0).max())
@@ -97,7 +97,8 @@ def _driven_legs(
 ) -> Iterator[list[Floats]]:
     """The legs of a trip, the last one in several headings; the others in the heading that is reached first."""
     fleet, legs = problem.fleet, []
-    pose = np.array([*fleet.start, fleet.heading + float(fleet.drives(fleet.center[None])[0, 2] - fleet.own_heading)])
+    turned = float(fleet.drives(fleet.center[None])[0, 2] - fleet.own_heading)
+    pose = np.array([*fleet.start_place, fleet.heading + turned])
 
     def paths(start: Floats, place: Floats) -> Iterator[Floats]:
         ahead, found = float(np.arctan2(*(place - start[:2])[::-1])), 0

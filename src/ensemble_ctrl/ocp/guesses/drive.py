@@ -30,8 +30,8 @@ def follow(problem: Problem, path: Floats) -> Floats:
     low, high = (
         np.clip(SHARES * end, fleet.input_lower, fleet.input_upper) for end in (fleet.input_lower, fleet.input_upper)
     )
-    sign, place, slowest = 1.0, fleet.start, 0.0 if fleet.system.turns_in_place else CREEP
-    if fleet.system.heading_from == "y":
+    sign, place, slowest = 1.0, fleet.start_place, 0.0 if fleet.arcs.turns_in_place else CREEP
+    if fleet.arcs.heading_from == "y":
         sign, heading = -1.0, np.pi / 2 - heading
     controls = np.zeros((len(path) - 1, 2))
     for n in range(len(controls)):
@@ -41,8 +41,8 @@ def follow(problem: Problem, path: Floats) -> Floats:
         error = (wanted - heading + np.pi) % (2 * np.pi) - np.pi
         turn = 1.4 * sign * error / (step * angular) if distance > 1e-3 else 0.0
         speed = distance * max(np.cos(error), slowest) / (step * linear)
-        controls[n] = fleet.system.commands(speed, turn, low, high)
-        v, omega = fleet.system.rates(*controls[n])
+        controls[n] = fleet.arcs.commands(speed, turn, low, high)
+        v, omega = fleet.arcs.rates(*controls[n])
         half = sign * angular * omega * step / 2
         place = place + linear * v * step * np.array([np.cos(heading + half), np.sin(heading + half)])
         heading += 2 * half

@@ -15,8 +15,8 @@ def tightest(problem: Problem) -> float:
     fleet = problem.fleet
     linear, angular = fleet.drives(fleet.center[None])[0, :2].tolist()
     fast = 0.5 * float(np.abs([fleet.input_lower[0], fleet.input_upper[0]]).max())
-    turns = [fleet.system.commands(fast, side, fleet.input_lower, fleet.input_upper) for side in (-1e6, 1e6)]
-    rates = np.array([fleet.system.rates(*commands) for commands in turns])
+    turns = [fleet.arcs.commands(fast, side, fleet.input_lower, fleet.input_upper) for side in (-1e6, 1e6)]
+    rates = np.array([fleet.arcs.rates(*commands) for commands in turns])
     return float(np.max(np.abs(rates[:, 0] * linear) / np.maximum(np.abs(rates[:, 1] * angular), 1e-9)))
 
 
@@ -32,7 +32,7 @@ def needed(problem: Problem, poses: Floats) -> Floats:
     linear, angular = np.abs(fleet.drives(fleet.center[None])[0, :2])
     speeds = np.where(moved < 0, -fleet.input_lower[0], fleet.input_upper[0]) * linear
     seconds = np.abs(moved) / np.maximum(speeds, 1e-3)
-    if fleet.system.turns_in_place:
+    if fleet.arcs.turns_in_place:
         rate = float(np.minimum(np.abs(fleet.input_lower[1]), np.abs(fleet.input_upper[1])))
         seconds = np.maximum(seconds, np.abs(turned) / max(rate * angular, 1e-3))
     return np.asarray(seconds)
@@ -58,11 +58,11 @@ def driven(problem: Problem, poses: Floats, times: Floats, steps: int) -> Floats
     """
     fleet = problem.fleet
     linear, angular = fleet.drives(fleet.center[None])[0, :2].tolist()
-    sign = 1.0 if fleet.system.heading_from == "x" else -1.0
+    sign = 1.0 if fleet.arcs.heading_from == "x" else -1.0
     grid = np.linspace(0.0, problem.duration, steps + 1)
     totals = [np.concatenate([[0.0], np.cumsum(part)]) for part in _moves(poses)]
     moved, turned = (np.diff(np.interp(grid, times, total)) * steps / problem.duration for total in totals)
-    commands = fleet.system.commands(moved / linear, sign * turned / angular, fleet.input_lower, fleet.input_upper)
+    commands = fleet.arcs.commands(moved / linear, sign * turned / angular, fleet.input_lower, fleet.input_upper)
     return np.stack(commands, axis=1)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.ocp.guesses.state_guesses import Guess
 from ensemble_ctrl.ocp.parametrisation import Iterate
-from ensemble_ctrl.problem import OdeProblem
+from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class Restart:
         return np.zeros((0, self.states.shape[1]))
 
 
-def restarts(problem: OdeProblem, guess: Iterate, middle: Iterate) -> Iterator[list[Restart]]:
+def restarts(problem: Problem, guess: Iterate, middle: Iterate) -> Iterator[list[Restart]]:
     """Batches of starts, cheap and promising ones first: the middle member's plan, the guess, and commands at random.
 
     Each at higher orders and at the usual one; the highest, and random commands at higher ones, come last.
@@ -85,7 +85,7 @@ def _guessed(guess: Iterate, order: int | None) -> Restart:
     return Restart(f"from the guess{_at(order)}", order, guess.controls, guess.states)
 
 
-def _drawn(problem: OdeProblem, k: int, order: int | None, guess: Iterate, draws: np.random.Generator) -> Restart:
+def _drawn(problem: Problem, k: int, order: int | None, guess: Iterate, draws: np.random.Generator) -> Restart:
     """The states of a guess, with commands at random."""
     return Restart(f"commands at random {k + 1}{_at(order)}", order, _random(problem, k, draws), guess.states)
 
@@ -95,14 +95,14 @@ def _at(order: int | None) -> str:
     return "" if order is None else f", order {order}"
 
 
-def wandering(problem: OdeProblem, guess: Guess) -> list[Guess]:
+def wandering(problem: Problem, guess: Guess) -> list[Guess]:
     """Starts for the middle member alone: the states of a guess, with commands at random."""
     draws = np.random.default_rng(problem.solve.seed)
     iterates = [Iterate(_random(problem, k, draws), guess.iterate.states) for k in range(WANDERING)]
     return [Guess(f"{guess.name}, random {k + 1}", guess.corners, one, "random") for k, one in enumerate(iterates)]
 
 
-def _random(problem: OdeProblem, k: int, draws: np.random.Generator) -> Floats:
+def _random(problem: Problem, k: int, draws: np.random.Generator) -> Floats:
     """Commands of all steps: for odd `k` slow waves, which push one way for a while, otherwise each step by itself."""
     low, high = np.asarray(problem.fleet.input_lower), np.asarray(problem.fleet.input_upper)
     if k % 2 == 0:

@@ -119,7 +119,7 @@ class Legs:
 
     def _trip(self, skeleton: Skeleton, order: tuple[int, ...]) -> tuple[Trip, list[list[Route]]]:
         """One order of visits with its shortest legs, and every choice for each leg."""
-        place, legs = self.problem.fleet.start, []
+        place, legs = self.problem.fleet.start_place, []
         for k, index in enumerate(order):
             closed = frozenset(door.name for door in skeleton.doors if door.until not in order[:k])
             goal = place_in(self.problem, skeleton.visits[index], place)
@@ -232,7 +232,7 @@ def driven_trip(problem: Problem, trip: Trip, steps: int, name: str, kind: str =
 
 def _timed(problem: Problem, trip: Trip) -> Iterator[tuple[Floats, Floats]]:
     """The corners of a trip with the times to be at them."""
-    start = problem.fleet.start
+    start = problem.fleet.start_place
     yield np.zeros(1), start[None, :]
     now = 0.0
     for arrival, dwell, leg in zip(*schedule(problem, trip), trip.legs, strict=True):

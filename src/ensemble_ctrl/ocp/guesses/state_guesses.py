@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, skeletons
 from ensemble_ctrl.ocp.guesses.ways import resampled, ways
 from ensemble_ctrl.ocp.transcription import Iterate
-from ensemble_ctrl.problem import OdeProblem
-from ensemble_ctrl.problem.ode_fleet import OdeFleet
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class Guess:
         return float(np.linalg.norm(np.diff(self.corners, axis=0), axis=1).sum())
 
 
-def guesses(problem: OdeProblem, steps: int) -> list[Guess]:
+def guesses(problem: Problem, steps: int) -> list[Guess]:
     """As many guesses as `solve.routes` says: the ways of doing the task, then other routes around obstacles."""
     most = MOST if problem.solve.routes == "all" else int(problem.solve.routes)
     tasks = list(islice(_itineraries(problem), most))
@@ -62,11 +62,11 @@ def guesses(problem: OdeProblem, steps: int) -> list[Guess]:
     return found
 
 
-def _legs(problem: OdeProblem, stops: list[Stop], count: int) -> list[list[Floats]]:
+def _legs(problem: Problem, stops: list[Stop], count: int) -> list[list[Floats]]:
     """Up to `count` ways from each stop to the next."""
     pieces = [piece for avoid in problem.specification.avoid for piece in avoid.pieces]
     keep = max((avoid.radius for avoid in problem.specification.avoid), default=0.0) + problem.solve.margin
-    places = [problem.fleet.position, *(stop.place for stop in stops)]
+    places = [problem.fleet.start_place, *(stop.place for stop in stops)]
     return [ways(a, b, pieces, keep, count) for a, b in pairwise(places)]
 
 
@@ -80,7 +80,7 @@ class Stop:
     dwell: float = 0.0
 
 
-def _itineraries(problem: OdeProblem) -> Iterator[tuple[str, list[Stop]]]:
+def _itineraries(problem: Problem) -> Iterator[tuple[str, list[Stop]]]:
     """Places to be at, one list for each way of doing the task."""
     seen: set[str] = set()
     for skeleton in skeletons(problem):
@@ -91,7 +91,7 @@ def _itineraries(problem: OdeProblem) -> Iterator[tuple[str, list[Stop]]]:
                 yield name, _stops(problem, skeleton, order)
 
 
-def _stops(problem: OdeProblem, skeleton: Skeleton, order: Sequence[int]) -> list[Stop]:
+def _stops(problem: Problem, skeleton: Skeleton, order: Sequence[int]) -> list[Stop]:
     """The middles of the regions to be visited, and the target."""
     stops = []
     for i in order:
@@ -104,10 +104,10 @@ def _stops(problem: OdeProblem, skeleton: Skeleton, order: Sequence[int]) -> lis
     return stops
 
 
-def _driven(problem: OdeProblem, steps: int, name: str, stops: list[Stop], legs: list[Floats]) -> Guess:
+def _driven(problem: Problem, steps: int, name: str, stops: list[Stop], legs: list[Floats]) -> Guess:
     """The middle member's states along a way through the stops, from rest to rest between them."""
     fleet, times = problem.fleet, np.linspace(0.0, problem.duration, steps + 1)
-    path = np.tile(fleet.position, (steps + 1, 1))
+    path = np.tile(fleet.start_place, (steps + 1, 1))
     whole = sum(float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum()) for leg in legs)
     left, gone = 0.0, 0.0
     for leg, stop in zip(legs, stops, strict=True):
@@ -126,16 +126,16 @@ def _driven(problem: OdeProblem, steps: int, name: str, stops: list[Stop], legs:
         if rate is not None:
             states[1:, rate, 0] = speed[1:, axis]
     controls = np.tile(fleet.rest(fleet.center), (steps, 1))
-    return Guess(name, np.concatenate(legs) if legs else fleet.position[None], Iterate(controls, states))
+    return Guess(name, np.concatenate(legs) if legs else fleet.start_place[None], Iterate(controls, states))
 
 
-def _velocities(fleet: OdeFleet) -> list[tuple[int, int | None]]:
+def _velocities(fleet: Fleet) -> list[tuple[int, int | None]]:
     """For each coordinate of the position its state, and the state that is its rate, if there is one."""
     generator = np.random.default_rng(0)
     members = np.tile(fleet.center, (5, 1))
     x = fleet.start_states(members) + 0.1 * generator.standard_normal((len(fleet.states), 5))
     with np.errstate(all="ignore"):
-        rates = fleet.system.rates(x, fleet.rest(fleet.center), fleet.psi(members))
+        rates = fleet.system.derivatives(x, fleet.rest(fleet.center), fleet.psi(members))
     found: list[tuple[int, int | None]] = []
     for name in fleet.places:
         place = fleet.states.index(name)

@@ -43,7 +43,7 @@ class Curve:
         self.problem, self.initial, self.controls = problem, initial, controls
         self.robots = initial.path.shape[1]
         self._image = np.kron(np.eye(self.robots), truncation.to_points)
-        self._nodal = problem.fleet.system.positions(controls[initial.at :], initial.drives, problem.step)
+        self._nodal = problem.fleet.arcs.paths(controls[initial.at :], initial.drives, problem.step)
         ahead = np.einsum("ij,jtd->tid", self._image, self._nodal)
         before = np.repeat(initial.path[: initial.at], truncation.count, axis=1)
         self.points = np.concatenate([before, ahead])
@@ -53,7 +53,7 @@ class Curve:
         direct, by_turn, chain = self._steps
         free, step, levers = self.initial.free, self.problem.step, self._levers
         count = len(self.controls) - free
-        back = _quarter(normal, self.problem.fleet.system.heading_from == "x")
+        back = _quarter(normal, self.problem.fleet.arcs.heading_from == "x")
         v, omega = np.empty((len(at), count)), np.empty((len(at), count))
         # n . C dd_l/dv, and n . C (dd_l/domega + dt psi_2 R (p_n - p_l+1)): R is moved over to n as its transpose
         for i in range(direct.shape[1]):
@@ -70,7 +70,7 @@ class Curve:
     @cached_property
     def _steps(self) -> tuple[Floats, Floats, Floats]:
         """``C dd_l/dv`` and ``C dd_l/domega``, (free steps, points, 2), and d(v, omega)_l/du_l, by imaginary steps."""
-        initial, system = self.initial, self.problem.fleet.system
+        initial, system = self.initial, self.problem.fleet.arcs
         free, at, step = initial.free, initial.at, self.problem.step
         first, second = self.controls[free:].T
         v, omega = system.rates(first, second)

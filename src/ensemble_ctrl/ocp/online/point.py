@@ -113,7 +113,7 @@ class Point:
     def required(self, hyperplanes: Hyperplanes) -> Floats:
         """What ``normal . p`` has to reach for every pair of a side and a step."""
         problem, free = self.model.problem, self.initial.free
-        v, omega = problem.fleet.system.rates(*self.free.T)
+        v, omega = problem.fleet.arcs.rates(*self.free.T)
         arc = curvature(problem, self.model.truncation, problem.steps) * np.abs(v * omega)
         growth = self.initial.growth[free:]
         grown = np.maximum(growth[:-1], growth[1:]) + arc + problem.solve.margin

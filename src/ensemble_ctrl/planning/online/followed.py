@@ -87,7 +87,7 @@ class Followed:
         """Drives of its node robots in the middle of a set of poses, shape (nodes, 5)."""
         fleet = self.fleet
         drives = fleet.drives(fleet.bent_members(nodes))
-        drives[:, 2] = pose.heading if fleet.system.heading_from == "x" else np.pi / 2 - pose.heading
+        drives[:, 2] = pose.heading if fleet.arcs.heading_from == "x" else np.pi / 2 - pose.heading
         drives[:, 3:] = pose.position
         return drives
 

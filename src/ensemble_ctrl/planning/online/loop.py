@@ -640,7 +640,7 @@ class Receding:
     def _middle(self, drives: Floats, controls: Floats) -> Floats:
         """Where the middle one of some members goes, shape (steps + 1, 2), metres."""
         middle = drives[len(drives) // 2][None]
-        return np.asarray(self.problem.fleet.system.positions(controls, middle, self.problem.step)[0])
+        return np.asarray(self.problem.fleet.arcs.paths(controls, middle, self.problem.step)[0])
 
     def _rebase(self) -> None:
         """With a receding horizon, let the grid begin at the last measurement; what is new at its end is to stand."""

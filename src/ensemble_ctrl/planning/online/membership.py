@@ -56,7 +56,7 @@ class Membership:
         self.fleet, self.errors = fleet, errors
         rows = [(k, name) for k, name in enumerate(fleet.names) if name in fleet.system.parameters]
         self.names = tuple(name for _, name in rows)
-        self.directions = np.array([fleet.system.parameters[name] for name in self.names]).reshape(-1, 2)
+        self.directions = np.array([fleet.arcs.directions[name] for name in self.names]).reshape(-1, 2)
         self.assumed = np.array([[fleet.lower[k], fleet.upper[k]] for k, _ in rows]).reshape(-1, 2)
         self.ranges = self.assumed.copy()
         self.restart(self.ranges)

@@ -38,7 +38,8 @@ from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.core.values import exact
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.online.propagation import PoseSet
-from ensemble_ctrl.problem import OdeProblem, Problem
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.capabilities import FEATURES, supports
 from ensemble_ctrl.problem.checks import Finding
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.specification import AvoidThroughout, TaskPart
@@ -51,9 +52,8 @@ EVERYWHERE = Known(float("inf"))
 
 def loop_findings(problem: Problem) -> Iterator[Finding]:
     """What of a problem is not for a loop, which drives one robot on arcs for a time that is given."""
-    if isinstance(problem, OdeProblem):
-        message = f"a loop drives robots on arcs, and this is a {problem.fleet.system.name}"
-        yield Finding(("fleet", "model"), message, "use unicycle or bicycle")
+    if not (found := supports(problem, "online")):
+        yield Finding(FEATURES["online"].path, found.message, found.hint)
     if reads_fleet(problem.task):
         message = f"a loop drives one robot, and this speaks of the whole fleet: {problem.task}"
         yield Finding(("task",), message, "say what the robot has to do")
@@ -78,7 +78,7 @@ def of_one_robot(problem: Problem) -> Problem:
     fleet = problem.fleet
     laws = {name: law for name, law in fleet.parameters.items() if name in fleet.system.parameters}
     laws = {name: Interval(law.lower, law.upper) for name, law in laws.items()}
-    return problem.with_(fleet=replace(fleet, parameters=laws, cloud=None, position=fleet.start))
+    return problem.with_(fleet=fleet.with_(parameters=laws, cloud=None, position=fleet.start_place))
 
 
 def with_ranges(fleet: Fleet, ranges: Floats) -> Fleet:
@@ -258,7 +258,7 @@ def _placed(
     problem: Problem, pose: PoseSet, ranges: Floats, gone: float, task: Formula, duration: float, steps: int
 ) -> Problem:
     """Another task from another start and time on, with other ranges."""
-    fleet = replace(with_ranges(problem.fleet, ranges), position=pose.position, heading=pose.heading)
+    fleet = with_ranges(problem.fleet, ranges).with_(position=pose.position, heading=pose.heading)
     motions = {name: Motion(motion.times - gone, motion.offsets) for name, motion in problem.motions.items()}
     return replace(problem, fleet=fleet, motions=motions, task=task, duration=duration, steps=steps)
 

@@ -59,7 +59,9 @@ class OnlineSettings:
         errors = self.options.errors
         flaws = robot.flaws or Flaws(errors.position, errors.heading, 0.1)
         heading = fleet.heading
-        return SimulatedRobot(fleet.system, np.array(fleet.start), heading, problem.step, factors, flaws, robot.seed)
+        return SimulatedRobot(
+            fleet.arcs, np.array(fleet.start_place), heading, problem.step, factors, flaws, robot.seed
+        )
 
     def with_robots(self, traction: float | None = None, seed: int | None = None) -> OnlineSettings:
         """The same with another true traction of all robots, or another seed of the first, from which others count."""

@@ -145,7 +145,7 @@ class Swarm:
         s, weights = np.polynomial.legendre.leggauss(NODES)
         members = (bounds[0] + bounds[1]) / 2 + (bounds[1] - bounds[0]) / 2 * s[:, None]
         fleet, step = self.problem.fleet, self.problem.step
-        paths = fleet.system.positions(self.plan, fleet.drives(members), step)
+        paths = fleet.arcs.paths(self.plan, fleet.drives(members), step)
         at = np.clip(times / step, 0, self.problem.steps)
         low = np.minimum(at.astype(int), self.problem.steps - 1)
         places = paths[:, low] + (at - low)[:, None] * (paths[:, low + 1] - paths[:, low])
@@ -214,7 +214,7 @@ class SimulatedSwarm:
         """Where everyone is, shape (members, 2), metres."""
         if not len(self.controls):
             return self.drives[:, 3:]
-        return np.asarray(self.system.positions(self.controls, self.drives, self.step)[:, -1])
+        return np.asarray(self.system.paths(self.controls, self.drives, self.step)[:, -1])
 
     def drive(self, controls: Floats) -> None:
         """Carry out one broadcast after the other."""

@@ -57,7 +57,7 @@ class Tracker:
         self.past: list[PoseSet] = []
         self.last: Measurement | None = None
         self.holds, self.widened = True, 0
-        self._commands = Commands(problem.fleet.system, self.sent, problem.step)
+        self._commands = Commands(problem.fleet.arcs, self.sent, problem.step)
 
     @property
     def ranges(self) -> Floats:
@@ -72,12 +72,12 @@ class Tracker:
     def send(self, controls: Floats) -> None:
         """Some more commands were given out."""
         self.sent = np.concatenate([self.sent, controls])
-        self._commands = Commands(self.problem.fleet.system, self.sent, self.problem.step)
+        self._commands = Commands(self.problem.fleet.arcs, self.sent, self.problem.step)
 
     def recall(self, begin: int) -> None:
         """Commands from step `begin` on, which is not past, will not be carried out."""
         self.sent = self.sent[:begin]
-        self._commands = Commands(self.problem.fleet.system, self.sent, self.problem.step)
+        self._commands = Commands(self.problem.fleet.arcs, self.sent, self.problem.step)
 
     def observe(self, measurement: Measurement) -> list[str]:
         """Learn from a measurement; returns what was out of the ordinary."""
@@ -117,7 +117,7 @@ class Tracker:
         step, known = self.problem.step, self.sets.known
         later = replace(known, time=known.time - begin * step)
         until: Floats = np.asarray(step * np.arange(1, len(controls) + 1), dtype=float)
-        ahead = Commands(self.problem.fleet.system, controls, step)
+        ahead = Commands(self.problem.fleet.arcs, controls, step)
         return departure(ahead, self.errors, later, np.zeros(len(until)), until)[1]
 
     def bulge(self, k: int) -> float:

@@ -93,7 +93,7 @@ def relaxations(problem: Problem, conflicts: Sequence[Conflict], spread: bool) -
     yield from (longer or [higher]) if spread else narrow
     if fleet.input_lower[0] >= 0 < fleet.input_upper[0]:
         yield Relaxation("reversing", BACKWARDS, lambda s: reversing(problem, s))
-    if not (fleet.system.turns_in_place and fleet.input_lower[0] <= 0 <= fleet.input_upper[0]):
+    if not (fleet.arcs.turns_in_place and fleet.input_lower[0] <= 0 <= fleet.input_upper[0]):
         for turn in TURNS:
             yield Relaxation("start heading", (turn,), lambda angle: turned(problem, angle))
     if fleet.radius > 0:
@@ -152,7 +152,7 @@ def turned(problem: Problem, angle: float) -> Relaxed:
     """The start turned by some degrees, counter-clockwise."""
     fleet = problem.fleet
     degrees = float(f"{(np.rad2deg(fleet.heading) + angle + 180) % 360 - 180:.6g}")
-    changed = problem.with_(fleet=replace(fleet, heading=float(np.deg2rad(degrees))))
+    changed = problem.with_(fleet=fleet.with_(heading=float(np.deg2rad(degrees))))
     own = float(f"{np.rad2deg(changed.fleet.own_heading):.6g}")
     change = f"a start heading of {degrees:g} deg in place of {np.rad2deg(fleet.heading):.4g} deg"
     return Relaxed(change, (f"fleet.start.heading={own:g} deg",), changed)

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
-from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp.solvers import Iteration
 from ensemble_ctrl.planning.planner import Progress, screen, solve
 from ensemble_ctrl.planning.suggest.relax import Relaxation, Relaxed, relaxations, wider_bounds
-from ensemble_ctrl.problem import OdeProblem, Problem, ReportOptions
+from ensemble_ctrl.problem import Problem, ReportOptions
+from ensemble_ctrl.problem.capabilities import require
 from ensemble_ctrl.problem.evaluation.conflicts import conflicts
 from ensemble_ctrl.problem.evaluation.sampled import replay
 
@@ -97,8 +98,7 @@ def suggest(
     Suggestions
         The first kind of change that helps, as small as a bisection over a few strengths finds it.
     """
-    if isinstance(problem, OdeProblem):
-        raise UnsupportedError(f"suggest: expected robots on arcs, got the {problem.fleet.system.name}")
+    require(problem, "suggest")
     search = _Search(time.perf_counter() + seconds, seconds, progress)
     if progress is not None:
         search.stopped = progress("suggest", None)

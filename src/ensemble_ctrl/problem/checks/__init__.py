@@ -23,11 +23,10 @@ from ensemble_ctrl.problem.checks.numbers import (
 from ensemble_ctrl.problem.checks.places import area_findings, start_findings
 from ensemble_ctrl.problem.checks.reach import reach_findings
 from ensemble_ctrl.problem.checks.soonest import soonest_findings
-from ensemble_ctrl.problem.checks.systems import ode_findings
+from ensemble_ctrl.problem.checks.support import dimension_findings, support_findings
 from ensemble_ctrl.problem.checks.target import place_findings, target_findings
 from ensemble_ctrl.problem.checks.task import STATES, task_findings, unused_findings
 from ensemble_ctrl.problem.checks.work import building_seconds, spoken, work_findings
-from ensemble_ctrl.problem.ode_fleet import OdeFleet
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
@@ -83,11 +82,13 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
     *Guarantee*: every error is certain: no plan can satisfy the task and keep clear of the obstacles (at all
     times, whether or not the task mentions them). The converse does not hold.
     """
-    if isinstance(problem.fleet, OdeFleet):
-        return tuple(ode_findings(problem))
-    numbers = (*number_findings(problem), *name_findings(problem), *target_findings(problem))
+    numbers = (*number_findings(problem), *name_findings(problem))
+    unsupported = () if numbers else tuple(support_findings(problem))
+    numbers += unsupported or tuple(target_findings(problem))
     if numbers:
         return numbers
+    if shapes := (*dimension_findings(problem),):
+        return (*shapes, *task_findings(problem))
     checks = (
         area_findings,
         task_findings,

@@ -12,7 +12,6 @@ from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.moments import MAX_ORDER, Law, Mixture, Samples
 from ensemble_ctrl.problem.checks.finding import Finding, Path
-from ensemble_ctrl.systems import ArcSystem
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
@@ -80,8 +79,7 @@ def _factors(problem: Problem) -> Iterator[Finding]:
     """Factors are positive, since a robot with traction zero can't move; and a file can hold the laws."""
     for name, law in problem.fleet.parameters.items():
         path = ("fleet", "parameters", name)
-        factor = isinstance(problem.fleet.system, ArcSystem) and name in problem.fleet.system.parameters
-        if factor and law.lower <= 0:
+        if name in problem.fleet.system.factors and law.lower <= 0:
             field = {Samples: "samples", Mixture: "mixture"}.get(type(law), "range")
             yield Finding((*path, field), f"expected a range above 0, got [{law.lower:g}, {law.upper:g}]")
         count = _measured(law)

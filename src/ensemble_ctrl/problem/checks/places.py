@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
@@ -27,13 +26,11 @@ def area_findings(problem: Problem) -> Iterator[Finding]:
     needed = {leaf.name for leaf, _ in required(problem.task, 0.0, problem.duration)}
     for name, region in problem.regions.items():
         path = ("regions", name)
-        if region.A.shape[1] != 2:
-            yield Finding(path, f"expected 2 dimensions, got {region.A.shape[1]}", on_key=True)
-        elif region.is_empty:
+        if region.is_empty:
             yield Finding(path, "this region is empty: no point satisfies all of its inequalities", on_key=True)
         elif not region.is_bounded:
             yield Finding(path, "this region is unbounded", "close it if that is not meant", "warning", on_key=True)
-        elif name in inside and _is_covered(region, problem):
+        elif name in inside and len(problem.fleet.places) == 2 and _is_covered(region, problem):
             names = ", ".join(_near(region, problem))
             message = f"obstacles cover the whole region: {names}{_grown(problem)}"
             severity: Severity = "error" if name in needed else "warning"
@@ -82,28 +79,38 @@ def _is_clear(point: Floats, pieces: Iterable[Obstacle], radius: float) -> bool:
 
 def start_findings(problem: Problem) -> Iterator[Finding]:
     """The start is in an obstacle, or closer to it than the radius; or some of the starts are, where they differ."""
+    fleet, path = problem.fleet, ("fleet", "start", "position")
+    enough = any(isinstance(part, Share) for part in conjuncts(problem.task))
     for name, pieces in problem.obstacles.items():
-        moved = problem.motions[name].at(0.0) if name in problem.motions else np.zeros(2)
-        start = problem.fleet.start - moved
-        distances = [float(piece.distance(start)) for piece in pieces]
-        depth = problem.fleet.radius - min(distances, default=math.inf)
-        if depth > SLACK:
-            x, y = problem.fleet.start
-            message = f"the start ({x:g}, {y:g}) is {depth:.3g} m deep inside obstacle {name!r}{_grown(problem)}"
-            yield Finding(("fleet", "start", "position"), message, "move the start or the obstacle")
-        elif problem.fleet.shift.any() and not any(isinstance(part, Share) for part in conjuncts(problem.task)):
-            yield from _some_start(problem, name, start)
+        moved = problem.motions[name].at(0.0) if name in problem.motions else np.zeros(len(fleet.places))
+        starts = fleet.start_place[None] if enough or fleet.shift.any() else _starts(problem)
+        depths = fleet.radius - np.min([piece.distance(starts - moved) for piece in pieces], axis=0)
+        if depths.max() > SLACK:
+            worst = 0 if depths[0] > SLACK else int(depths.argmax())
+            place = ", ".join(f"{x:g}" for x in starts[worst])
+            message = f"the start ({place}) is {depths[worst]:.3g} m deep inside obstacle {name!r}{_grown(problem)}"
+            yield Finding(path, message, "move the start or the obstacle")
+        elif not enough and fleet.shift.any() and _some_start(problem, name, moved):
+            message = f"some members start inside obstacle {name!r}{_grown(problem)}: start_x and start_y reach it"
+            yield Finding(path, message, "narrow their ranges, or move the start or the obstacle")
 
 
-def _some_start(problem: Problem, name: str, start: Floats) -> Iterator[Finding]:
-    """A corner or side of the box of start positions is in an obstacle, or closer to it than the radius."""
+def _starts(problem: Problem) -> Floats:
+    """Where the middle member starts, and those at the corners of the ranges, shape (starts, d)."""
+    fleet = problem.fleet
+    members = np.concatenate([fleet.center[None], fleet.corners])
+    columns = [fleet.system.states.index(place) for place in fleet.places]
+    return np.asarray(fleet.start_states(members)[columns].T)
+
+
+def _some_start(problem: Problem, name: str, moved: Floats) -> bool:
+    """Whether the box of start positions meets an obstacle, which has `moved` from where it is drawn."""
     from shapely import Polygon, box
 
-    area = box(*(start - problem.fleet.shift), *(start + problem.fleet.shift))
-    shapes = [Polygon(piece.vertices).buffer(problem.fleet.radius - SLACK) for piece in problem.obstacles[name]]
-    if any(shape.intersects(area) for shape in shapes):
-        message = f"some members start inside obstacle {name!r}{_grown(problem)}: start_x and start_y reach it"
-        yield Finding(("fleet", "start", "position"), message, "narrow their ranges, or move the start or the obstacle")
+    start, fleet = problem.fleet.start_place - moved, problem.fleet
+    area = box(*(start - fleet.shift), *(start + fleet.shift))
+    shapes = [Polygon(piece.vertices).buffer(fleet.radius - SLACK) for piece in problem.obstacles[name]]
+    return any(shape.intersects(area) for shape in shapes)
 
 
 def _grown(problem: Problem) -> str:

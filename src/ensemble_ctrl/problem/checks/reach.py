@@ -26,13 +26,13 @@ def reach_findings(problem: Problem) -> Iterator[Finding]:
     """Regions that have to be reached before the slowest member can be there."""
     for leaf, deadline in required(problem.task, 0.0, problem.duration):
         region = problem.regions.get(leaf.name)
-        if region is None or region.A.shape[1] != 2 or region.is_empty:
+        if region is None or region.is_empty:
             continue
         distance, start = _furthest(region, problem)
         slack = SLACK * max(1.0, float(np.abs(start).max()))
         if deadline <= 0.0 and distance > slack:
             yield _wrong_start(leaf, distance, start)
-        elif distance > _top_speed(problem) * min(deadline, problem.duration) + slack:
+        elif deadline > 0.0 and distance > _top_speed(problem) * min(deadline, problem.duration) + slack:
             yield _out_of_reach(leaf, distance, min(deadline, problem.duration), problem)
 
 
@@ -59,7 +59,7 @@ def required(formula: Formula, latest: float, duration: float) -> Iterator[tuple
 def _furthest(region: Polyhedron, problem: Problem) -> tuple[float, Floats]:
     """Distance from a region of the start that is furthest from it, and that start: a corner of the box of starts."""
     fleet = problem.fleet
-    starts = fleet.start + np.array(list(product((-1.0, 1.0), repeat=2))) * fleet.shift
+    starts = fleet.start_place + np.array(list(product((-1.0, 1.0), repeat=len(fleet.places)))) * fleet.shift
     distances = _distances(region, starts)
     k = int(distances.argmax())
     return float(distances[k]), starts[k]
@@ -67,21 +67,23 @@ def _furthest(region: Polyhedron, problem: Problem) -> tuple[float, Floats]:
 
 def _distances(region: Polyhedron, points: Floats) -> Floats:
     """Distance of points from a region; a lower bound of it where the region is flat or unbounded."""
-    if region.is_bounded and len(region.vertices) > 2:
+    if region.A.shape[1] == 2 and region.is_bounded and len(region.vertices) > 2:
         return Obstacle.polygon(region.vertices).distance(points)
     return -region.margin(points)
 
 
 def _top_speed(problem: Problem) -> float:
-    """Speed that the slowest member can't exceed, in m/s."""
+    """Speed that the slowest member can't exceed, in m/s; none is known of systems that do not move on arcs."""
+    if not problem.fleet.system.on_arcs:
+        return np.inf
     fastest = max(abs(float(problem.fleet.input_lower[0])), abs(float(problem.fleet.input_upper[0])))
     return problem.fleet.slowest * fastest
 
 
 def _wrong_start(leaf: Inside, distance: float, start: Floats) -> Finding:
     """A finding for a region that has to hold from the start."""
-    x, y = start
-    message = f"members have to be in {leaf.name!r} from the start, but ({x:g}, {y:g}) is {distance:.3g} m outside"
+    place = ", ".join(f"{x:g}" for x in start)
+    message = f"members have to be in {leaf.name!r} from the start, but ({place}) is {distance:.3g} m outside"
     return Finding(("task",), message, "move the start, or let the window begin later", offset=_offset(leaf))
 
 

@@ -22,12 +22,16 @@ Floats = NDArray[np.float64]
 
 
 def top_speed(problem: Problem) -> float:
-    """The largest commanded speed, m/s."""
+    """The largest commanded speed, m/s; no bound is known of systems that do not move on arcs."""
+    if not problem.fleet.system.on_arcs:
+        return np.inf
     return float(np.abs([problem.fleet.input_lower[0], problem.fleet.input_upper[0]]).max())
 
 
 def furthest(problem: Problem) -> float:
     """How far from its start any member can be at the end, metres."""
+    if not problem.fleet.system.on_arcs:
+        return np.inf
     return (
         float(np.abs(problem.fleet.drives(problem.fleet.corners)[:, 0]).max()) * top_speed(problem) * problem.duration
     )
@@ -44,12 +48,16 @@ def apart(problem: Problem, first: Floats, second: Floats) -> float:
     -----
     *Guarantee*: no control brings them further apart.
     """
+    if not problem.fleet.system.on_arcs:
+        return np.inf
     one, other = problem.fleet.drives(np.stack([first, second]))[:, :3]
     return _bound(problem, np.abs(one - other), min(abs(float(one[0])), abs(float(other[0]))))
 
 
 def widest(problem: Problem) -> float:
     """How far from the middle member any other can be at the end, if both start at one place, metres."""
+    if not problem.fleet.system.on_arcs:
+        return np.inf
     fleet = problem.fleet
     middle = fleet.drives(fleet.center[None])[0, :3]
     most = np.abs(fleet.drives(fleet.corners)[:, :3] - middle).max(axis=0)
@@ -60,5 +68,5 @@ def _bound(problem: Problem, differences: Floats, factor: float) -> float:
     """The bound above for differences in a, b and g."""
     fleet, T, v = problem.fleet, problem.duration, top_speed(problem)
     linear, angular, heading = differences.tolist()
-    turn = abs(float(fleet.system.rates(*np.maximum(np.abs(fleet.input_lower), np.abs(fleet.input_upper)))[1]))
+    turn = abs(float(fleet.arcs.rates(*np.maximum(np.abs(fleet.input_lower), np.abs(fleet.input_upper)))[1]))
     return float(v * (linear * T + factor * min(2 * T, heading * T + angular * turn * T**2 / 2)))

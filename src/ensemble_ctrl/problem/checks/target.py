@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding
-from ensemble_ctrl.problem.checks.spread import apart, furthest, widest
+from ensemble_ctrl.problem.checks.spread import apart, furthest, top_speed, widest
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget
 
 if TYPE_CHECKING:
@@ -78,8 +78,10 @@ def _reach(problem: Problem, target: Formation, value: float, place: NDArray[np.
     fleet = problem.fleet
     members = np.array(fleet.corners)
     members[:, fleet.names.index(target.parameter)] = value
-    speed = float(fleet.drives(members)[:, 0].max()) * float(np.abs([fleet.input_lower[0], fleet.input_upper[0]]).max())
-    away = float(np.linalg.norm(place - fleet.start)) - float(np.linalg.norm(fleet.shift))
+    if not fleet.system.on_arcs:
+        return
+    speed = float(fleet.drives(members)[:, 0].max()) * top_speed(problem)
+    away = float(np.linalg.norm(place - fleet.start_place)) - float(np.linalg.norm(fleet.shift))
     if away > speed * problem.duration + SLACK:
         message = (
             f"({place[0]:g}, {place[1]:g}) is {away:.3g} m from the start, but at top speed a member with "
@@ -117,7 +119,7 @@ def _most_apart(problem: Problem, parameter: str, members: Floats) -> float:
 
 def _mean(problem: Problem, mean: Floats, field: str) -> Iterator[Finding]:
     """The mean of the fleet ends no further from the start than members can drive."""
-    away, most = float(np.linalg.norm(mean - problem.fleet.start)), furthest(problem)
+    away, most = float(np.linalg.norm(mean - problem.fleet.start_place)), furthest(problem)
     away -= float(np.linalg.norm(problem.fleet.shift))
     if away > most + SLACK:
         message = (
@@ -132,7 +134,7 @@ def place_findings(problem: Problem) -> Iterator[Finding]:
     target = problem.objective.target
     if target is None or isinstance(target, Formation | MomentTarget | SpreadTarget) or not problem.objective.terminal:
         return
-    away, most = float(np.linalg.norm(target - problem.fleet.start)), furthest(problem)
+    away, most = float(np.linalg.norm(target - problem.fleet.start_place)), furthest(problem)
     away -= float(np.linalg.norm(problem.fleet.shift))
     if away > most + SLACK:
         message = f"the target is {away:.3g} m from the start, {away - most:.3g} m more than any member can drive"

@@ -1,6 +1,6 @@
 """The shared controls run on sampled members, in blocks of bounded memory.
 
-Robots on arcs move exactly, others by a rule of stated accuracy (`ensemble_ctrl.problem.ode_fleet`).
+Robots on arcs move exactly, others by a rule of stated accuracy (`ensemble_ctrl.problem.integrated`).
 
 Nothing here knows how the controls were found.
 """

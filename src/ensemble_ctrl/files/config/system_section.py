@@ -1,4 +1,4 @@
-"""The fleet section of a model that follows a differential equation, and what is written back of such a fleet."""
+"""The fleet section of a model that is defined by an ODE, and what is written back of such a fleet."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, WithJs
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.laws import PlainSection, law_data, law_of
-from ensemble_ctrl.files.config.own import system_class
-from ensemble_ctrl.files.config.schema import ProblemFile
+from ensemble_ctrl.files.config.own import BY_ODE, system_class
 from ensemble_ctrl.files.config.wrong import Wrong, show, suggestion
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import Finding
-from ensemble_ctrl.problem.ode_fleet import START_PREFIX, OdeFleet
-from ensemble_ctrl.systems import ODE_SYSTEMS, OdeSystem
+from ensemble_ctrl.problem.fleet import START_PREFIX, Fleet
+from ensemble_ctrl.systems import SYSTEMS, System
 
 Data = dict[str, Any]
 POSITION = "position"
@@ -27,7 +26,7 @@ POSITION = "position"
 _NUMBER, _LENGTH = quantity("number"), quantity("length")
 
 
-def _model(value: Any, info: ValidationInfo) -> type[OdeSystem]:
+def _model(value: Any, info: ValidationInfo) -> type[System]:
     """The class that the model's name, or the file, stands for."""
     return system_class(value, info.context)
 
@@ -46,16 +45,14 @@ def _start(value: Any) -> dict[str, Any]:
 
 
 Bounds = Annotated[tuple[f.Number, f.Number], *f.LOW_HIGH]
-OdeModel = Annotated[
-    Any, BeforeValidator(_model), WithJsonSchema({"anyOf": [{"enum": list(ODE_SYSTEMS)}, {"type": "object"}]})
-]
+SystemModel = Annotated[Any, BeforeValidator(_model), WithJsonSchema({"anyOf": [{"enum": BY_ODE}, {"type": "object"}]})]
 StartStates = Annotated[dict[str, Any], BeforeValidator(_start), WithJsonSchema({"type": "object"})]
 
 
-class OdeFleetSection(f.Model):
-    """Who moves: robots that follow a differential equation."""
+class SystemFleetSection(f.Model):
+    """Who moves: robots that are defined by an ODE."""
 
-    model: OdeModel
+    model: SystemModel
     """The dynamics all members share: a model's name, or {python: FILE.py:CLASS} for a system of one's own."""
     settings: dict[str, Any] = Field(default_factory=dict)
     """Numbers of the model that all members share, in SI units, such as a quadrotor's `mass`."""
@@ -69,7 +66,7 @@ class OdeFleetSection(f.Model):
     """Largest change of each command per second, from each step to the next."""
     radius: f.Margin = 0.0
     """Radius of a robot; what `avoid(...)` names grows by it."""
-    _system: OdeSystem = PrivateAttr()
+    _system: System = PrivateAttr()
 
     @model_validator(mode="after")
     def _of_its_model(self) -> Self:
@@ -89,7 +86,7 @@ class OdeFleetSection(f.Model):
                 raise Wrong(f"expected a number, got {show(value)}", path=("start", name))
         return self
 
-    def fleet(self) -> OdeFleet:
+    def fleet(self) -> Fleet:
         """The fleet.
 
         Raises
@@ -104,14 +101,14 @@ class OdeFleetSection(f.Model):
         rates = [self.rate_bounds.get(name, np.inf) for name in system.controls]
         laws = {name: law_of(section, name) for name, section in self.parameters.items()}
         try:
-            return OdeFleet(
+            return Fleet(
                 system,
                 laws,
-                self._start_states(),
-                bounds[:, 0],
-                bounds[:, 1],
-                self.radius,
-                np.array(rates) if self.rate_bounds else None,
+                input_lower=bounds[:, 0],
+                input_upper=bounds[:, 1],
+                radius=self.radius,
+                rate_bounds=np.array(rates) if self.rate_bounds else None,
+                start=self._start_states(),
             )
         except ProblemError as error:
             raise _placed(error, self.parameters) from None
@@ -124,13 +121,7 @@ class OdeFleetSection(f.Model):
         return told
 
 
-class OdeProblemFile(ProblemFile):
-    """A problem of a fleet that follows a differential equation."""
-
-    fleet: OdeFleetSection  # type: ignore[assignment]
-
-
-def _system(kind: type[OdeSystem], settings: Data) -> OdeSystem:
+def _system(kind: type[System], settings: Data) -> System:
     """The system with its settings, complete."""
     takes = [name for name in inspect.signature(kind).parameters if name not in ("args", "kwargs")]
     _known("settings", settings, takes)
@@ -176,7 +167,7 @@ def _placed(error: ProblemError, parameters: Iterable[str]) -> ProblemError:
     return refusal
 
 
-def ode_fleet_data(fleet: OdeFleet) -> Data:
+def system_fleet_data(fleet: Fleet) -> Data:
     """The section of a fleet that follows a differential equation, as plain data."""
     system = fleet.system
     bounds = np.column_stack([np.asarray(fleet.input_lower), np.asarray(fleet.input_upper)]).tolist()
@@ -193,9 +184,9 @@ def ode_fleet_data(fleet: OdeFleet) -> Data:
     }
 
 
-def _model_data(system: OdeSystem) -> Any:
+def _model_data(system: System) -> Any:
     """A model's name, or the file and the class of a user's own."""
-    if ODE_SYSTEMS.get(system.name) is type(system):
+    if SYSTEMS.get(system.name) is type(system):
         return system.name
     source = source_file(system)
     if source is None:
@@ -204,9 +195,9 @@ def _model_data(system: OdeSystem) -> Any:
     return {"python": f"{source.name}:{type(system).__qualname__}"}
 
 
-def source_file(system: OdeSystem) -> Path | None:
+def source_file(system: System) -> Path | None:
     """The Python file that a user's own system is in, if there is one."""
-    if ODE_SYSTEMS.get(system.name) is type(system):
+    if SYSTEMS.get(system.name) is type(system):
         return None
     try:
         path = Path(inspect.getfile(type(system)))

@@ -1,12 +1,14 @@
-r"""Systems defined by a differential equation: what a user's own system, and every system that is no arc, builds on.
+r"""What every system says of itself: its states, commands and parameters, and the ODE that they follow.
 
 A member's state `x` follows ``xdot(x, u, psi)`` while its command `u` is constant over a step.  The right-hand side is
-written once, over numbers, NumPy arrays of members and CasADi expressions alike.
+written once, over numbers, NumPy arrays of members and CasADi expressions alike.  Nothing else asks what kind of system
+it has: what differs between systems is an attribute here, and what a problem may ask of one is in
+`ensemble_ctrl.problem.capabilities`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,7 +20,7 @@ from ensemble_ctrl.systems.integration import Rule, extrapolated
 Floats = NDArray[np.float64]
 
 
-class OdeSystem:
+class System:
     r"""The dynamics ``dx/dt = xdot(x, u, psi)`` that every member of a fleet shares.
 
     A child says what its states and commands are, and writes `xdot`; that is all. Its class attributes are
@@ -39,8 +41,20 @@ class OdeSystem:
         Default bounds of each command.
     parameters : mapping of str to float
         What may differ between members, each with the value where it does not.
-    enclosure : str
-        Where proofs get bounds from, a name in `ensemble_ctrl.certificate.PROOFS`: ``general`` for smooth systems.
+    heading_state : str, optional
+        The state that is a heading in the plane, radians from +x counter-clockwise, if there is one.
+    transcription, enclosure : str
+        By name: which optimisation variables stand for members (`ensemble_ctrl.planning.planner`), and what encloses
+        them in a proof (`ensemble_ctrl.certificate`).
+    on_arcs : bool
+        Whether members move on exact arcs, each by its own member coefficients (`ensemble_ctrl.systems.arcs`).
+    command_kind : str
+        What a command is in a ROS 2 bag: ``twist`` of speed and turn rate, ``drive`` of speed and steering angle; else
+        numbers.
+    shifts : tuple of str
+        States whose start only shifts the position curve, by as much.
+    factors : tuple of str
+        Parameters that are factors, above 0.
 
     Notes
     -----
@@ -49,7 +63,7 @@ class OdeSystem:
 
     Examples
     --------
-    >>> class Cart(OdeSystem):
+    >>> class Cart(System):
     ...     name, states, positions = "cart", ("x", "v"), ("x",)
     ...     controls, control_units, input_bounds = ("force",), ("N",), ((-5.0, 5.0),)
     ...     parameters = {"mass": 1.0}
@@ -70,7 +84,13 @@ class OdeSystem:
     control_units: ClassVar[tuple[str, ...]] = ()
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ()
     parameters: Mapping[str, float] = {}
+    heading_state: ClassVar[str] = ""
+    transcription: ClassVar[str] = "states"
     enclosure: ClassVar[str] = "general"
+    on_arcs: ClassVar[bool] = False
+    command_kind: ClassVar[str] = ""
+    shifts: ClassVar[tuple[str, ...]] = ()
+    factors: ClassVar[tuple[str, ...]] = ()
 
     def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
         """Rates of the states.
@@ -104,6 +124,27 @@ class OdeSystem:
             For example for a mass that is not positive. It is called with the corners of a fleet's ranges.
         """
 
+    def check_names(self, names: Collection[str]) -> None:
+        """Refuse parameters that can't differ between members together.
+
+        Raises
+        ------
+        ProblemError
+            For example for two names of one thing.
+        """
+
+    def identity(self, start: Mapping[str, float], states: Floats) -> list[object]:
+        """What tells how members move from that of another system, for a certificate's fingerprint.
+
+        Parameters
+        ----------
+        start : mapping of str to float
+            Where all members start, as given.
+        states : ndarray, shape (n_x, 1)
+            Where the middle member starts.
+        """
+        return [self.name, sorted(self.settings().items()), states.tolist()]
+
     def rest(self, psi: Mapping[str, float]) -> Sequence[float]:
         """The command that costs no effort, such as the thrust of a hover; zero unless a child says otherwise."""
         return [0.0] * len(self.controls)
@@ -130,9 +171,14 @@ class OdeSystem:
         return {}
 
     @property
+    def spoken(self) -> tuple[str, ...]:
+        """The states that a task speaks of: all of them."""
+        return self.states
+
+    @property
     def has_exact(self) -> bool:
         """Whether `exact` is written."""
-        return type(self).exact is not OdeSystem.exact
+        return type(self).exact is not System.exact
 
     def flow(
         self, x: Floats, u: Any, psi: Mapping[str, Any], step: float, substeps: int, rule: Rule = extrapolated
@@ -158,9 +204,9 @@ class OdeSystem:
         """
         if self.has_exact:
             return self._stacked(self.exact(list(x), u, psi, step), x, "exact")
-        return np.asarray(rule(lambda at: self.rates(at, u, psi), x, step, substeps))
+        return np.asarray(rule(lambda at: self.derivatives(at, u, psi), x, step, substeps))
 
-    def rates(self, x: Floats, u: Any, psi: Mapping[str, Any]) -> Floats:
+    def derivatives(self, x: Floats, u: Any, psi: Mapping[str, Any]) -> Floats:
         """`xdot` as one array of the shape of `x`, (n_x, members), checked for its shape.
 
         Raises
@@ -213,3 +259,7 @@ class OdeSystem:
             if len(getattr(self, attribute)) != len(self.controls):
                 wanted = f"one entry for each of {', '.join(self.controls)}"
                 raise ProblemError(f"{kind}.{attribute}: expected {wanted}, got {getattr(self, attribute)}")
+
+
+OdeSystem = System
+"""The name that users' systems build on."""

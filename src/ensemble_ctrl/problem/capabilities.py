@@ -1,0 +1,208 @@
+"""What a problem may ask of its system: one table of features, each with what it needs and why.
+
+Nothing asks a system of what type it is.  A feature needs a trait of the system, such as one transcription or an exact
+flow on arcs; where that is missing, the refusal says which feature, which system, and the reason.  The checks of a
+problem refuse from this table what the problem asks for, and the commands refuse what they do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from ensemble_ctrl.core.errors import UnsupportedError
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.problem.problem import Problem
+    from ensemble_ctrl.systems import System
+
+TRAITS: Mapping[str, Callable[[type[System] | System], bool]] = {
+    "positions": lambda system: system.transcription == "positions",
+    "arcs": lambda system: system.on_arcs,
+    "any": lambda system: True,
+}
+"""What a feature may need of a system: a program in positions, exact arcs, or nothing."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """That a feature is not for a system; false.
+
+    Attributes
+    ----------
+    message : str
+        The feature, the system, and the reason.
+    hint : str
+        What to do instead.
+    """
+
+    message: str
+    hint: str = ""
+
+    def __bool__(self) -> bool:
+        return False
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One row of the table.
+
+    Attributes
+    ----------
+    words : str
+        The feature in words.
+    needs : str
+        A name of `TRAITS`.
+    why : str
+        What it uses that trait for: the reason of a refusal.
+    path : tuple of str
+        The key of a problem file that asks for it, if there is one.
+    hint : str
+        What to do where it is not there.
+    asked : callable
+        Whether a problem asks for it.
+    plural : bool
+        Of the words.
+    """
+
+    words: str
+    needs: str = "any"
+    why: str = ""
+    path: tuple[str, ...] = ()
+    hint: str = ""
+    asked: Callable[[Problem], bool] = lambda problem: False
+    plural: bool = False
+
+
+FEATURES: Mapping[str, Feature] = {
+    "moment": Feature(
+        "moment",
+        "positions",
+        "its rows are on the moments of a position that is a function of the parameters alone",
+        ("solve", "guarantee"),
+        "use nodes or hull",
+        lambda problem: problem.solve.guarantee == "moment",
+    ),
+    "minlp": Feature(
+        "minlp",
+        "positions",
+        "its binaries choose facets for positions that are explicit in the commands",
+        ("solve", "method"),
+        "use nlp",
+        lambda problem: problem.solve.method == "minlp",
+    ),
+    "cells": Feature(
+        "cells",
+        "positions",
+        "the rows of a program in full states are for one cell",
+        ("solve", "cells"),
+        "leave them out",
+        lambda problem: problem.solve.cells != 1,
+        plural=True,
+    ),
+    "baseline": Feature(
+        "the unconstrained baseline",
+        "arcs",
+        "how far the fleet can go is known of arcs",
+        ("report", "twin"),
+        "leave it out",
+        lambda problem: problem.report.twin,
+    ),
+    "risk": Feature(
+        "a risk penalty",
+        "positions",
+        "a program in full states has no rows for it",
+        ("objective", "cvar"),
+        "leave it out",
+        lambda problem: problem.objective.cvar is not None,
+    ),
+    "earliest": Feature(
+        "the earliest passage",
+        "positions",
+        "its search starts from the routes of robots on arcs",
+        ("objective", "earliest"),
+        "leave it out",
+        lambda problem: problem.objective.earliest is not None,
+    ),
+    "free duration": Feature(
+        "a free duration",
+        "positions",
+        "its search starts from the routes of robots on arcs",
+        ("horizon", "duration"),
+        "give one, 4 s say",
+        lambda problem: problem.least_duration is not None,
+    ),
+    "moving obstacles": Feature(
+        "moving obstacles",
+        "positions",
+        "a program in full states has rows for standing obstacles only",
+        ("motions",),
+        "leave them out",
+        lambda problem: bool(problem.motions),
+        plural=True,
+    ),
+    "targets": Feature(
+        "formations, moments and spreads as targets",
+        "positions",
+        "a program in full states has a terminal cost for a place only",
+        ("objective", "terminal", "target"),
+        "for example [1, 0]",
+        lambda problem: hasattr(problem.objective.target, "middle"),
+        plural=True,
+    ),
+    "online": Feature(
+        "online replanning",
+        "arcs",
+        "its estimator propagates sets of poses along arcs",
+        ("fleet", "model"),
+        "use unicycle or bicycle",
+    ),
+    "compare": Feature("compare", "positions", "half of its variants need guarantee: moment or minlp"),
+    "suggest": Feature("a search for what would help", "arcs", "its first changes turn and slow robots on arcs"),
+    "widest": Feature("widest"),
+    "share": Feature("share(p, f) of the fleet"),
+    "proof": Feature("a certificate for all members and times"),
+    "export": Feature("exports to CSV, JSON, ROS 2 and GeoJSON"),
+    "animation": Feature("animations"),
+}
+"""Every feature by its name: what `supports` knows."""
+
+
+def supports(problem: Problem, feature: str) -> Literal[True] | Refusal:
+    """Whether a feature is for a problem's system.
+
+    Parameters
+    ----------
+    problem : Problem
+    feature : str
+        A name of `FEATURES`.
+
+    Returns
+    -------
+    True or Refusal
+        A refusal is false, and says why.
+    """
+    return allows(problem.fleet.system, feature)
+
+
+def allows(system: type[System] | System, feature: str) -> Literal[True] | Refusal:
+    """As `supports`, of a system alone."""
+    row = FEATURES[feature]
+    if TRAITS[row.needs](system):
+        return True
+    subject = f"{row.words} are not for the" if row.plural else f"{row.words} is not for the"
+    return Refusal(f"{subject} {system.name}: {row.why}", row.hint)
+
+
+def require(problem: Problem, feature: str) -> None:
+    """Refuse what a problem's system does not support.
+
+    Raises
+    ------
+    UnsupportedError
+        With the reason.
+    """
+    found = supports(problem, feature)
+    if not found:
+        raise UnsupportedError(found.message)
