@@ -155,16 +155,16 @@ def test_the_example_is_at_most_20_lines_and_runs(monkeypatch: pytest.MonkeyPatc
 
 def test_what_needs_a_proof_or_arcs_says_so_at_once(capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke(["compare", str(MASSES), "-q"]) == 2
-    assert "compare: expected robots on arcs" in capsys.readouterr().err
+    assert "compare is not for the double_integrator" in capsys.readouterr().err
     problem = ec.load(MASSES)
-    with pytest.raises(ec.UnsupportedError, match="a loop drives robots on arcs"):
+    with pytest.raises(ec.UnsupportedError, match="online replanning is not for the double_integrator"):
         Receding(problem)
 
 
 def test_states_of_members_are_exported() -> None:
     problem, controls = ec.load(MASSES), np.ones((40, 2))
     header, *rows = (export(problem, controls, None, "csv", members=2) or "").splitlines()
-    assert header.endswith("x [m] (mass=1.2),y [m] (mass=1.2),vx (mass=1.2),vy (mass=1.2)")
+    assert header.endswith("x [m] (mass=1.2),y [m] (mass=1.2),vx [m/s] (mass=1.2),vy [m/s] (mass=1.2)")
     found = states(problem, controls, problem.fleet.corners)
     np.testing.assert_allclose([float(x) for x in rows[-1].split(",")[3:]], found[:, -1].ravel(), rtol=1e-12)
     data = json.loads(export(problem, controls, None, "json", members=1) or "")

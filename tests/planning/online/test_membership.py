@@ -75,7 +75,7 @@ def test_the_truth_is_never_excluded(
     parameters = rng.uniform(0.85, 1.15, len(names)) + np.zeros((steps, 1))
     ramp = drift * STEP * np.arange(steps)[:, None] * rng.choice([-1.0, 1.0], len(names))
     parameters = np.clip(parameters + ramp, 0.8, 1.2)
-    table = np.array([system.parameters[name] for name in names])
+    table = np.array([system.directions[name] for name in names])
     factors = parameters @ table + (~table.any(axis=0))
     places, headings = drive(system, controls, factors, bounded(rng, slip, (steps, 2)) if slip else None)
     sets = Membership(fleet_of(system, names), errors)
