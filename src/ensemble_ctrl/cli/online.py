@@ -21,10 +21,11 @@ from ensemble_ctrl.files.folder import ResultsFolder
 from ensemble_ctrl.planning.baseline import unconstrained
 from ensemble_ctrl.planning.online.driver import Outcome, drive
 from ensemble_ctrl.planning.online.log import RunLog
-from ensemble_ctrl.planning.online.loop import Receding, Step
+from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.remaining import of_one_robot
 from ensemble_ctrl.planning.online.settings import OnlineSettings
 from ensemble_ctrl.planning.online.simulated import FINE, Fixed, SimulatedFleet
+from ensemble_ctrl.planning.online.step import Step
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.online import Run, Told, write_run

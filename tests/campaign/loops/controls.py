@@ -9,7 +9,7 @@ from unittest.mock import patch
 import numpy as np
 
 from ensemble_ctrl.certificate.remaining import certify_set
-from ensemble_ctrl.planning.online import loop, membership, propagation, tracker
+from ensemble_ctrl.planning.online import group, membership, propagation, tracker
 from ensemble_ctrl.planning.online.evidence import Evidence
 from ensemble_ctrl.planning.online.propagation import Commands, Errors, Factors, PoseSet
 
@@ -69,6 +69,6 @@ CONTROLS: dict[str, Callable[[], AbstractContextManager[object]]] = {
     "drift and actuators left out": _departure,
     "half the noise": _noise,
     "the past where the robot is now": lambda: patch.object(tracker.Tracker, "_past", of_now),
-    "the middle of the set of poses alone": lambda: patch(f"{loop.__name__}.certify_set", in_the_middle),
+    "the middle of the set of poses alone": lambda: patch(f"{group.__name__}.certify_set", in_the_middle),
     "old proofs of a task read anew": lambda: patch.object(Evidence, "of_a_period", always_whole),
 }

@@ -12,7 +12,8 @@ import shapely
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.planning.online.loop import Receding, Step
+from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.step import Step
 
 from .robot import PARTS, Adversary, Body
 from .scene import Part, Scene, rates

@@ -19,10 +19,11 @@ from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.online.driver import Outcome, drive
 from ensemble_ctrl.planning.online.log import RunLog
-from ensemble_ctrl.planning.online.loop import Receding, Step
+from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.measurement import Measurement
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import Errors
+from ensemble_ctrl.planning.online.step import Step
 from ensemble_ctrl.problem import Objective, Problem
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle

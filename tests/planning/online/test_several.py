@@ -17,10 +17,11 @@ from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.driver import Outcome, drive
-from ensemble_ctrl.planning.online.loop import Receding, Step
+from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.measurement import Measurement
 from ensemble_ctrl.planning.online.propagation import PoseSet
 from ensemble_ctrl.planning.online.simulated import FINE, SimulatedFleet
+from ensemble_ctrl.planning.online.step import Step
 
 from .problems import NOISE, SHORT, clearance, options, plan, robot
 

@@ -10,8 +10,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.planning.online.loop import Receding, Source, Step
+from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.robot import Clock, Robot
+from ensemble_ctrl.planning.online.step import Source, Step
 
 Floats = NDArray[np.float64]
 Ending = Literal["success", "finished", "failed", "stopped", "interrupted"]

@@ -14,7 +14,8 @@ from ensemble_ctrl.core.plain import to_json
 from ensemble_ctrl.core.storage import open_new
 from ensemble_ctrl.core.version import __version__
 from ensemble_ctrl.planning.online.driver import Outcome
-from ensemble_ctrl.planning.online.loop import Receding, Step
+from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.step import Step
 
 Floats = NDArray[np.float64]
 

@@ -1,0 +1,266 @@
+"""Robots that hear the same commands: where each is and was, what is left for it, and what is proven for all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set, together
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.ocp.online import InitialCondition
+from ensemble_ctrl.planning.online.evidence import NOTHING, Evidence
+from ensemble_ctrl.planning.online.followed import Followed
+from ensemble_ctrl.planning.online.measurement import Measurement, Seen
+from ensemble_ctrl.planning.online.options import OnlineOptions
+from ensemble_ctrl.planning.online.propagation import PoseSet
+from ensemble_ctrl.planning.online.remaining import for_a_while
+from ensemble_ctrl.planning.online.step import Work
+from ensemble_ctrl.planning.online.tracker import Tracker
+from ensemble_ctrl.planning.planner import solve
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.specification import AvoidConstraint
+
+Floats = NDArray[np.float64]
+Poses = dict[str, PoseSet]
+"""Where each robot may be."""
+
+
+class RobotGroup:
+    """Robots that hear the same commands; all that a loop knows of them, and can prove of commands for them.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of one robot.
+    options : OnlineOptions
+    names : sequence of str
+        Of the robots.
+
+    Attributes
+    ----------
+    robots : dict of str to Followed
+        Where each robot is and has been.
+    base : int
+        The control step at which the grid of plans begins.
+    elapsed : float
+        Seconds since the plan began, for whoever has a clock to set; obstacles are added then.
+    """
+
+    def __init__(self, problem: Problem, options: OnlineOptions, names: Sequence[str]) -> None:
+        if not names or len(set(names)) < len(names) or not all(names):
+            raise ProblemError(f"robots: expected different names, at least one, got {list(names)}")
+        self.problem, self.options = problem, options
+        self.robots = {name: Followed(problem, options) for name in names}
+        self.base, self.elapsed = 0, 0.0
+        self._added: dict[str, float] = {}
+        self._events: list[str] = []
+
+    @property
+    def trackers(self) -> dict[str, Tracker]:
+        """The past of each robot."""
+        return {name: robot.tracker for name, robot in self.robots.items()}
+
+    @property
+    def sent(self) -> int:
+        """Control steps whose commands have been returned; the next ones begin there."""
+        return len(next(iter(self.robots.values())).tracker.sent)
+
+    @property
+    def time(self) -> float:
+        """Up to which every robot has been measured, seconds."""
+        return min(tracker.time for tracker in self.trackers.values())
+
+    @property
+    def seen(self) -> bool:
+        """Whether every robot has been measured."""
+        return all(tracker.last is not None for tracker in self.trackers.values())
+
+    @property
+    def holds(self) -> bool:
+        """False once measurements of any robot contradicted what was assumed; it stays so."""
+        return all(tracker.holds for tracker in self.trackers.values())
+
+    @property
+    def steps(self) -> int:
+        """Control steps of the whole loop."""
+        run_for = self.options.run_for
+        return self.problem.steps if run_for is None else max(1, round(run_for / self.problem.step))
+
+    def named(self, measurement: Seen | None) -> dict[str, Measurement]:
+        """Measurements by the names of their robots.
+
+        Raises
+        ------
+        ProblemError
+            For a robot that there is not, and for one without a name where there are several.
+        """
+        if measurement is None:
+            return {}
+        if isinstance(measurement, Mapping):
+            strange = [name for name in measurement if name not in self.robots]
+            if strange:
+                raise ProblemError(f"measurement: expected of {', '.join(self.robots)}, got one of {strange[0]!r}")
+            return dict(measurement)
+        if len(self.robots) > 1:
+            raise ProblemError(f"measurement: expected by name, of {', '.join(self.robots)}, got one without")
+        return {next(iter(self.robots)): measurement}
+
+    def recall(self, begin: int) -> None:
+        """Take commands back that were returned for the control steps from `begin` on, none of which is past."""
+        if begin < self.sent:
+            for tracker in self.trackers.values():
+                tracker.recall(begin)
+
+    def entered(self) -> str:
+        """Which robot must have been in which obstacle, by the measurements; empty for none."""
+        kept = self.problem.specification.avoid
+        for name, tracker in self.trackers.items():
+            for k, pose in enumerate(tracker.past):
+                time = k * self.problem.step
+                for avoid in (avoid for avoid in kept if self._counts(avoid, time)):
+                    if _gap(avoid, pose, time) < -pose.away:
+                        return f"{self._called(name)} was in {avoid.name}"
+        return ""
+
+    def _reached(self, name: str) -> str:
+        """Which robot may be in an obstacle that has just come and has to be avoided; empty for none."""
+        time = self._added[name]
+        avoided = self.problem.specification.avoid
+        new = [avoid for avoid in avoided if avoid.name == name and self._counts(avoid, time)]
+        for robot, tracker in self.trackers.items():
+            pose = tracker.pose(time)
+            if pose is not None and any(_gap(avoid, pose, time) < pose.away for avoid in new):
+                return self._called(robot)
+        return ""
+
+    def _counts(self, avoid: AvoidConstraint, time: float) -> bool:
+        """Whether something must be kept out of at a time; what came later need not be."""
+        if time < self._added.get(avoid.name, 0.0):
+            return False
+        if self.options.horizon == "receding":
+            return time >= avoid.begin  # the window begins anew at every present
+        return bool(avoid.during(np.array([time]))[0])
+
+    def label(self, name: str, parameter: str) -> str:
+        """What a step calls a parameter of a robot."""
+        return parameter if len(self.robots) == 1 else f"{name}.{parameter}"
+
+    def _called(self, name: str) -> str:
+        """A robot in a sentence."""
+        return name if len(self.robots) > 1 else "the robot"
+
+    def _send(self, controls: Floats) -> None:
+        """Some more commands were given out, to all robots."""
+        for tracker in self.trackers.values():
+            tracker.send(controls)
+
+    def _ranges(self) -> dict[str, tuple[float, float]]:
+        """What is known of every parameter."""
+        return {
+            self.label(name, parameter): (float(low), float(high))
+            for name, tracker in self.trackers.items()
+            for parameter, (low, high) in zip(tracker.sets.names, tracker.ranges, strict=True)
+        }
+
+    # --- where things stand; grid times count from the base
+
+    def _now(self) -> tuple[int, Poses]:
+        """The first grid time from the newest measurement of any robot on, and the sets of poses then.
+
+        There are no sets while one robot is unknown.
+        """
+        k = max(tracker.at for tracker in self.trackers.values())
+        found = {name: robot.pose(k) for name, robot in self.robots.items()}
+        poses = {name: pose for name, pose in found.items() if pose is not None}
+        return k - self.base, poses if len(poses) == len(found) else {}
+
+    def _initial(self, nodes: Floats, at: int, poses: Poses, plan: Floats, free: int, spare: float) -> InitialCondition:
+        """What a solve starts from at a grid time: all robots' members, the largest growth and `spare` metres."""
+        ahead, base = plan[at:], self.base
+        soon = free - at + 2 * self.options.applied_steps
+        drives, paths, grown = [], [], []
+        for name, pose in poses.items():
+            robot = self.robots[name]
+            drives.append(robot.drives(nodes, pose))
+            middle = self._middle(drives[-1], ahead)
+            paths.append(robot.path(base, base + at))
+            grown.append(robot.growth(middle, ahead, base + at, pose, soon))
+        growth = np.zeros(len(plan) + 1)
+        growth[at:] = np.max(grown, axis=0) + spare
+        return InitialCondition(
+            at, free, np.concatenate(drives), np.stack(paths, axis=1), growth, plan, base * self.problem.step
+        )
+
+    def _middle(self, drives: Floats, controls: Floats) -> Floats:
+        """Where the middle one of some members goes, shape (steps + 1, 2), metres."""
+        middle = drives[len(drives) // 2][None]
+        return np.asarray(self.problem.fleet.arcs.paths(controls, middle, self.problem.step)[0])
+
+    # --- what is proven, and what could be done instead
+
+    def _proof(self, controls: Floats, work: Work, begin: int | None = None) -> Evidence:
+        """What can be proven of commands, some of which have been sent, from the last measurement on."""
+        at, poses = self._now()
+        if not poses:
+            return NOTHING
+        begin = self.sent - self.base if begin is None else begin
+        span = begin - at + self.options.applied_steps + self.options.lead(self.problem.step)
+        try:
+            rests = self._rests(at, poses)
+            whole = self._shown(rests, controls[at:], at, poses)
+            work.certify_seconds += whole.seconds
+            if whole.proven:
+                return Evidence.whole(whole, self.base + len(controls) if self.problem.motions else math.inf)
+            span = min(span, len(controls) - at)
+            soon = {name: for_a_while(rest, span) for name, rest in rests.items()}
+            short = self._shown(soon, controls[at:][:span], at, poses)
+        except ProblemError as error:
+            self._events.append(str(error).splitlines()[0])
+            return NOTHING
+        work.certify_seconds += short.seconds
+        return Evidence.period(short, self.base + at + span, whole) if short.proven else Evidence(tried=short)
+
+    def _certified(self, controls: Floats, at: int, poses: Poses) -> SetCertificate:
+        """What is proven from a grid time on, of every robot."""
+        return self._shown(self._rests(at, poses), controls[at:], at, poses)
+
+    def _rests(self, at: int, poses: Poses) -> dict[str, Problem]:
+        """What is left for each robot from a grid time on."""
+        return {name: self.robots[name].rest(self.base + at, pose) for name, pose in poses.items()}
+
+    def _shown(self, rests: Mapping[str, Problem], ahead: Floats, at: int, poses: Poses) -> SetCertificate:
+        """What is proven of commands from a grid time on for what is left."""
+        departures = {name: self.robots[name].tracker.departures(ahead, self.base + at) for name in poses}
+        return together(
+            {
+                name: certify_set(rests[name], ahead, pose.away, pose.turn, departures[name])
+                for name, pose in poses.items()
+            }
+        )
+
+    def _from_here(self, begin: int, plan: Floats, work: Work) -> Floats | None:
+        """`plan` with other commands, from the planner, that start at step `begin`; None if it finds none."""
+        poses = self._now()[1]
+        if not poses:
+            return None
+        midst = np.mean([pose.position for pose in poses.values()], axis=0)
+        name = min(poses, key=lambda each: float(np.linalg.norm(poses[each].position - midst)))
+        try:
+            rest = self.robots[name].rest(self.base + begin, poses[name])
+            limits = replace(rest.solve, time_limit=0.8 * self.options.recovery)
+            found = solve(rest.with_(solve=limits, verify=replace(rest.verify, certificate=False)))
+        except ProblemError as error:
+            self._events.append(f"no way from here: {str(error).splitlines()[0]}")
+            return None
+        work.solve_seconds, work.status = sum(found.seconds.values()), found.status
+        return np.concatenate([plan[:begin], found.controls])[: len(plan)]
+
+
+def _gap(avoid: AvoidConstraint, pose: PoseSet, time: float) -> float:
+    """How far the middle of a set of poses is from what must be kept out of, metres."""
+    here = pose.position - avoid.offsets(np.array([time]))[0]
+    return min(float(piece.distance(here)) for piece in avoid.pieces) - avoid.radius
