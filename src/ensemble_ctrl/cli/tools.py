@@ -1,0 +1,207 @@
+"""Subcommands around plans: maps, other programs, the online loop, examples and help with problem files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ensemble_ctrl.cli import completion
+from ensemble_ctrl.cli.memory import require_memory
+from ensemble_ctrl.cli.root import (
+    Config,
+    Files,
+    Json,
+    LoggedIn,
+    Overrides,
+    Overwrite,
+    Quiet,
+    Replace,
+    Trust,
+    app,
+    examples_of,
+)
+from ensemble_ctrl.cli.streams import say
+
+
+@app.command(
+    "import",
+    epilog=examples_of(
+        "ensemble-plan import office.geojson              print a problem to complete",
+        "ensemble-plan import map.yaml -o office.yaml     an occupancy grid of ROS",
+        "ensemble-plan import yard.wkt --section >> problem.yaml",
+    ),
+)
+def import_map(
+    source: Annotated[
+        Path, typer.Argument(help="GeoJSON, WKT, or the .yaml of an occupancy grid (ROS).", metavar="MAP")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write this file instead of printing.", metavar="FILE")
+    ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(
+            help="How far obstacles may grow, so that they need fewer pieces [default: 2 cells of a grid, else 0].",
+            metavar="LENGTH",
+        ),
+    ] = None,
+    unknown: Annotated[
+        str | None,
+        typer.Option(
+            help="What cells of a grid are that no scan has seen: occupied or free [default: occupied].",
+            metavar="WHAT",
+            autocompletion=completion.unknown_cells,
+        ),
+    ] = None,
+    section: Annotated[bool, typer.Option("--section", help="Only the obstacles and regions.")] = False,
+    overwrite: Replace = False,
+) -> None:
+    """Turn a map into a problem file with few convex obstacles."""
+    from ensemble_ctrl.cli.importing import import_file
+
+    import_file(source, output, tolerance, unknown, section, overwrite)
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan export plans/office -o office.csv",
+        "ensemble-plan export plans/office --to geojson > tube.geojson",
+        "ensemble-plan export plans/office --to rosbag -o office_bag --members 9",
+    )
+)
+def export(
+    plan: Files,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--to",
+            help="csv, json, geojson or rosbag [default: the ending of FILE].",
+            metavar="FORMAT",
+            autocompletion=completion.export_formats,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write this file (rosbag: folder) instead of printing.", metavar="FILE"),
+    ] = None,
+    members: Annotated[
+        int | None,
+        typer.Option(help="Members whose paths are written [default: csv 0, json 5, rosbag 5].", metavar="N", min=0),
+    ] = None,
+    overwrite: Replace = False,
+    trust: Trust = False,
+) -> None:
+    """Write a saved plan for other programs."""
+    from ensemble_ctrl.cli.exporting import export_plan
+
+    export_plan(plan, form, output, members, overwrite)
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan online problem.yaml",
+        "ensemble-plan online problem.yaml --traction 0.93 --seed 7",
+        "ensemble-plan online problem.yaml --set online.deadline=0.1s --json",
+    )
+)
+def online(
+    config: Config,
+    output: LoggedIn = None,
+    overrides: Overrides = None,
+    traction: Annotated[
+        float | None,
+        typer.Option(help="The true traction of the robots (online.robot.traction).", metavar="X", min=1e-3),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the robots' noise (online.robot.seed).", metavar="N", min=0)
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    overwrite: Overwrite = False,
+    trust: Trust = False,
+) -> None:
+    """Measure, learn, plan again, apply, on a simulated robot."""
+    require_memory()
+    from ensemble_ctrl.cli.online import OnlineRun, run_online
+
+    given = OnlineRun(config, output, tuple(overrides or ()), traction, seed, json, quiet, not no_plots, overwrite)
+    raise typer.Exit(run_online(given))
+
+
+@app.command()
+def models() -> None:
+    """List the models, their controls and parameters."""
+    from ensemble_ctrl.systems import SYSTEMS
+
+    for name, system in SYSTEMS.items():
+        controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
+        say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {', '.join(system.parameters)}")
+        say(f"{'':<18}states {', '.join(system.states)}")
+    say("your own: fleet: {model: {python: my_system.py:MySystem}}, with --trust")
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan examples",
+        "ensemble-plan examples five_obstacles",
+        "ensemble-plan examples five_obstacles --copy",
+    )
+)
+def examples(
+    name: Annotated[
+        str | None,
+        typer.Argument(help="The example to print.", metavar="NAME", autocompletion=completion.examples),
+    ] = None,
+    copy: Annotated[bool, typer.Option("--copy", help="Write it here as NAME.yaml instead.")] = False,
+) -> None:
+    """List the example problems, print one, or copy one."""
+    from ensemble_ctrl.cli.examples import list_or_print
+
+    list_or_print(name, copy)
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan init",
+        "ensemble-plan init fleet.yaml --schema",
+        "ensemble-plan init - | ensemble-plan check -",
+    )
+)
+def init(
+    file: Annotated[
+        Path, typer.Argument(help="The new file; - prints it instead.", metavar="FILE", show_default="problem.yaml")
+    ] = Path("problem.yaml"),
+    schema: Annotated[bool, typer.Option("--schema", help="Write the JSON Schema beside it too, for editors.")] = False,
+) -> None:
+    """Write a commented problem file to start from."""
+    from ensemble_ctrl.cli.init import start
+
+    start(file, schema)
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan schema > problem.schema.json",
+        "ensemble-plan schema -o problem.schema.json",
+    )
+)
+def schema(
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write it to this file instead.", metavar="FILE")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of problem files, for editors."""
+    from ensemble_ctrl.cli.init import print_schema
+
+    print_schema(output)
+
+
+@app.command()
+def doctor() -> None:
+    """Say what is installed and solve a tiny problem."""
+    from ensemble_ctrl.cli.doctor import examine
+
+    raise typer.Exit(examine())
