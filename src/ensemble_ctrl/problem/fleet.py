@@ -209,11 +209,13 @@ class Fleet(Ensemble):
         first = columns[0]
         return slice(first, first + len(columns)) if columns == list(range(first, first + len(columns))) else columns
 
-    @property
+    @cached_property
     def position(self) -> Floats:
         """Where members start but for the offsets of the parameters, shape (d,), metres."""
         given = {**self.system.start(), **self.start}
-        return np.array([float(given.get(name, 0.0)) for name in self.places])
+        place = np.array([float(given.get(name, 0.0)) for name in self.places])
+        place.setflags(write=False)
+        return place
 
     @property
     def heading(self) -> float:

@@ -85,7 +85,7 @@ def _trip(problem: Problem, share: float) -> Trip | None:
     """Visits in time with the routes between them, at a share of the top speed."""
     task, legs = _remaining(problem), Legs(problem, 1)
     names = sorted({leaf.name for leaf in leaves(task) if isinstance(leaf, Inside)} & set(problem.regions))
-    start, target = problem.fleet.start, problem.objective.place
+    start, target = problem.fleet.start_place, problem.objective.place
     visits = [Visit(name, problem.regions[name], 0.0, problem.duration) for name in names]
     places = [start, *(place_in(problem, visit, start) for visit in visits)] + ([] if target is None else [target])
     routes = list(_routes(problem, legs, task, places))
