@@ -13,7 +13,8 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.api.plans import Plan, with_twin
+from ensemble_ctrl.api.planning import with_twin
+from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.report.plot import write_plot
 
 DOCS = Path(__file__).parent

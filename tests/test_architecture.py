@@ -38,6 +38,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "files.folder",
         "files.export, files.examples",
         "api.plans",
+        "api.planning",
         "api.comparison, api.widening, api.results",
         "cli",
     )

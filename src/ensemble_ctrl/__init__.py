@@ -23,7 +23,8 @@ from ensemble_ctrl.core.version import __version__
 
 if TYPE_CHECKING:
     from ensemble_ctrl.api.comparison import compare
-    from ensemble_ctrl.api.plans import Plan, plan
+    from ensemble_ctrl.api.planning import plan
+    from ensemble_ctrl.api.plans import Plan
     from ensemble_ctrl.api.widening import widest
     from ensemble_ctrl.certificate import Certificate, certify
     from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
@@ -76,7 +77,7 @@ _HOMES = {
     "load": "files.config",
     "load_text": "files.config",
     "parse": "constraints.stl",
-    "plan": "api.plans",
+    "plan": "api.planning",
     "unconstrained": "planning.baseline",
     "widest": "api.widening",
     "replay": "problem.evaluation.sampled",

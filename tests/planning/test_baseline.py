@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ensemble_ctrl import Plan, Problem, load_text, unconstrained
-from ensemble_ctrl.api.plans import with_twin
+from ensemble_ctrl.api.planning import with_twin
 from ensemble_ctrl.problem.evaluation.sampled import replay
 
 MAP = """\

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ensemble_ctrl.api.plans import Plan, plan
+from ensemble_ctrl.api.planning import plan
+from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.cli.verify import _replayed
 from ensemble_ctrl.files.config import read
 from ensemble_ctrl.moments import Beta, Interval, Samples

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ensemble_ctrl.api.plans import plan
+from ensemble_ctrl.api.planning import plan
 from ensemble_ctrl.constraints.stl import parse, resolve
 from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.core.errors import ConfigError, ProblemError

@@ -17,7 +17,8 @@ import ensemble_ctrl as ec
 import ensemble_ctrl.ocp.mixed as module
 import ensemble_ctrl.ocp.solvers.bonmin as bonmin_module
 import ensemble_ctrl.planning.planner as planner
-from ensemble_ctrl.api.plans import Plan, plan
+from ensemble_ctrl.api.planning import plan
+from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import summary, to_json
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.files.config import load, load_text

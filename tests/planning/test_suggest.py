@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.api.plans import Plan, with_suggestions
+from ensemble_ctrl.api.planning import with_suggestions
+from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness, parse
 from ensemble_ctrl.core.errors import ProblemError

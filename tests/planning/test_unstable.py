@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.api.plans import failure_message
+from ensemble_ctrl.api.planning import failure_message
 from ensemble_ctrl.certificate import unproven
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.ocp import parallel, state_rounds

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from ensemble_ctrl import report
-from ensemble_ctrl.api.plans import with_twin
+from ensemble_ctrl.api.planning import with_twin
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.folder import result_files
 from ensemble_ctrl.moments import LegendreBasis

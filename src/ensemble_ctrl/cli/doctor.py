@@ -39,7 +39,7 @@ def examine() -> int:
 
 def _solve_tiny() -> int:
     """Plan for one small problem."""
-    from ensemble_ctrl.api.plans import plan
+    from ensemble_ctrl.api.planning import plan
     from ensemble_ctrl.files.config import load_text
 
     began = time.perf_counter()

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ensemble_ctrl.api.plans import Plan, with_twin
+from ensemble_ctrl.api.planning import with_twin
+from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.files import planfile

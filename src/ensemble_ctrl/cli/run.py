@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ensemble_ctrl.api.plans import Plan, failure_message, plan, with_suggestions, with_twin
+from ensemble_ctrl.api.planning import failure_message, plan, with_suggestions, with_twin
+from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import controls_csv, summary, to_json, write_report, write_results
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
