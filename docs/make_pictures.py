@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.api.planning import with_twin
+from ensemble_ctrl.api.planning import with_baseline
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.report.plot import write_plot
 
@@ -26,7 +26,7 @@ def main() -> None:
     """Make both."""
     plan = ec.plan(ec.load(DOCS.parent / "configs" / "five_obstacles.yaml"))
     plan.animate(DOCS / "_static" / "five_obstacles.gif")
-    figures(with_twin(replace(plan, certificate=plan.certify())), DOCS / "_static" / "figures.png")
+    figures(with_baseline(replace(plan, certificate=plan.certify())), DOCS / "_static" / "figures.png")
 
 
 def figures(plan: Plan, path: Path) -> None:

@@ -46,22 +46,22 @@ def test_a_run_writes_its_folder_and_a_summary(place: Path) -> None:
         assert_png(folder / figure)
 
 
-def test_the_twin_is_planned_for_the_figures_only(command: Command, place: Path) -> None:
-    done = command("small.yaml", "--set", "report.twin=true", "--no-plots")
-    assert (done.code, " twin " in done.err) == (0, False)
-    done = command("small.yaml", "--set", "report.twin=true")
-    assert (done.code, bool(re.search(r"\btwin \d+\.\d\d s", done.err))) == (0, True)
+def test_the_baseline_is_planned_for_the_figures_only(command: Command, place: Path) -> None:
+    done = command("small.yaml", "--set", "report.baseline=true", "--no-plots")
+    assert (done.code, " baseline " in done.err) == (0, False)
+    done = command("small.yaml", "--set", "report.baseline=true")
+    assert (done.code, bool(re.search(r"\bbaseline \d+\.\d\d s", done.err))) == (0, True)
     assert names(place / "plans" / "small-2") == DATA | FIGURES | {"report.html"}
 
 
-def test_a_twin_that_fails_is_a_warning(command: Command, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_baseline_that_fails_is_a_warning(command: Command, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object) -> None:
         raise ValueError("no way")
 
-    monkeypatch.setattr("ensemble_ctrl.cli.run.with_twin", broken)
-    done = command("small.yaml", "--set", "report.twin=true")
+    monkeypatch.setattr("ensemble_ctrl.cli.run.with_baseline", broken)
+    done = command("small.yaml", "--set", "report.baseline=true")
     assert done.code == 0
-    assert "warning: the unconstrained twin could not be planned (ValueError: no way)" in done.err
+    assert "warning: the unconstrained baseline could not be planned (ValueError: no way)" in done.err
     assert names(place / "plans" / "small") == DATA | FIGURES | {"report.html"}
 
 

@@ -59,7 +59,7 @@ obstacles:
   corner: {polygon: [[3, 3], [5.3, 3], [5, 4.1], [4, 4], [4, 5], [3.7, 5]]}
   cut: {halfspaces: [x >= 3, 3*y >= 1, x + y <= 5]}
   two: [{box: [[8, 9], [0.1, 0.3]]}, {wkt: "POLYGON ((8 2, 9 2, 8.5 3, 8 2))"}]
-report: {twin: true}
+report: {baseline: true}
 task: F in(tri) and G[0, T] avoid(obstacles) => (in(half) U[1, 2.5] x - 2*y <= 1e-3) or share(0.95, F x >= 1)
 objective: {terminal: {target: [6.1, 5.2]}}
 """
@@ -130,9 +130,9 @@ def test_a_heading_from_y_counts_clockwise() -> None:
     assert problem.fleet.own_heading == pytest.approx(math.pi / 6)
 
 
-def test_figures_may_show_the_twin() -> None:
-    assert config.load_text(GOOD, overrides=["report.twin=true"]).report == ReportOptions(twin=True)
-    assert config.load(FIVE).report.twin
+def test_figures_may_show_the_baseline() -> None:
+    assert config.load_text(GOOD, overrides=["report.baseline=true"]).report == ReportOptions(baseline=True)
+    assert config.load(FIVE).report.baseline
 
 
 def test_scientific_notation_is_a_number() -> None:
@@ -277,7 +277,7 @@ CASES = {
         ("  radius:", "  parameters: {traction: {beta: [2, 5]}}\n  radius:"),
         (5, 27, "fleet.parameters.traction.beta"),
         "unknown field",
-        "known here: range, law, a, b, mean, deviation, samples, mixture",
+        "known here: range, law, a, b, mean, deviation, numbers, samples, mixture",
     ),
     "a word as a boolean": (
         ("moments:", "verify: {certificate: yes}\nmoments:"),
@@ -286,16 +286,16 @@ CASES = {
         "",
     ),
     "a number as a boolean": (
-        ("moments:", "report: {twin: 1}\nmoments:"),
-        (7, 16, "report.twin"),
+        ("moments:", "report: {baseline: 1}\nmoments:"),
+        (7, 20, "report.baseline"),
         "expected true or false, got 1",
         "",
     ),
     "an unknown figure": (
-        ("moments:", "report: {twins: true}\nmoments:"),
-        (7, 10, "report.twins"),
+        ("moments:", "report: {baselines: true}\nmoments:"),
+        (7, 10, "report.baselines"),
         "unknown field",
-        "did you mean 'twin'?",
+        "did you mean 'baseline'?",
     ),
     "an unknown method": (
         ("moments:", "solve: {method: minpl}\nmoments:"),
@@ -971,3 +971,41 @@ def test_a_polygon_of_ten_thousand_corners_is_read_as_it_is() -> None:
 def test_a_polygon_in_the_file_keeps_to_the_limits_of_a_map(corners: list[list[float]], message: str) -> None:
     with pytest.raises(ConfigError, match=f"obstacles.o.polygon: expected .*{message}"):
         config.load_text(_with_polygon(corners))
+
+
+OLD_KEYS = [
+    ("report: {twin: true}", "report.baseline", "the key 'twin' is deprecated and goes with the next release", "twin"),
+]
+
+
+@pytest.mark.parametrize(("old", "path", "message", "key"), OLD_KEYS)
+def test_old_keys_are_read_with_a_warning_that_names_the_new_one(old: str, path: str, message: str, key: str) -> None:
+    new = path.rpartition(".")[2]
+    written = config.read_text(LEAST + old)
+    (warning,) = (one for one in written.warnings if "deprecated" in one.message)
+    assert (warning.path, warning.message, warning.hint) == (path, message, f"write {new!r}")
+    assert warning.excerpt[(warning.column or 0) - 1 :].startswith(key)
+    today = config.read_text(LEAST + old.replace(key, new))
+    assert written.data == today.data
+    assert not [one for one in today.warnings if "deprecated" in one.message]
+
+
+def test_old_keys_are_read_in_overrides() -> None:
+    for change in ("report.twin=true", "report={twin: true}"):
+        loaded = config.read_text(LEAST, overrides=[change])
+        assert loaded.problem.report.baseline
+        (warning,) = (one for one in loaded.warnings if "deprecated" in one.message)
+        assert (warning.source, warning.path) == (f"--set {change}", "report.baseline")
+
+
+def test_a_key_under_both_names_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"report\.twin: unknown field"):
+        config.load_text(LEAST + "report: {baseline: true, twin: false}")
+
+
+def test_old_fields_work_with_a_warning() -> None:
+    with pytest.warns(DeprecationWarning, match=r"ReportOptions\.twin is deprecated .* use baseline"):
+        options = ReportOptions(**{"twin": True})
+    assert options == ReportOptions(baseline=True)
+    with pytest.warns(DeprecationWarning, match="use baseline"):
+        assert options.twin is True  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""The paper's experiments: every problem file plans, is proven for the whole fleet, and its twin really violates."""
+"""The paper's experiments: every problem file plans, is proven for the whole fleet, and its baseline violates."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_the_gallery_prints_what_a_run_finds(name: str) -> None:
 def test_it_loads_without_a_warning(name: str) -> None:
     loaded = read(CONFIGS / f"{name}.yaml")
     assert loaded.warnings == ()
-    assert (loaded.problem.name, loaded.problem.solve.guarantee, loaded.problem.report.twin) == (name, "hull", True)
+    assert (loaded.problem.name, loaded.problem.solve.guarantee, loaded.problem.report.baseline) == (name, "hull", True)
     assert (loaded.problem.fleet.lower[0], loaded.problem.fleet.upper[0]) == (0.9, 1.1)
 
 
@@ -80,10 +80,10 @@ def test_no_member_violates_it_between_the_grid_times_either(name: str) -> None:
 
 
 @experiments
-def test_the_unconstrained_twin_violates_it(name: str) -> None:
-    twin = solve(unconstrained(problem(name)))
-    assert twin.status == "planned"
-    run = replay(problem(name), twin.controls, members=200, substeps=4)
+def test_the_unconstrained_baseline_violates_it(name: str) -> None:
+    baseline = solve(unconstrained(problem(name)))
+    assert baseline.status == "planned"
+    run = replay(problem(name), baseline.controls, members=200, substeps=4)
     assert run.violating.mean() > 0.5
     assert run.worst[0] < -0.1
 

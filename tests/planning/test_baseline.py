@@ -1,4 +1,4 @@
-"""The unconstrained twin: what it leaves out and what it keeps."""
+"""The unconstrained baseline: what it leaves out and what it keeps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ensemble_ctrl import Plan, Problem, load_text, unconstrained
-from ensemble_ctrl.api.planning import with_twin
+from ensemble_ctrl.api.planning import with_baseline
 from ensemble_ctrl.problem.evaluation.sampled import replay
 
 MAP = """\
@@ -22,7 +22,7 @@ regions:
   hall: {box: [[3.5, 8], [0, 8]]}
 obstacles: {rock: {box: [[2, 3], [3, 4]]}}
 objective: {robustness: 2.0, terminal: {target: [6.5, 5.5]}}
-report: {twin: true}
+report: {baseline: true}
 task: """
 TASK = "F[8, 10] in(goal) and G avoid(rock)"
 
@@ -62,24 +62,27 @@ def test_what_is_to_be_done_stays(task: str) -> None:
 
 @pytest.mark.parametrize("task", ["G in(room)", "G avoid(rock)", "G in(room) and G avoid(rock)"])
 def test_where_nothing_is_left_the_whole_plane_is_the_task(task: str) -> None:
-    twin = unconstrained(problem(task))
-    assert str(twin.task) == "G in(anywhere)"
-    (lower, upper), start = (twin.regions["anywhere"].lower, twin.regions["anywhere"].upper), twin.fleet.position
+    baseline = unconstrained(problem(task))
+    assert str(baseline.task) == "G in(anywhere)"
+    (lower, upper), start = (
+        (baseline.regions["anywhere"].lower, baseline.regions["anywhere"].upper),
+        baseline.fleet.position,
+    )
     assert (np.abs([lower - start, upper - start]) > 3 * 1.1 * 10).all()
-    assert twin.objective.robustness == 0.0
-    assert twin.objective.target is not None
+    assert baseline.objective.robustness == 0.0
+    assert baseline.objective.target is not None
 
 
 def test_the_rest_of_the_problem_is_the_same() -> None:
     one = problem(TASK)
-    twin = unconstrained(one)
-    assert (twin.fleet, twin.objective, twin.solve) == (one.fleet, one.objective, one.solve)
-    assert (one.verify.certificate, twin.verify.certificate) == (True, False)
-    assert (one.report.twin, twin.report.twin) == (True, False)
-    assert list(twin.obstacles) == ["rock"]
+    baseline = unconstrained(one)
+    assert (baseline.fleet, baseline.objective, baseline.solve) == (one.fleet, one.objective, one.solve)
+    assert (one.verify.certificate, baseline.verify.certificate) == (True, False)
+    assert (one.report.baseline, baseline.report.baseline) == (True, False)
+    assert list(baseline.obstacles) == ["rock"]
 
 
-def test_a_figure_shows_the_twin_dashed_and_its_whole_way() -> None:
+def test_a_figure_shows_the_baseline_dashed_and_its_whole_way() -> None:
     from ensemble_ctrl.report.figures import draw_trajectories
 
     one = problem(TASK)
@@ -97,15 +100,15 @@ def dashed(ax: Axes) -> list[Line2D]:
     return [line for line in ax.lines if line.get_linestyle() == "--"]
 
 
-def test_a_twin_that_can_not_be_planned_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_baseline_that_can_not_be_planned_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     one = problem(TASK)
     plan = Plan(one, np.zeros((100, 2)), "planned")
-    assert with_twin(plan, lambda phase, iteration: True).twin is None
+    assert with_baseline(plan, lambda phase, iteration: True).baseline is None
 
 
-def test_the_twin_of_a_plan_is_planned_without_the_obstacle() -> None:
+def test_the_baseline_of_a_plan_is_planned_without_the_obstacle() -> None:
     ahead = MAP.replace("{position: [1, 1], heading: 0", "{position: [2.5, 1], heading: 90")
     one = load_text(ahead + TASK)
-    twin = with_twin(Plan(one, np.zeros((100, 2)), "planned")).twin
-    assert twin is not None
-    assert replay(one, twin, members=100).violating.any()
+    baseline = with_baseline(Plan(one, np.zeros((100, 2)), "planned")).baseline
+    assert baseline is not None
+    assert replay(one, baseline, members=100).violating.any()

@@ -99,7 +99,7 @@ MADE: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
         lambda **given: problem(verify=ec.VerifyOptions(**given)),
         {"members": "", "substeps": "", "certificate": "true"},
     ),
-    "ReportOptions": (ec.ReportOptions, {"twin": "true", "suggest": "true"}),
+    "ReportOptions": (ec.ReportOptions, {"baseline": "true", "suggest": "true"}),
     "Risk": (lambda **given: ec.Risk(**{"of": "terminal", **given}), {"of": "", "level": "", "weight": "number"}),
     "Plan": (plan, {"problem": "", "controls": "", "status": "", "details": "section"}),
     "Formation": (

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from ensemble_ctrl import report
-from ensemble_ctrl.api.planning import with_twin
+from ensemble_ctrl.api.planning import with_baseline
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.folder import result_files
 from ensemble_ctrl.moments import LegendreBasis
@@ -168,8 +168,8 @@ def test_the_first_moment_is_the_mean(name: str) -> None:
 
 
 def test_the_unconstrained_fleet_is_dashed_and_the_plan_solid() -> None:
-    plan = with_twin(made("hit"))
-    assert plan.twin is not None
+    plan = with_baseline(made("hit"))
+    assert plan.baseline is not None
     ax = plan.plot(ax=Figure().subplots())
     dashed = [line for line in ax.lines if line.get_linestyle() == "--"]
     assert len(dashed) == 11

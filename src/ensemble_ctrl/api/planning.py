@@ -134,13 +134,13 @@ def failure_message(plan: Plan) -> str:
     return f"{plan.problem.name}: {lead}{listed}" + (f"; tried: {what}" if what else "")
 
 
-def with_twin(plan: Plan, progress: Progress | None = None) -> Plan:
+def with_baseline(plan: Plan, progress: Progress | None = None) -> Plan:
     """The plan with the controls of its problem's unconstrained baseline, if there are any (`planning.baseline`)."""
     from ensemble_ctrl.planning.baseline import unconstrained
     from ensemble_ctrl.planning.planner import solve
 
     solution = solve(unconstrained(plan.problem), progress=progress)
-    return replace(plan, twin=solution.controls if solution.status == "planned" else None)
+    return replace(plan, baseline=solution.controls if solution.status == "planned" else None)
 
 
 def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays
+from ensemble_ctrl.core.renamed import renamed_fields
 from ensemble_ctrl.core.values import expect, number, numbers, path_of, whole
 from ensemble_ctrl.files import planfile
 from ensemble_ctrl.files.config import dump, load_text
@@ -35,6 +36,7 @@ STATUSES = ("planned", "infeasible", "limit", "interrupted")
 """How a search can end."""
 
 
+@renamed_fields(twin="baseline")
 @dataclass(frozen=True, eq=False)
 class Plan(ReadOnlyArrays):
     """A broadcast control for the whole fleet, and what is known of it.
@@ -53,8 +55,8 @@ class Plan(ReadOnlyArrays):
         The last replay that was run on this plan when it was made.
     certificate : Certificate or None
         What is proven of it for every parameter and instant, if that was asked for.
-    twin : ndarray of shape (steps, n_u), or None
-        Commands of the problem's unconstrained twin, for figures only; not saved.
+    baseline : ndarray of shape (steps, n_u), or None
+        Commands of the problem's unconstrained baseline, for figures only; not saved.
 
     Notes
     -----
@@ -67,7 +69,7 @@ class Plan(ReadOnlyArrays):
     details: dict[str, Any] = field(default_factory=dict)
     replayed: Replay | None = None
     certificate: Certificate | None = None
-    twin: Floats | None = None
+    baseline: Floats | None = None
 
     def __post_init__(self) -> None:
         expect("problem", self.problem, Problem)

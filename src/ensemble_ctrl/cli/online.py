@@ -150,10 +150,10 @@ def _draw(
 ) -> str:
     """Draw the pictures; returns why that failed, if it did: the log is worth keeping without them."""
     try:
-        twin = None
-        if problem.report.twin:
+        baseline = None
+        if problem.report.baseline:
             found = solve(unconstrained(of_one_robot(problem)))
-            twin = found.controls if found.status == "planned" else None
+            baseline = found.controls if found.status == "planned" else None
         began = round(outcome.start / problem.step) * FINE
         driven = {name: np.array(robot.track)[began:, :2] for name, robot in fleet.robots.items()}
         seconds = (len(next(iter(driven.values()))) - 1) * problem.step / FINE
@@ -168,7 +168,7 @@ def _draw(
             loop.options.deadline,
             _truth(loop, fleet),
             title,
-            twin,
+            baseline,
         )
         write_run(run, folder)
     except Exception as error:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ensemble_ctrl.api.planning import with_twin
+from ensemble_ctrl.api.planning import with_baseline
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.core.errors import EnsembleError
@@ -36,8 +36,8 @@ def plot_plan(
         require_free(file, overwrite)
     if any(KINDS[kind].proof for kind in wanted):
         plan = replace(plan, certificate=plan.certify())
-    if "trajectories" in wanted and plan.problem.report.twin:
-        plan = with_twin(plan)
+    if "trajectories" in wanted and plan.problem.report.baseline:
+        plan = with_baseline(plan)
     for kind, file in files.items():
         say(str(write_plot(plan, kind, file, file.suffix[1:])))
 

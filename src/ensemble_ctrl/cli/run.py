@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ensemble_ctrl.api.planning import failure_message, plan, with_suggestions, with_twin
+from ensemble_ctrl.api.planning import failure_message, plan, with_baseline, with_suggestions
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import controls_csv, summary, to_json, write_report, write_results
 from ensemble_ctrl.cli import codes
@@ -74,7 +74,7 @@ def run(options: RunOptions) -> int:
         with stoppable(progress, abandon):
             log = folder.working / "solver.log"
             found = plan(loaded.problem, progress=progress, guess=guess, log=log, check=False)
-            if options.plots and found.problem.report.twin and found.status == "planned":
+            if options.plots and found.problem.report.baseline and found.status == "planned":
                 found = _compared(found, progress)
             if options.suggest and found.problem.report.suggest and progress.stop_signal is None:
                 found = with_suggestions(found, progress)
@@ -88,16 +88,16 @@ def run(options: RunOptions) -> int:
 
 
 def _compared(found: Plan, progress: Progress) -> Plan:
-    """The plan with its unconstrained twin for the figures; without one if that fails: the plan itself is good."""
+    """The plan with its unconstrained baseline for the figures; without one if that fails: the plan itself is good."""
 
     def watch(_: str, iteration: Iteration | None) -> bool:
-        return progress("twin", iteration) if iteration else progress.stop_signal is not None
+        return progress("baseline", iteration) if iteration else progress.stop_signal is not None
 
-    progress("twin", None)
+    progress("baseline", None)
     try:
-        return with_twin(found, watch)
+        return with_baseline(found, watch)
     except Exception as error:
-        progress.note(f"warning: the unconstrained twin could not be planned ({type(error).__name__}: {error})")
+        progress.note(f"warning: the unconstrained baseline could not be planned ({type(error).__name__}: {error})")
         return found
 
 
@@ -132,7 +132,7 @@ def _draw(found: Plan, folder: Path, options: RunOptions) -> str:
 
     try:
         if options.plots:
-            write_figures(found.problem, found.controls, folder, found.twin, found.details["routes"])
+            write_figures(found.problem, found.controls, folder, found.baseline, found.details["routes"])
             write_report(found, folder / REPORT, folder)
         if options.animation is not None:
             found.animate(folder / f"animation.{options.animation}")

@@ -1,4 +1,4 @@
-"""The unconstrained twin of a problem: the same fleet and goal with nothing in its way, for comparison.
+"""The unconstrained baseline of a problem: the same fleet and goal with nothing in its way, for comparison.
 
 The paper draws each experiment twice: dashed without its obstacles or its bounding region, solid with them.
 """
@@ -33,11 +33,11 @@ def unconstrained(problem: Problem) -> Problem:
     -------
     Problem
         Without obstacles, with every region to stay in widened to more than the fleet can drive, and without
-        a certificate or a twin of its own. Visits, the objective and the fleet are as they were.
+        a certificate or a baseline of its own. Visits, the objective and the fleet are as they were.
 
     Notes
     -----
-    *Guarantee*: none that a plan of the twin is good for `problem`; that it is not is what the comparison shows.
+    *Guarantee*: none that a plan of the baseline is good for `problem`; that it is not is what the comparison shows.
     A widened region never binds, so it is left out wherever something else remains to be done. Where nothing else
     does, it is the whole task, and its robustness has no weight: it would only draw the fleet to the middle.
 

@@ -105,9 +105,9 @@ FEATURES: Mapping[str, Feature] = {
         "the unconstrained baseline",
         "arcs",
         "how far the fleet can go is known of arcs",
-        ("report", "twin"),
+        ("report", "baseline"),
         "leave it out",
-        lambda problem: problem.report.twin,
+        lambda problem: problem.report.baseline,
     ),
     "risk": Feature(
         "a risk penalty",

@@ -14,6 +14,7 @@ from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays, ReadOnlyMapping
+from ensemble_ctrl.core.renamed import renamed_fields
 from ensemble_ctrl.core.values import expect, flag, numbers
 from ensemble_ctrl.problem.arguments import mapping_of, names_of, obstacles_of, quantity_of, regions_of, task_of
 from ensemble_ctrl.problem.arguments.fleets import frozen
@@ -169,24 +170,25 @@ class VerifyOptions:
         object.__setattr__(self, "certificate", flag("verify.certificate", self.certificate))
 
 
+@renamed_fields(twin="baseline")
 @dataclass(frozen=True)
 class ReportOptions:
     """What figures and summary show.
 
     Parameters
     ----------
-    twin : bool
-        Whether to plan the problem's unconstrained twin too, and draw it dashed (`ensemble_ctrl.planning.baseline`).
+    baseline : bool
+        Whether to plan the problem without constraints too, and draw it dashed (`ensemble_ctrl.planning.baseline`).
     suggest : bool
         Whether a run that finds no plan looks for a change of the problem that would help
         (`ensemble_ctrl.planning.suggest`).
     """
 
-    twin: bool = False
+    baseline: bool = False
     suggest: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("twin", "suggest"):
+        for name in ("baseline", "suggest"):
             object.__setattr__(self, name, flag(f"report.{name}", getattr(self, name)))
 
 

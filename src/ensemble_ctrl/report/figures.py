@@ -13,7 +13,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.drawing import highest, outlines, target_lines
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
-from ensemble_ctrl.report.palette import DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, TWIN, shades
+from ensemble_ctrl.report.palette import CONTRAST, DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, shades
 from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet
 from ensemble_ctrl.report.text import literal, ranges_text
 
@@ -112,7 +112,7 @@ def _draw_start(problem: Problem, ax: Axes) -> None:
 
 
 def draw_trajectories(
-    problem: Problem, controls: Floats, ax: Axes | None = None, twin_controls: Floats | None = None
+    problem: Problem, controls: Floats, ax: Axes | None = None, baseline_controls: Floats | None = None
 ) -> Axes:
     """Map and trajectories of members spread over the parameter's range, coloured by parameter.
 
@@ -124,8 +124,8 @@ def draw_trajectories(
         Broadcast commands.
     ax : matplotlib Axes, optional
         Where to draw; without it a new figure of pyplot's, so that a notebook or a later ``show`` shows it.
-    twin_controls : ndarray, shape (steps, n_u), optional
-        Commands of the unconstrained twin, whose trajectories are drawn thin and dashed below the plan's.
+    baseline_controls : ndarray, shape (steps, n_u), optional
+        Commands of the unconstrained baseline, whose trajectories are drawn thin and dashed below the plan's.
 
     Returns
     -------
@@ -140,10 +140,10 @@ def draw_trajectories(
     members = fleet.spread(MEMBERS)
     substeps = max(1, POINTS // problem.steps)
     paths = trajectories(problem, controls, members, substeps)
-    ax = shown_axes(map_size(problem, controls, twin_controls)) if ax is None else ax
+    ax = shown_axes(map_size(problem, controls, baseline_controls)) if ax is None else ax
     draw_map(problem, ax, list(paths))
-    if twin_controls is not None:
-        _draw_twin(trajectories(problem, twin_controls, members[::2], substeps), ax)
+    if baseline_controls is not None:
+        _draw_baseline(trajectories(problem, baseline_controls, members[::2], substeps), ax)
     shade = shades(fleet, members)
     lines = LineCollection(list(paths), array=shade, cmap="viridis", linewidths=0.9, alpha=0.9, zorder=2)
     lines.set_clim(0.0, 1.0)
@@ -178,11 +178,11 @@ def _view_figures(problem: Problem, controls: Floats) -> dict[str, Figure]:
     return {"trajectories.png": paths, "spread.png": spread}
 
 
-def _draw_twin(paths: Floats, ax: Axes) -> None:
-    """The unconstrained twin's trajectories, named by one line of a legend."""
+def _draw_baseline(paths: Floats, ax: Axes) -> None:
+    """The unconstrained baseline's trajectories, named by one line of a legend."""
     for i, path in enumerate(paths):
         label = None if i else "unconstrained"
-        ax.plot(path[:, 0], path[:, 1], "--", color=TWIN, linewidth=0.6, alpha=0.7, zorder=1.9, label=label)
+        ax.plot(path[:, 0], path[:, 1], "--", color=CONTRAST, linewidth=0.6, alpha=0.7, zorder=1.9, label=label)
     ax.legend(loc="best", fontsize="small")
 
 
@@ -201,7 +201,7 @@ def write_figures(
     problem: Problem,
     controls: Floats,
     folder: Path,
-    twin_controls: Floats | None = None,
+    baseline_controls: Floats | None = None,
     routes: Sequence[Mapping[str, Any]] = (),
 ) -> list[str]:
     """Write ``trajectories.png``, ``controls.png`` and, of several routes, ``routes.png`` into `folder`.
@@ -219,8 +219,8 @@ def write_figures(
     if not on_map(problem):
         figures = _view_figures(problem, controls)
     else:
-        figures = {"trajectories.png": new_figure(map_size(problem, controls, twin_controls))}
-        draw_trajectories(problem, controls, placed_axes(figures["trajectories.png"], *MARGINS), twin_controls)
+        figures = {"trajectories.png": new_figure(map_size(problem, controls, baseline_controls))}
+        draw_trajectories(problem, controls, placed_axes(figures["trajectories.png"], *MARGINS), baseline_controls)
     figures["controls.png"] = control_figure
     if len(routes) > 1 and on_map(problem):
         figures["routes.png"] = draw_routes(problem, controls, routes)
@@ -232,12 +232,12 @@ def write_figures(
 def map_size(
     problem: Problem,
     controls: Floats,
-    twin_controls: Floats | None = None,
+    baseline_controls: Floats | None = None,
     width: float = 7.2,
     margins: tuple[float, float, float, float] = MARGINS,
 ) -> tuple[float, float]:
     """Inches for a map of its own proportions, with `margins` for labels and the colour bar."""
-    drawn = [controls] if twin_controls is None else [controls, twin_controls]
+    drawn = [controls] if baseline_controls is None else [controls, baseline_controls]
     ends = np.concatenate([trajectories(problem, c, problem.fleet.corners) for c in drawn])
     shapes = [*outlines(problem, list(ends)).values(), *(piece.vertices for _, piece in problem.pieces)]
     across, up = np.ptp(np.concatenate([*ends, *shapes]), axis=0)

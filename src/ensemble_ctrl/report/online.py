@@ -16,7 +16,7 @@ from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save
 from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
 from ensemble_ctrl.report.film import write_gif
-from ensemble_ctrl.report.palette import LINES, TWIN
+from ensemble_ctrl.report.palette import CONTRAST, LINES
 from ensemble_ctrl.report.stage import FINE, NARROW, Stage
 from ensemble_ctrl.report.text import literal
 
@@ -83,8 +83,8 @@ class Run:
         True parameters of a simulated robot, where they stay the same.
     title : str
         How it ended.
-    twin : ndarray, shape (steps, n_u), or None
-        Commands of the unconstrained twin.
+    baseline : ndarray, shape (steps, n_u), or None
+        Commands of the unconstrained baseline.
     """
 
     problem: Problem
@@ -96,7 +96,7 @@ class Run:
     deadline: float
     truth: Mapping[str, float] = field(default_factory=dict)
     title: str = ""
-    twin: Floats | None = None
+    baseline: Floats | None = None
 
 
 def draw_run(run: Run) -> Figure:
@@ -141,9 +141,9 @@ def _draw_paths(run: Run, ax: Axes) -> None:
     draw_map(problem, ax, [*fleet, *shown.values()])
     for i, path in enumerate(fleet):
         ax.plot(path[:, 0], path[:, 1], color=FIRST, linewidth=0.5, label=None if i else "fleet, first plan")
-    if run.twin is not None:
-        middle = trajectories(problem, run.twin, problem.fleet.center[None], 2)[0]
-        ax.plot(middle[:, 0], middle[:, 1], "--", color=TWIN, linewidth=0.9, label="unconstrained")
+    if run.baseline is not None:
+        middle = trajectories(problem, run.baseline, problem.fleet.center[None], 2)[0]
+        ax.plot(middle[:, 0], middle[:, 1], "--", color=CONTRAST, linewidth=0.9, label="unconstrained")
     for i, step in enumerate(run.told):
         for k, path in enumerate(step.paths.values()):
             ax.plot(*path.T, color=PLANNED, linewidth=0.7, alpha=0.6, label=None if i or k else "plans")
@@ -194,7 +194,7 @@ def _draw_seconds(run: Run, ax: Axes) -> None:
     width = 0.6 * float(np.diff(times).min(initial=1.0))
     ax.bar(times[new], took[new], width, color=DRIVEN, label="new plan")
     if not new.all():
-        ax.bar(times[~new], took[~new], width, color=TWIN, label="last plan kept, or stopped")
+        ax.bar(times[~new], took[~new], width, color=CONTRAST, label="last plan kept, or stopped")
     ax.axhline(1e3 * run.deadline, linestyle="--", linewidth=1.0, color="black", label="deadline")
     ax.set(xlabel="t [s]", ylabel="planning [ms]")
     ax.legend(loc="best", fontsize=8)

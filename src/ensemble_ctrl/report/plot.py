@@ -40,8 +40,8 @@ class Drawable(PlanLike, Protocol):
     """What a picture needs of a plan."""
 
     @property
-    def twin(self) -> NDArray[np.float64] | None:
-        """Commands of the unconstrained twin, if it was planned."""
+    def baseline(self) -> NDArray[np.float64] | None:
+        """Commands of the unconstrained baseline, if it was planned."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class PlotKind:
 
 def _trajectories(plan: Drawable, ax: Axes) -> Axes:
     """The map with members."""
-    return draw_trajectories(plan.problem, plan.controls, ax, plan.twin)
+    return draw_trajectories(plan.problem, plan.controls, ax, plan.baseline)
 
 
 def _certificate(plan: Drawable, ax: Axes) -> Axes:
@@ -84,7 +84,7 @@ def _map_height(plan: Drawable) -> float:
     """That of a map; of several views, the usual one."""
     if not on_map(plan.problem):
         return 2.4
-    return map_size(plan.problem, plan.controls, plan.twin, COLUMN, KINDS["trajectories"].margins)[1]
+    return map_size(plan.problem, plan.controls, plan.baseline, COLUMN, KINDS["trajectories"].margins)[1]
 
 
 KINDS: dict[str, PlotKind] = {
@@ -128,7 +128,7 @@ def draw(plan: Drawable, kind: str, ax: Axes | None = None) -> Axes:
     if kind == "certificate" and plan.certificate is None:
         raise ProblemError("kind: expected a plan with a certificate, got one without; see Plan.certify")
     if kind == "trajectories":
-        return draw_trajectories(plan.problem, plan.controls, ax, plan.twin)
+        return draw_trajectories(plan.problem, plan.controls, ax, plan.baseline)
     return KINDS[kind].draw(plan, shown_axes((6.4, 4.4)) if ax is None else ax)
 
 

@@ -19,6 +19,7 @@ from ensemble_ctrl.files.config.mapped import edge_findings, map_notes
 from ensemble_ctrl.files.config.messages import Diagnostic, findings_of, layout
 from ensemble_ctrl.files.config.overrides import Given, Override, apply, name_of_override, parse_override
 from ensemble_ctrl.files.config.own import CONSENT, by_ode, system_class
+from ensemble_ctrl.files.config.renamed_keys import renamed_keys, renamed_overrides
 from ensemble_ctrl.files.config.schema import ProblemFile
 from ensemble_ctrl.files.config.source import Source, Text, name_of, read_source
 from ensemble_ctrl.files.config.tree import TextError, Tree
@@ -115,6 +116,8 @@ def _read(text: Text, overrides: Iterable[Given], trust: bool = False, loop: boo
         raise ProblemError(f"overrides: expected texts KEY=VALUE, got {shown(overrides)}")
     tree = _tree(text)
     changes = _overrides([overrides] if isinstance(overrides, str) else overrides, text.name)
+    changes, old_names = renamed_overrides(changes)
+    old_names += renamed_keys(tree)
     data = _changed(tree.data, changes, text.name)
     locate = Locator(text, tree, data, changes)
     if not isinstance(data, dict):
@@ -127,7 +130,7 @@ def _read(text: Text, overrides: Iterable[Given], trust: bool = False, loop: boo
         wrong = [locate(finding) for finding in loop_findings(problem)]
         if wrong:
             _refuse(sorted(wrong, key=locate.order), text.name)
-    warnings = [*notes, *(locate(finding) for finding in findings(problem))]
+    warnings = [*notes, *(locate(finding) for finding in [*old_names, *findings(problem)])]
     return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content)
 
 

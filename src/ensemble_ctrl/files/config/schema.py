@@ -113,7 +113,7 @@ class Verify(Model):
 class ReportSection(Model):
     """What figures and summary show."""
 
-    twin: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.twin
+    baseline: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.baseline
     """Plan the same problem without obstacles and bounding regions too, and draw it dashed."""
     suggest: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.suggest
     """Where no plan is found, look up to 30 s for a change of the problem that would help."""

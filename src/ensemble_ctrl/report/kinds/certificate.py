@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
-from ensemble_ctrl.report.palette import LINES, TWIN
+from ensemble_ctrl.report.palette import CONTRAST, LINES
 from ensemble_ctrl.report.text import literal, short
 from ensemble_ctrl.report.words import length
 
@@ -34,7 +34,9 @@ def draw_certificate(name: str, certificate: Certificate, ax: Axes, units: Mappi
     places = np.arange(len(rows))
     for place, (_, proven, seen, unit) in zip(places, rows, strict=True):
         good = proven >= 0
-        ax.barh(place, proven, height=0.5, color=LINES[0] if good else "white", edgecolor=LINES[0] if good else TWIN)
+        ax.barh(
+            place, proven, height=0.5, color=LINES[0] if good else "white", edgecolor=LINES[0] if good else CONTRAST
+        )
         if np.isfinite(seen):
             ax.plot(seen, place, "o", color="black", markersize=4)
         ax.annotate(length(proven, unit), (max(proven, seen if np.isfinite(seen) else proven, 0.0), place), (6, 0),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.figures import line_style
 from ensemble_ctrl.report.kinds.panels import panels
-from ensemble_ctrl.report.palette import TWIN
+from ensemble_ctrl.report.palette import CONTRAST
 from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def draw_controls(problem: Problem, controls: NDArray[np.float64], ax: Axes) -> 
         panel.stairs(controls[:, i], problem.times, baseline=None, linewidth=1.3, color=line_style(0)["color"])
         low, high = float(fleet.input_lower[i]), float(fleet.input_upper[i])
         for bound in (low, high):
-            panel.axhline(bound, linestyle="--", linewidth=0.8, color=TWIN)
+            panel.axhline(bound, linestyle="--", linewidth=0.8, color=CONTRAST)
         panel.set(ylabel=literal(f"{name} [{unit}]"), xlim=(0, problem.duration))
         pad = 0.08 * max(high - low, 1e-6)
         panel.set_ylim(low - pad, high + pad)
