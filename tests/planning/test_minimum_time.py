@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from ensemble_ctrl.api.planning import plan
@@ -11,7 +9,7 @@ from ensemble_ctrl.constraints.stl import parse, resolve
 from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load, load_text, read
-from ensemble_ctrl.ocp.guesses.roadmap import Guess, roadmap_guesses
+from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses
 from ensemble_ctrl.planning import planner
 from ensemble_ctrl.planning.minimum_time import TOLERANCE, Duration, Passage, _Search, bound, goal_of, solve
 from ensemble_ctrl.problem import Problem
@@ -102,10 +100,10 @@ def test_a_plan_that_only_one_value_leads_to_is_found_for_every_limit(
 ) -> None:
     """Routes lead to a solution at 1.35^4 = 3.322 s and nowhere else; from there it is driven faster."""
 
-    def only(problem: Problem, *rest: Any) -> list[Guess]:
-        return roadmap_guesses(problem, *rest) if problem.duration == 3.322 else []
+    def only(request: Request) -> list[Guess]:
+        return first_guesses(request) if request.problem.duration == 3.322 else []
 
-    monkeypatch.setattr("ensemble_ctrl.planning.minimum_time.roadmap_guesses", only)
+    monkeypatch.setattr("ensemble_ctrl.planning.minimum_time.first_guesses", only)
     _, soonest = solve(load_text(STRAIGHT.replace("at_most: 8 s", f"at_most: {longest} s")))
     assert soonest is not None
     assert soonest.value == pytest.approx(FASTEST, rel=2 * TOLERANCE)

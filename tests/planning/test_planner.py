@@ -239,10 +239,10 @@ def test_progress_sees_the_phases_in_order() -> None:
 def test_a_guess_is_used_instead_of_routes(monkeypatch: pytest.MonkeyPatch) -> None:
     cold = solve(small())
 
-    def no_seeds(*_: object) -> list[object]:
+    def no_guesses(*_: object) -> list[object]:
         raise AssertionError("looked for routes although a guess was given")
 
-    monkeypatch.setattr(module, "roadmap_guesses", no_seeds)
+    monkeypatch.setattr(module, "first_guesses", no_guesses)
     for guess in (cold.controls, cold.controls[::5]):
         warm = solve(small(), guess=guess)
         check_good(warm, members=101)

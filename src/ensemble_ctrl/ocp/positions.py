@@ -79,9 +79,14 @@ class Positions:
         return slice(None)
 
     @property
-    def places(self) -> None:
+    def places(self) -> Floats | None:
         """The variables are the points."""
         return None
+
+    @property
+    def image(self) -> Floats:
+        """C, from positions of the Gauss-node robots to the variables of a coordinate."""
+        return self.truncation.to_points
 
     @property
     def shift(self) -> Floats:
@@ -122,7 +127,7 @@ class Positions:
     def _moving(self) -> Block:
         """The points move by the image C of the Gauss-node robots' exact displacements d."""
         system, layout, step, n = self.problem.fleet.arcs, self.layout, self.step, self.layout.count
-        image = ca.DM(self.truncation.to_points)
+        image = ca.DM(self.image)
         linear, angular, heading = (ca.DM(column) for column in node_drives(self.problem, self.truncation)[:, :3].T)
 
         def build(z: ca.SX, d: ca.SX) -> ca.SX:

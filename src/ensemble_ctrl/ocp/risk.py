@@ -47,7 +47,13 @@ class RiskRows:
 
 
 def risk_rows(
-    problem: Problem, truncation: Truncation, layout: Numbers, curve: Floats, hyperplanes: Hyperplanes, pairs: Pairs
+    problem: Problem,
+    truncation: Truncation,
+    layout: Numbers,
+    curve: Floats,
+    hyperplanes: Hyperplanes,
+    pairs: Pairs,
+    places: Floats | None = None,
 ) -> RiskRows | None:
     """The risk penalty around a guess whose points are `curve`; None where there is none.
 
@@ -65,12 +71,15 @@ def risk_rows(
         Separating hyperplanes at the guess.
     pairs : ndarray of bool, shape (sides, steps)
         Which of them count.
+    places : ndarray, shape (points, variables), optional
+        From the variables of a coordinate to the points; `curve` holds the variables.
     """
     risk = problem.objective.cvar
     if risk is None or not risk.weight:
         return None
     members = problem.fleet.representatives(MEMBERS[risk.of])
     seen = truncation.evaluation(_scaled(problem, members))
+    seen = seen if places is None else seen @ places
     offset = problem.fleet.drives(members)[:, 3:] - problem.fleet.start_place
     level, excess = layout.more(1), layout.more(len(members))
     if risk.of == "terminal":

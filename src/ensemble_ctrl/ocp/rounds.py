@@ -110,6 +110,13 @@ def _after(
     )
 
 
+def rank(attempt: Attempt) -> tuple[bool, float, float]:
+    """Sorting key: feasible first, then cost; infeasible by how much they fall short."""
+    value = attempt.value
+    short = max(0.0, -value.gap) + max(0.0, -value.robustness) + max(0.0, value.excess)
+    return (not value.keeps(0.0), 0.0 if value.keeps(0.0) else short, value.cost)
+
+
 def with_work(kept: Attempt, before: Attempt, after: Attempt) -> Attempt:
     """`kept` with the work of both."""
     return replace(

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp.evaluate_sampled import INFINITE, evaluate
+from ensemble_ctrl.ocp.guesses.registry import Guess
 from ensemble_ctrl.ocp.guesses.restarts import Restart
-from ensemble_ctrl.ocp.guesses.state_guesses import Guess
 from ensemble_ctrl.ocp.hyperplanes import separate
-from ensemble_ctrl.ocp.rounds import GAIN, Attempt, with_work
+from ensemble_ctrl.ocp.rounds import GAIN, Attempt, rank, with_work
 from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Watch, solve
 from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation
@@ -217,10 +217,3 @@ def _stands(stage: Stage, attempt: Attempt) -> tuple[bool, bool, float, float]:
     """Sorting key: controls of the middle member under which it does not do the task come last."""
     alone = len(stage.truncation.nodes) == 1
     return (alone and not middle_does(stage.problem, attempt.controls), *rank(attempt))
-
-
-def rank(attempt: Attempt) -> tuple[bool, float, float]:
-    """Sorting key: feasible first, then cost; infeasible by how much they fall short."""
-    value = attempt.value
-    short = max(0.0, -value.gap) + max(0.0, -value.robustness) + max(0.0, value.excess)
-    return (not value.keeps(0.0), 0.0 if value.keeps(0.0) else short, value.cost)

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Mean
+from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.ocp.chance import asked
 from ensemble_ctrl.ocp.cost import CommandCost
 from ensemble_ctrl.ocp.facet_binaries import Choice, binary_blocks
@@ -179,6 +180,8 @@ def _avoidance(
     """Rows that keep the fleet out of obstacles, in the form that the guarantee and the method ask for."""
     layout, in_moments = model.layout, problem.solve.guarantee == "moment"
     if isinstance(avoiding, Choice):
+        if model.places is not None:
+            raise UnsupportedError("method minlp needs points of the fleet as variables")
         rows = binary_blocks(problem, truncation, layout, avoiding, slack, spare)
         return rows + (region_blocks(problem, truncation, layout) if in_moments else [])
     if in_moments:
@@ -193,9 +196,11 @@ def _risk(
     if problem.objective.cvar is None:
         return None
     if isinstance(avoiding, Avoiding):
-        return risk_rows(problem, truncation, model.layout, model.curve, avoiding.hyperplanes, avoiding.pairs)
+        return risk_rows(
+            problem, truncation, model.layout, model.curve, avoiding.hyperplanes, avoiding.pairs, model.places
+        )
     none = separate(model.curve, (), problem.duration)
-    return risk_rows(problem, truncation, model.layout, model.curve, none, none.active)
+    return risk_rows(problem, truncation, model.layout, model.curve, none, none.active, model.places)
 
 
 def _set_binaries(choice: Choice, layout: Numbers, x: Floats, lower: Floats, upper: Floats) -> None:

@@ -31,7 +31,7 @@ from ensemble_ctrl.constraints.stl import And, Eventually, Inside, conjuncts, ke
 from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
-from ensemble_ctrl.ocp.guesses.roadmap import roadmap_guesses
+from ensemble_ctrl.ocp.guesses import Request, first_guesses
 from ensemble_ctrl.ocp.rounds import Attempt, improve
 from ensemble_ctrl.ocp.solvers import Iteration, SolverOptions
 from ensemble_ctrl.ocp.truncation import coarse
@@ -344,7 +344,9 @@ class _Search:
         steps = coarse_steps(problem)
         found = self._improved(problem, [planner.given(problem, guess, steps) for guess in guesses])
         if not found and not self._over():
-            found = self._improved(problem, [s.controls for s in roadmap_guesses(problem, steps, problem.solve.routes)])
+            found = self._improved(
+                problem, [guess.controls for guess in first_guesses(Request(problem, steps, quick=True))]
+            )
         return [a.controls for a in sorted(found, key=lambda a: a.value.cost)]
 
     def _improved(self, problem: Problem, guesses: list[Floats]) -> list[Attempt]:
@@ -353,7 +355,8 @@ class _Search:
         for guess in guesses:
             if self._over():
                 break
-            options = SolverOptions(problem.solve.max_iterations, self._left(), 1e-3, 1e-2, self.log)
+            limits = problem.solve.max_iterations, self._left()
+            options = SolverOptions(*limits, 1e-3, 1e-2, self.log, problem.solve.solver)
             work = partial(improve, problem, guess, coarse(problem), planner.COARSE_ROUNDS, options)
             attempt = parallel.alone(work, self._watch, self._left)
             if attempt is None:

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -34,18 +34,14 @@ from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp import state_rounds as shooting
 from ensemble_ctrl.ocp.candidates import Tried, join_logs, part_log, tried
 from ensemble_ctrl.ocp.chance import ranges
-from ensemble_ctrl.ocp.guesses import ompl_paths
-from ensemble_ctrl.ocp.guesses.curved import BATCHES, Curves, curved
-from ensemble_ctrl.ocp.guesses.laid_out import laid_out, repeats
-from ensemble_ctrl.ocp.guesses.perturbed import perturbed
+from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses, further_guesses, ompl_paths
+from ensemble_ctrl.ocp.guesses.curved import BATCHES, promising
+from ensemble_ctrl.ocp.guesses.registry import Stop
 from ensemble_ctrl.ocp.guesses.restarts import Restart, restarts, wandering
-from ensemble_ctrl.ocp.guesses.roadmap import Guess, roadmap_guesses
-from ensemble_ctrl.ocp.guesses.state_guesses import Guess as StateGuess
-from ensemble_ctrl.ocp.guesses.state_guesses import guesses
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.parametrisation import Iterate
-from ensemble_ctrl.ocp.rounds import Attempt, improve, start
-from ensemble_ctrl.ocp.solvers import AT_WORK, Iteration, SolverOptions, Watch
+from ensemble_ctrl.ocp.rounds import Attempt, improve, rank, start
+from ensemble_ctrl.ocp.solvers import AT_WORK, Iteration, SolverOptions, Watch, named
 from ensemble_ctrl.ocp.traced import require_traceable
 from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
 from ensemble_ctrl.problem import Problem
@@ -64,8 +60,6 @@ COARSE_ROUNDS, FINE_ROUNDS = 3, 1
 CERTIFY_ROUNDS = 3
 FINALISTS = 3
 """Coarse solutions that are refined and certified where every route is tried."""
-CURVES = 3
-"""Curved guesses of a batch that are solved."""
 CLOSE = 0.05
 """Metres by which an attempt may violate its task for tightening, or a finer solve, to be worth while."""
 AFTERWARDS = 5.0
@@ -137,7 +131,8 @@ class _Search:
 
     def options(self, barrier: float, tolerance: float) -> SolverOptions:
         """Solver options within what is left of the time."""
-        return SolverOptions(self.problem.solve.max_iterations, self.left(), tolerance, barrier, self.log)
+        solve = self.problem.solve
+        return SolverOptions(solve.max_iterations, self.left(), tolerance, barrier, self.log, solve.solver)
 
     def watch(self, phase: str) -> Callable[[Iteration], bool] | None:
         """The watcher of one phase."""
@@ -181,6 +176,14 @@ class _Search:
     def alone(self, phase: str, work: Callable[[_Search], T]) -> T | None:
         """The result of one piece of work, in the same way."""
         return self.side_by_side(phase, lambda own, _: work(own), 1)[0]
+
+    def request(self, steps: int, best: Floats | None = None) -> Request:
+        """A request for guesses, which may be made side by side."""
+
+        def side_by_side(phase: str, work: Callable[[Stop, int], T], count: int) -> list[T | None]:
+            return self.side_by_side(phase, lambda own, candidate: work(own.over, candidate), count)
+
+        return Request(self.problem, steps, best, side_by_side=side_by_side)
 
     def certified(self, controls: Floats) -> Certificate:
         """What is proven of controls on the problem's grid in what is left of the time, and at least `AFTERWARDS`.
@@ -231,6 +234,7 @@ def solve(
     Solution
         Also when nothing feasible was found: `status` says so and `controls` are the best there are.
     """
+    named(problem.solve.solver)
     _require_endable(problem)
     search = _Search(problem, progress, log)
     return STRATEGIES[problem.fleet.system.transcription](search, problem, guess)
@@ -241,11 +245,7 @@ def _by_positions(search: _Search, problem: Problem, guess: Floats | None) -> So
     seconds: dict[str, float] = {}
     search.tell("guess")
     steps = coarse_steps(problem)
-    starts = (
-        [Guess(given(problem, guess, steps), np.zeros((0, 2)), 0.0)]
-        if guess is not None
-        else _first_guesses(problem, steps)
-    )
+    starts = [Guess(given(problem, guess, steps))] if guess is not None else first_guesses(Request(problem, steps))
     seconds["guess"] = time.perf_counter() - search.began
     search.tell("solve")
     tries = _Tries()
@@ -289,12 +289,6 @@ def _by_positions(search: _Search, problem: Problem, guess: Floats | None) -> So
     )
 
 
-def _first_guesses(problem: Problem, steps: int) -> list[Guess]:
-    """Routes; before them, where the order of visits is no matter of reading, one laid out in time."""
-    found = laid_out(problem, steps) if repeats(problem) else []
-    return found + roadmap_guesses(problem, steps, problem.solve.routes)
-
-
 def _require_endable(problem: Problem) -> None:
     """Refuse a program that takes longer to build than there is time, where nothing could end that."""
     seconds, limit = building_seconds(problem.steps), problem.solve.time_limit
@@ -314,7 +308,7 @@ def _by_states(search: _Search, problem: Problem, guess: Floats | None) -> Solut
     search.tell("guess")
     steps = problem.steps
     first = None if guess is None else shooting.given(problem, _refined(given(problem, guess, steps), steps))
-    starts = [] if first is not None and not shooting.runs_away(first[0]) else guesses(problem, steps)
+    starts = [] if first is not None and not shooting.runs_away(first[0]) else first_guesses(Request(problem, steps))
     seconds = {"guess": time.perf_counter() - search.began}
     search.tell("solve")
     found = _for_middle(search, problem, starts) if starts else [] if first is None else [first]
@@ -336,9 +330,7 @@ def _by_states(search: _Search, problem: Problem, guess: Floats | None) -> Solut
         attempt, certificate, tighter = _certified(search, attempt, tightened)
         work += tighter
         seconds["certify"] = time.perf_counter() - began
-    tries: list[tuple[StateGuess | Restart, Attempt]] = [
-        (seed, one) for seed, (one, _) in zip(starts, found, strict=False)
-    ]
+    tries: list[tuple[Guess | Restart, Attempt]] = [(seed, one) for seed, (one, _) in zip(starts, found, strict=False)]
     return Solution(
         problem,
         attempt.controls,
@@ -353,7 +345,7 @@ def _by_states(search: _Search, problem: Problem, guess: Floats | None) -> Solut
     )
 
 
-def _for_middle(search: _Search, problem: Problem, starts: list[StateGuess]) -> list[tuple[Attempt, Floats]]:
+def _for_middle(search: _Search, problem: Problem, starts: list[Guess]) -> list[tuple[Attempt, Floats]]:
     """Each guess solved for the middle member, with its states; as it is where there was no time for that."""
 
     def work(own: _Search, candidate: int) -> tuple[Attempt, Floats]:
@@ -368,21 +360,19 @@ class _Chosen:
     """The best controls for the whole fleet so far: what they came from, and how to solve from there again."""
 
     attempt: Attempt
-    start: StateGuess | Restart | None
+    start: Guess | Restart | None
     solver: Callable[[Problem, _Search], Attempt]
     work: list[Attempt] = field(default_factory=list)
     restarts: list[tuple[Restart, Attempt]] = field(default_factory=list)
 
-    def take(self, attempt: Attempt, start: StateGuess | Restart | None, solver: Callable[..., Attempt]) -> None:
+    def take(self, attempt: Attempt, start: Guess | Restart | None, solver: Callable[..., Attempt]) -> None:
         """Note an attempt, and keep it if it is better; the first one takes the place of the middle member's plan."""
-        if not self.work or shooting.rank(attempt) < shooting.rank(self.attempt):
+        if not self.work or rank(attempt) < rank(self.attempt):
             self.attempt, self.start, self.solver = attempt, start, solver
         self.work.append(attempt)
 
 
-def _for_fleet(
-    search: _Search, problem: Problem, starts: list[StateGuess], found: list[tuple[Attempt, Floats]]
-) -> _Chosen:
+def _for_fleet(search: _Search, problem: Problem, starts: list[Guess], found: list[tuple[Attempt, Floats]]) -> _Chosen:
     """The whole fleet from the best plans of the middle member, then from other starts if that one has a plan."""
     ranked = sorted(range(len(found)), key=lambda k: _middle_rank(problem, found[k][0]))
     from_ = {k: (starts[k] if starts else None, partial(_made_good, *found[k])) for k in ranked[:FINALISTS]}
@@ -408,7 +398,7 @@ def _for_fleet(
 
 def _middle_rank(problem: Problem, found: Attempt) -> tuple[bool, tuple[bool, float, float]]:
     """Sorting key: controls under which not even the middle member does the task come last."""
-    return not shooting.middle_does(problem, found.controls), shooting.rank(found)
+    return not shooting.middle_does(problem, found.controls), rank(found)
 
 
 def _again(search: _Search, problem: Problem, batch: list[Restart]) -> list[tuple[Restart, Attempt]]:
@@ -460,15 +450,15 @@ def screen(problem: Problem, *, progress: Progress | None = None, curves: Curved
     search, steps = _Search(problem, progress, None), coarse_steps(problem)
 
     def by_routes() -> list[Guess]:
-        return roadmap_guesses(problem, steps, problem.solve.routes)
+        return first_guesses(Request(problem, steps, quick=True))
 
     def by_curves() -> list[Guess]:
-        return _curves(search, BATCHES[0], steps) if ompl_paths.available() else []
+        return promising(search.request(steps), BATCHES[0]) if ompl_paths.available() else []
 
     ways = {"never": (by_routes,), "after": (by_routes, by_curves), "before": (by_curves, by_routes)}[curves]
     for guessed in ways:
         solved = _coarse_all(search, [seed.controls for seed in guessed()])
-        best = min(solved, key=_rank, default=None)
+        best = min(solved, key=rank, default=None)
         if best is not None and best.value.keeps(0.0):
             return best.controls
     return None
@@ -516,7 +506,7 @@ def _coarse_all(search: _Search, guesses: list[Floats]) -> list[Attempt]:
             tries.append(improve(problem, guesses[candidate], members, COARSE_ROUNDS, options, watch))
             if own.over():
                 break
-        return min(tries, key=_rank)
+        return min(tries, key=rank)
 
     solved = search.side_by_side("coarse solve", work, len(guesses))
     return [a or start(problem, controls, truncation) for a, controls in zip(solved, guesses, strict=True)]
@@ -524,7 +514,7 @@ def _coarse_all(search: _Search, guesses: list[Floats]) -> list[Attempt]:
 
 def _finalists(problem: Problem, solved: list[Attempt]) -> list[int]:
     """Which coarse solutions are refined, best first: one, or of all routes the best few that keep the constraints."""
-    ranked = sorted(range(len(solved)), key=lambda i: _rank(solved[i]))
+    ranked = sorted(range(len(solved)), key=lambda i: rank(solved[i]))
     few = FINALISTS if problem.solve.routes == "all" else 1
     return ranked[:1] + [i for i in ranked[1:few] if solved[i].value.keeps(0.0)]
 
@@ -605,29 +595,10 @@ def _try(
 
 
 def _further(search: _Search, tries: _Tries, steps: int) -> Iterator[list[Guess]]:
-    """More guesses, a few at a time, as long as there is no good plan: curves by OMPL, and perturbed commands."""
+    """More guesses, a few at a time, as long as there is no good plan."""
     if search.over() or _is_good(search.problem, tries.best):
         return
-    for batch in BATCHES if ompl_paths.available() else ():
-        found = _curves(search, batch, steps)
-        if found:
-            yield found
-    yield list(perturbed(search.problem, tries.solved[tries.which].controls))
-
-
-def _curves(search: _Search, batch: Sequence[Curves], steps: int) -> list[Guess]:
-    """The most promising curves of a batch as they are: the best few by how far they fall short, and the shortest."""
-    problem = search.problem
-
-    def work(own: _Search, candidate: int) -> list[Guess]:
-        return curved(problem, batch[candidate], steps, own.over)
-
-    every = [curve for some in search.side_by_side("curves", work, len(batch)) for curve in some or ()]
-    found = list({(seed.name, round(seed.length, 6)): seed for seed in every}.values())
-    ranks = [_rank(start(problem, seed.controls, coarse(problem))) for seed in found]
-    ranked = sorted(range(len(found)), key=lambda i: ranks[i])
-    shortest = sorted(range(len(found)), key=lambda i: found[i].length)
-    return [found[i] for i in dict.fromkeys([*ranked[: CURVES - 1], *shortest[:1]])]
+    yield from further_guesses(search.request(steps, tries.solved[tries.which].controls))
 
 
 def _is_good(problem: Problem, end: _Finished) -> bool:
@@ -654,8 +625,8 @@ def _is_proven(certificate: Certificate | None) -> bool:
 
 
 def _final_rank(end: _Finished) -> tuple[bool, bool, float, float]:
-    """Sorting key: proven first, then as `_rank`."""
-    return (not _is_proven(end.certificate), *_rank(end.attempt))
+    """Sorting key: proven first, then as `rank`."""
+    return (not _is_proven(end.certificate), *rank(end.attempt))
 
 
 def _certified(
@@ -709,12 +680,12 @@ def _chosen_facets(
         new, kept = found.attempt, False
         if new is not None:
             work.append(new)
-        if new is not None and _rank(new) < _rank(plan):
+        if new is not None and rank(new) < rank(plan):
             certificate = proof
             if proof is not None:
                 new, certificate, more = _certified(search, new, partial(_fine, search))
                 work += more
-            kept = _rank(new) < _rank(plan) and _no_less_proven(certificate, proof)
+            kept = rank(new) < rank(plan) and _no_less_proven(certificate, proof)
             plan, proof = (new, certificate) if kept else (plan, proof)
         done.append(replace(found, kept=kept))
     return plan, proof, done, work
@@ -757,13 +728,6 @@ def _refined(controls: Floats, steps: int) -> Floats:
         return np.repeat(controls, steps // len(controls), axis=0)
     middle = (np.arange(steps) + 0.5) / steps * len(controls)
     return np.asarray(controls[middle.astype(int)])
-
-
-def _rank(attempt: Attempt) -> tuple[bool, float, float]:
-    """Sorting key: feasible first, then cost; infeasible by how much they fall short."""
-    value = attempt.value
-    short = max(0.0, -value.gap) + max(0.0, -value.robustness)
-    return (not value.keeps(0.0), 0.0 if value.keeps(0.0) else short, value.cost)
 
 
 def _status(search: _Search, attempt: Attempt, certificate: Certificate | None) -> Status:

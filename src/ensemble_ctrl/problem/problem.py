@@ -132,6 +132,9 @@ class SolveOptions:
     cells : int
         Equal parts of the (first) parameter's range that have separating hyperplanes of their own: more rows, and less
         is asked of a wide fleet, whose members may be on different sides of an obstacle at one time.
+    solver : str
+        Which solver each nonlinear program is given to, by its name in the registry: ``ipopt``, ``sqp``, or one of
+        your own.
     """
 
     method: Method = "nlp"
@@ -142,6 +145,7 @@ class SolveOptions:
     routes: Routes = 2
     max_iterations: int = 300
     cells: int = 1
+    solver: str = "ipopt"
 
     def __post_init__(self) -> None:
         for name, kind in (("time_limit", "time"), ("margin", "length")):

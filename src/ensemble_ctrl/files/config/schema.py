@@ -97,6 +97,8 @@ class Solve(Model):
     """Iterations of one solve."""
     cells: Annotated[int, BeforeValidator(whole(1, 64))] = SolveOptions.cells
     """Parts of the first parameter's range with separating hyperplanes of their own; for wide fleets."""
+    solver: str = SolveOptions.solver
+    """Which solver each nonlinear program is given to: `ipopt`, `sqp`, or one that you registered."""
 
 
 class Verify(Model):

@@ -6,7 +6,7 @@ heading, a path by OMPL is a guess from which the program finds a plan.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +15,13 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPoint
 from shapely.ops import unary_union
 
+from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
 from ensemble_ctrl.ocp.guesses.ompl_paths import Surroundings, curve
-from ensemble_ctrl.ocp.guesses.roadmap import Guess, Trip, schedule, trips
+from ensemble_ctrl.ocp.guesses.registry import Guess, Request, Stop
+from ensemble_ctrl.ocp.guesses.roadmap import Trip, schedule, trips
+from ensemble_ctrl.ocp.rounds import rank, start
+from ensemble_ctrl.ocp.truncation import coarse
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -26,6 +30,8 @@ HEADINGS = 8
 """Headings in which a place may be reached."""
 MISSES = 3
 """Headings without a path after which no other is tried."""
+CURVES = 3
+"""Curves of a batch that are solved."""
 SPARE = 1.1
 """Share of the tightest turn by which guesses turn less, so that they start inside the bounds."""
 
@@ -54,6 +60,37 @@ BATCHES = (
     (Curves(1.0, 0.01), Curves(0.5, 0.05), Curves(1.0, 0.05, 1), Curves(1.0, 0.0)),
 )
 """What is looked for side by side, and then if that is no help."""
+
+
+class CurvedGuesses:
+    """Batches of curves, where OMPL is installed."""
+
+    at_once = False
+
+    def accepts(self, problem: Problem) -> bool:
+        """Robots on arcs."""
+        return ompl_paths.available() and problem.fleet.system.transcription == "positions"
+
+    def propose(self, request: Request) -> Iterator[list[Guess]]:
+        """The most promising of each batch."""
+        for batch in BATCHES:
+            if found := promising(request, batch):
+                yield found
+
+
+def promising(request: Request, batch: Sequence[Curves]) -> list[Guess]:
+    """The most promising curves of a batch as they are: the best few by how far they fall short, and the shortest."""
+    problem = request.problem
+
+    def work(stop: Stop, candidate: int) -> list[Guess]:
+        return curved(problem, batch[candidate], request.steps, stop)
+
+    every = [guess for some in request.side_by_side("curves", work, len(batch)) for guess in some or ()]
+    found = list({(guess.name, round(guess.length, 6)): guess for guess in every}.values())
+    ranks = [rank(start(problem, guess.controls, coarse(problem))) for guess in found]
+    ranked = sorted(range(len(found)), key=lambda i: ranks[i])
+    shortest = sorted(range(len(found)), key=lambda i: found[i].length)
+    return [found[i] for i in dict.fromkeys([*ranked[: CURVES - 1], *shortest[:1]])]
 
 
 def curved(problem: Problem, curves: Curves, steps: int, stop: Callable[[], bool]) -> list[Guess]:

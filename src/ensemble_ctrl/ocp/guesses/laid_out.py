@@ -27,7 +27,8 @@ from ensemble_ctrl.constraints.stl import (
 )
 from ensemble_ctrl.ocp.guesses.driven import needed
 from ensemble_ctrl.ocp.guesses.itinerary import Journey, itinerary
-from ensemble_ctrl.ocp.guesses.roadmap import Guess, Legs, Trip, driven_trip, place_in
+from ensemble_ctrl.ocp.guesses.registry import Guess, Request
+from ensemble_ctrl.ocp.guesses.roadmap import Legs, Trip, driven_trip, place_in
 from ensemble_ctrl.ocp.guesses.routes import Route
 from ensemble_ctrl.ocp.guesses.skeleton import Visit
 from ensemble_ctrl.problem import Problem
@@ -45,6 +46,21 @@ ORDERED = 6
 """Visits whose orders are all tried without it."""
 SECONDS = 20.0
 """For each of the searches."""
+
+
+class LaidOutGuesses:
+    """One itinerary, where the order of visits is no matter of reading."""
+
+    at_once = True
+
+    def accepts(self, problem: Problem) -> bool:
+        """Robots on arcs."""
+        return problem.fleet.system.transcription == "positions"
+
+    def propose(self, request: Request) -> Iterator[list[Guess]]:
+        """The one, which takes seconds."""
+        if not request.quick and repeats(request.problem):
+            yield laid_out(request.problem, request.steps)
 
 
 def repeats(problem: Problem) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp.guesses.roadmap import Guess
+from ensemble_ctrl.ocp.guesses.registry import Guess, Request
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -18,6 +18,21 @@ WAVES = 3
 """Half waves over the horizon at most."""
 AMPLITUDE = 0.25
 """Size of the waves, as a share of half the width of the commands' bounds."""
+
+
+class PerturbedGuesses:
+    """Waves around the best attempt."""
+
+    at_once = False
+
+    def accepts(self, problem: Problem) -> bool:
+        """Robots on arcs: other systems start from the middle member's states."""
+        return problem.fleet.system.transcription == "positions"
+
+    def propose(self, request: Request) -> Iterator[list[Guess]]:
+        """All of them together."""
+        if request.best is not None:
+            yield list(perturbed(request.problem, request.best))
 
 
 def perturbed(problem: Problem, controls: Floats) -> Iterator[Guess]:
@@ -39,4 +54,4 @@ def perturbed(problem: Problem, controls: Floats) -> Iterator[Guess]:
         yield Guess(commands, np.zeros((0, 2)), 0.0, (), f"commands with waves added, {k + 1}", "waves")
 
 
-__all__ = ["COUNT", "perturbed"]
+__all__ = ["COUNT", "PerturbedGuesses", "perturbed"]

@@ -8,12 +8,12 @@ those of one member, which the program's constraints pull apart only as far as t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp.guesses.state_guesses import Guess
+from ensemble_ctrl.ocp.guesses.registry import Guess
 from ensemble_ctrl.ocp.parametrisation import Iterate
 from ensemble_ctrl.problem import Problem
 
@@ -98,8 +98,11 @@ def _at(order: int | None) -> str:
 def wandering(problem: Problem, guess: Guess) -> list[Guess]:
     """Starts for the middle member alone: the states of a guess, with commands at random."""
     draws = np.random.default_rng(problem.solve.seed)
-    iterates = [Iterate(_random(problem, k, draws), guess.iterate.states) for k in range(WANDERING)]
-    return [Guess(f"{guess.name}, random {k + 1}", guess.corners, one, "random") for k, one in enumerate(iterates)]
+    drawn = [_random(problem, k, draws) for k in range(WANDERING)]
+    return [
+        replace(guess, controls=controls, name=f"{guess.name}, random {k + 1}", kind="random")
+        for k, controls in enumerate(drawn)
+    ]
 
 
 def _random(problem: Problem, k: int, draws: np.random.Generator) -> Floats:

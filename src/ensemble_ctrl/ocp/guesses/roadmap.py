@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.ocp.guesses.drive import follow, smoothed
 from ensemble_ctrl.ocp.guesses.homotopy import distinct, homotopy
+from ensemble_ctrl.ocp.guesses.registry import Guess, Request
 from ensemble_ctrl.ocp.guesses.routes import LONGEST, Route, corridor_route, routes
 from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, Visit, skeletons
 from ensemble_ctrl.problem import Problem, Routes
@@ -30,34 +31,6 @@ FEW = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Guess:
-    """A guess.
-
-    Attributes
-    ----------
-    controls : ndarray, shape (steps, 2)
-        Commands of the nominal robot.
-    corners : ndarray, shape (corners, 2)
-        The route it follows, metres.
-    length : float
-        Of the route, metres.
-    visits : tuple of str
-        Regions in the order they are visited.
-    name : str
-        On which side of the route each obstacle that it passes lies, different for different guesses.
-    kind : str
-        What it was made from: a route, a curve, or other commands.
-    """
-
-    controls: Floats
-    corners: Floats
-    length: float
-    visits: tuple[str, ...] = ()
-    name: str = "given"
-    kind: str = "route"
-
-
-@dataclass(frozen=True, eq=False)
 class Trip:
     """An order of visits with a route for each leg."""
 
@@ -68,6 +41,20 @@ class Trip:
     def length(self) -> float:
         """Metres."""
         return sum(leg.length for leg in self.legs)
+
+
+class RoadmapGuesses:
+    """Routes of different kinds for robots on arcs, as many as ``solve.routes`` says."""
+
+    at_once = True
+
+    def accepts(self, problem: Problem) -> bool:
+        """Robots on arcs."""
+        return problem.fleet.system.transcription == "positions"
+
+    def propose(self, request: Request) -> Iterator[list[Guess]]:
+        """All of them together."""
+        yield roadmap_guesses(request.problem, request.steps, request.problem.solve.routes)
 
 
 def roadmap_guesses(problem: Problem, steps: int, wanted: Routes) -> list[Guess]:

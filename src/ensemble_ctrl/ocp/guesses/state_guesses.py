@@ -9,9 +9,9 @@ from itertools import islice, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.guesses.registry import Guess, Request
 from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, skeletons
 from ensemble_ctrl.ocp.guesses.ways import resampled, ways
-from ensemble_ctrl.ocp.transcription import Iterate
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
 
@@ -21,31 +21,18 @@ MOST = 6
 """Guesses where all routes are asked for."""
 
 
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """Where the fleet may go.
+class StateGuesses:
+    """Ways through the map for any system, as many as ``solve.routes`` says."""
 
-    Attributes
-    ----------
-    name : str
-        The regions that it visits, in order.
-    corners : ndarray, shape (corners, d)
-        Metres.
-    iterate : Iterate
-        The command at rest and the middle member's states along the way.
-    kind : str
-        What it was made from.
-    """
+    at_once = True
 
-    name: str
-    corners: Floats
-    iterate: Iterate
-    kind: str = "route"
+    def accepts(self, problem: Problem) -> bool:
+        """Systems that are solved in full states."""
+        return problem.fleet.system.transcription == "states"
 
-    @property
-    def length(self) -> float:
-        """Of the way, metres."""
-        return float(np.linalg.norm(np.diff(self.corners, axis=0), axis=1).sum())
+    def propose(self, request: Request) -> Iterator[list[Guess]]:
+        """All of them together."""
+        yield guesses(request.problem, request.steps)
 
 
 def guesses(problem: Problem, steps: int) -> list[Guess]:
@@ -126,7 +113,9 @@ def _driven(problem: Problem, steps: int, name: str, stops: list[Stop], legs: li
         if rate is not None:
             states[1:, rate, 0] = speed[1:, axis]
     controls = np.tile(fleet.rest(fleet.center), (steps, 1))
-    return Guess(name, np.concatenate(legs) if legs else fleet.start_place[None], Iterate(controls, states))
+    corners = np.concatenate(legs) if legs else fleet.start_place[None]
+    length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
+    return Guess(controls, corners, length, name=name, states=states)
 
 
 def _velocities(fleet: Fleet) -> list[tuple[int, int | None]]:

@@ -11,6 +11,7 @@ from ensemble_ctrl.ocp.solvers.base import (
     SolverOptions,
     Status,
     Watch,
+    named,
     solve,
 )
 from ensemble_ctrl.ocp.solvers.bonmin import Bonmin
@@ -33,6 +34,7 @@ __all__ = [
     "Sqp",
     "Status",
     "Watch",
+    "named",
     "reserve",
     "solve",
 ]

@@ -156,14 +156,19 @@ SOLVERS: dict[str, Solver] = {}
 """By name: ``ipopt``, ``sqp``, ``bonmin``, and what others add."""
 
 
-def solve(nlp: Nlp, options: SolverOptions, watch: Watch | None = None) -> Outcome:
-    """Solve with the solver that the options name.
+def named(name: str) -> Solver:
+    """The solver of that name.
 
     Raises
     ------
     ProblemError
-        If there is none of that name.
+        If there is none.
     """
-    if options.solver not in SOLVERS:
-        raise ProblemError(f"solve.solver: expected one of {', '.join(SOLVERS)}, got {options.solver}")
-    return SOLVERS[options.solver].solve(nlp, options, watch)
+    if name not in SOLVERS:
+        raise ProblemError(f"solve.solver: expected one of {', '.join(SOLVERS)}, got {name}")
+    return SOLVERS[name]
+
+
+def solve(nlp: Nlp, options: SolverOptions, watch: Watch | None = None) -> Outcome:
+    """Solve with the solver that the options name."""
+    return named(options.solver).solve(nlp, options, watch)

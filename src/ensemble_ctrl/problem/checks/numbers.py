@@ -47,6 +47,8 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
         yield from _whole(("solve", "routes"), solve.routes, 1, 1000, " (or all)")
     yield from _whole(("solve", "max_iterations"), solve.max_iterations, 1, 1_000_000)
     yield from _whole(("solve", "cells"), solve.cells, 1, 64)
+    if not isinstance(solve.solver, str) or not solve.solver:
+        yield Finding(("solve", "solver"), f"expected the name of a solver, got {solve.solver!r}")
     yield from _choice(("solve", "method"), solve.method, ("nlp", "minlp"))
     yield from _choice(("solve", "guarantee"), solve.guarantee, ("moment", "nodes", "hull"))
     yield from _whole(("verify", "members"), verify.members, 1, MAX_MEMBERS)
