@@ -288,8 +288,10 @@ class Cells(Protocol):
         """The open ones in two each, or all of them along the same side; the others are left out."""
 
 
-def refined(cells: Cells, fleet: Ensemble, fleet_wide: bool, most: float) -> TaskBound:
+def refined(cells: Cells, fleet: Ensemble, fleet_wide: bool, most: float, enough: float = np.inf) -> TaskBound:
     """The bound by cells that are halved until each meets the worst member seen, or `most` is spent.
+
+    A formula that reads the fleet is looked at until `enough` is proven of it.
 
     Notes
     -----
@@ -306,7 +308,8 @@ def refined(cells: Cells, fleet: Ensemble, fleet_wide: bool, most: float) -> Tas
         if mass is not None:
             sampled, target = min(sampled, float(cells.high(mass).min())), float(cells.middle(mass).min())
             whole = max(whole, float(low.min()))
-            open_ = np.full(len(cells.centre), bool((low < target - TIGHT).any()) and sampled >= 0)
+            more = bool((low < target - TIGHT).any()) and sampled >= 0 and whole < enough
+            open_ = np.full(len(cells.centre), more)
         else:
             goal, seen, worst = cells.tried(low)
             target = min(target, goal)
