@@ -116,7 +116,7 @@ def test_mistakes_are_placed(old: str, new: str, message: str) -> None:
         ("report: {baseline: true}", "report.baseline: the unconstrained baseline is not for the quadrotor"),
         (
             "motions: {wall: {path: [[0, [0, 0]], [1, [1, 0]]]}}",
-            "motions: moving obstacles are not for the quadrotor",
+            "motions.wall: expected 3 dimensions (x, y, z), got 2",
         ),
         ("objective: {terminal: {target: [1, 2]}}", "objective.terminal.target: expected [x, y, z]"),
         (

@@ -21,8 +21,8 @@ class Motion(ReadOnlyArrays):
     ----------
     times : array_like, shape (entries,)
         Seconds, increasing, at least two.
-    offsets : array_like, shape (entries, 2)
-        Metres.
+    offsets : array_like, shape (entries, d)
+        Metres, in the plane or in space.
 
     Raises
     ------
@@ -43,9 +43,9 @@ class Motion(ReadOnlyArrays):
             times, offsets = np.array(self.times, dtype=float), np.array(self.offsets, dtype=float)
         except (TypeError, ValueError):
             raise ProblemError(f"motion: expected numbers, got {self.times!r} and {self.offsets!r}") from None
-        if times.ndim != 1 or len(times) < 2 or offsets.shape != (len(times), 2):
+        if times.ndim != 1 or len(times) < 2 or offsets.shape not in ((len(times), 2), (len(times), 3)):
             shapes = f"{times.shape} and {offsets.shape}"
-            wanted = "two or more times, each with a displacement [x, y]"
+            wanted = "two or more times, each with a displacement [x, y] or [x, y, z]"
             raise ProblemError(f"motion: expected {wanted}, got shapes {shapes}")
         if not (np.isfinite(times).all() and np.isfinite(offsets).all() and (np.diff(times) > 0).all()):
             raise ProblemError(f"motion: expected finite numbers at increasing times, got {times.tolist()}")
@@ -59,9 +59,11 @@ class Motion(ReadOnlyArrays):
         return cls(np.array([0.0, duration]), np.outer([0.0, duration], np.asarray(velocity, dtype=float)))
 
     def at(self, time: ArrayLike) -> Floats:
-        """Displacement at these times, shape (..., 2), metres; beyond the ends, that of the end."""
+        """Displacement at these times, shape (..., d), metres; beyond the ends, that of the end."""
         t = np.asarray(time, dtype=float)
-        return np.stack([np.interp(t, self.times, self.offsets[:, axis]) for axis in (0, 1)], axis=-1)
+        return np.stack(
+            [np.interp(t, self.times, self.offsets[:, axis]) for axis in range(self.offsets.shape[1])], axis=-1
+        )
 
     def bend(self, begin: ArrayLike, end: ArrayLike) -> Floats:
         """How far it leaves the straight line between its displacements at `begin` and `end`, metres.

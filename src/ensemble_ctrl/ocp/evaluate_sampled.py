@@ -11,6 +11,7 @@ from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, r
 from ensemble_ctrl.ocp.cost import CommandCost, cost
 from ensemble_ctrl.ocp.evaluate import Value, rate_excess
 from ensemble_ctrl.ocp.states import scale_of
+from ensemble_ctrl.ocp.terminal import terminal_of
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -69,11 +70,10 @@ def _gap(problem: Problem, paths: Floats) -> float:
 
 
 def _terminal(problem: Problem, controls: Floats) -> float:
-    """Twice the fleet's mean squared distance from the target, weighted."""
-    aim, fleet = problem.objective, problem.fleet
-    if not isinstance(aim.target, np.ndarray):
+    """The terminal term, by a rule over the parameters."""
+    fleet = problem.fleet
+    if problem.objective.target is None:
         return 0.0
     nodes, weights = fleet.rule(8 if len(fleet.names) < 2 else 4)
     final = fleet.integrated(controls, fleet.bent_members(nodes), problem.duration / len(controls), 1)[:, -1]
-    off = final[:, fleet.place_columns] - aim.target
-    return aim.terminal * float(weights @ (off**2).sum(axis=1))
+    return terminal_of(problem, nodes, weights, final[:, fleet.place_columns])

@@ -73,12 +73,17 @@ def terminal_blocks(problem: Problem, truncation: Truncation, final: Ints, place
 
 def terminal_cost(problem: Problem, controls: Floats, order: int) -> float:
     """The terminal term under `controls`, exactly but for a Gauss rule of this order over the parameters."""
-    aim, fleet = problem.objective, problem.fleet
-    if aim.target is None:
+    if problem.objective.target is None:
         return 0.0
-    nodes, weights = fleet.rule(order + 1)
+    nodes, weights = problem.fleet.rule(order + 1)
+    final = positions(problem, controls, problem.fleet.bent_members(nodes))[:, -1]
+    return terminal_of(problem, nodes, weights, final)
+
+
+def terminal_of(problem: Problem, nodes: Floats, weights: Floats, final: Floats) -> float:
+    """The terminal term where the members at the nodes of a rule end at `final`, shape (members, d), metres."""
+    aim, fleet = problem.objective, problem.fleet
     members = fleet.bent_members(nodes)
-    final = positions(problem, controls, members)[:, -1]
     match aim.target:
         case MomentTarget() as target:
             basis = fleet.bent_laws[0].basis(len(target.moments) - 1)

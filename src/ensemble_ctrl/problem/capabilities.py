@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 TRAITS: Mapping[str, Callable[[type[System] | System], bool]] = {
     "positions": lambda system: system.transcription == "positions",
     "arcs": lambda system: system.on_arcs,
+    "plane": lambda system: not system.positions or len(system.positions) == 2,
     "any": lambda system: True,
 }
-"""What a feature may need of a system: a program in positions, exact arcs, or nothing."""
+"""What a feature may need of a system: a program in positions, exact arcs, a position in the plane, or nothing."""
 
 
 @dataclass(frozen=True)
@@ -133,19 +134,10 @@ FEATURES: Mapping[str, Feature] = {
         "give one, 4 s say",
         lambda problem: problem.least_duration is not None,
     ),
-    "moving obstacles": Feature(
-        "moving obstacles",
-        "positions",
-        "a program in full states has rows for standing obstacles only",
-        ("motions",),
-        "leave them out",
-        lambda problem: bool(problem.motions),
-        plural=True,
-    ),
     "targets": Feature(
         "formations, moments and spreads as targets",
-        "positions",
-        "a program in full states has a terminal cost for a place only",
+        "plane",
+        "they are about positions in the plane",
         ("objective", "terminal", "target"),
         "for example [1, 0]",
         lambda problem: hasattr(problem.objective.target, "middle"),
@@ -160,6 +152,7 @@ FEATURES: Mapping[str, Feature] = {
     ),
     "compare": Feature("compare", "positions", "half of its variants need guarantee: moment or minlp"),
     "suggest": Feature("a search for what would help", "arcs", "its first changes turn and slow robots on arcs"),
+    "moving obstacles": Feature("moving obstacles", plural=True),
     "widest": Feature("widest"),
     "share": Feature("share(p, f) of the fleet"),
     "proof": Feature("a certificate for all members and times"),

@@ -112,7 +112,7 @@ def _obstacles(sheet: _Sheet, problem: Problem) -> Iterator[str]:
     times = np.linspace(0.0, problem.duration, 41)
     for name, motion in problem.motions.items():
         for piece in problem.obstacles[name]:
-            way = piece.vertices.mean(axis=0) + motion.at(times)
+            way = _flat(piece.vertices.mean(axis=0) + motion.at(times))
             yield f'<polyline points="{sheet.text(way)}" {DOTTED} stroke="#5a5f68"/>'
     for corners in _ends(problem):
         yield f'<polygon points="{sheet.text(corners)}" {DOTTED} stroke="#5a5f68"/>'
@@ -137,7 +137,7 @@ def _start(sheet: _Sheet, problem: Problem) -> str:
 def _ends(problem: Problem) -> list[Floats]:
     """Where moving obstacles are at the end, shape (corners, 2) each."""
     return [
-        piece.vertices + motion.at(problem.duration)
+        shadow(piece.vertices + motion.at(problem.duration))
         for name, motion in problem.motions.items()
         for piece in problem.obstacles[name]
     ]

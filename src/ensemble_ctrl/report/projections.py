@@ -25,6 +25,8 @@ MEMBERS = 21
 """Members drawn."""
 LOOKS = 4
 """Times in a step at which they are drawn."""
+GHOSTS = 6
+"""Times at which a moving obstacle is outlined."""
 GAP = 0.1
 """Inches between views, besides the margin."""
 
@@ -61,6 +63,12 @@ def _draw_shapes(scene: Scene, ax: Axes) -> None:
                 {"fill": False, "linestyle": ":", "zorder": 0.5} if beside else {"facecolor": OBSTACLE}
             )
             ax.add_patch(Polygon(corners, closed=True, edgecolor=OBSTACLE_EDGE, linewidth=0.9, **look))
+        if shape.motion is not None:
+            for k, offset in enumerate(shape.motion.at(np.linspace(0.0, scene.problem.duration, GHOSTS))):
+                for corners in shape.pieces:
+                    ghost = Polygon(corners + offset, closed=True, fill=False, edgecolor=OBSTACLE, linestyle="--")
+                    ghost.set(linewidth=0.8, alpha=1.0 - 0.8 * k / GHOSTS)
+                    ax.add_patch(ghost)
     for corners in scene.regions.values():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
     for name, (x, y) in scene.tags.items():

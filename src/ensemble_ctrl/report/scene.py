@@ -163,7 +163,10 @@ def _scene(problem: Problem, paths: Floats, view: View | None) -> Scene:
     for name, pieces in problem.obstacles.items():
         shadows = tuple(shadow(piece.vertices, view) for piece in pieces)
         beside = tuple(_beside(piece.vertices, view, paths) for piece in pieces)
-        obstacles.append(Shape(name, shadows, beside, problem.motions.get(name)))
+        motion = problem.motions.get(name)
+        if motion is not None:  # it may come in the way from where it is drawn
+            motion, beside = Motion(motion.times, motion.offsets[:, list(view)]), (False,) * len(pieces)
+        obstacles.append(Shape(name, shadows, beside, motion))
     regions = {name: shadow(corners, view) for name, corners in outlines(problem, list(paths)).items()}
     return Scene(problem, view, paths[..., list(view)], tuple(obstacles), regions)
 

@@ -63,9 +63,14 @@ def flag(value: Any) -> bool:
 
 def pair(shape: str) -> Callable[[Any], Any]:
     """A validator for a list of two."""
+    return few(shape, 2, 2)
+
+
+def few(shape: str, least: int, most: int) -> Callable[[Any], Any]:
+    """A validator for a short list."""
 
     def check(value: Any) -> Any:
-        if not isinstance(value, list | tuple) or len(value) != 2:
+        if not isinstance(value, list | tuple) or not least <= len(value) <= most:
             raise Wrong(f"expected {shape}, got {show(value)}")
         return value
 

@@ -13,8 +13,8 @@ from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.wrong import Wrong, show
 from ensemble_ctrl.problem.arguments.units import quantity
 
-Entry = tuple[float, tuple[float, float]]
-Velocity = Annotated[tuple[f.Speed, f.Speed], BeforeValidator(f.pair("[vx, vy]"))]
+Entry = tuple[float, tuple[float, ...]]
+Velocity = Annotated[tuple[f.Speed, ...], BeforeValidator(f.few("[vx, vy]", 2, 3))]
 
 
 def _path(value: Any) -> list[Entry]:
@@ -27,11 +27,11 @@ def _path(value: Any) -> list[Entry]:
 def _entry(i: int, row: Any) -> Entry:
     """One time and its displacement."""
     pair = row[1] if isinstance(row, list) and len(row) == 2 else None
-    if not isinstance(pair, list) or len(pair) != 2:
+    if not isinstance(pair, list) or len(pair) not in (2, 3):
         raise Wrong(f"expected [time, [x, y]], got {show(row)}", path=(i,))
     time, length = quantity("time"), quantity("length")
     try:
-        return time(row[0]), (length(pair[0]), length(pair[1]))
+        return time(row[0]), tuple(length(each) for each in pair)
     except Wrong as error:
         raise Wrong(error.message, error.hint, (i,)) from None
 
@@ -43,9 +43,9 @@ class MotionSection(f.Model):
     """How an obstacle moves from where it is drawn: with a velocity, or along a path in time."""
 
     velocity: Velocity | None = None
-    """Constant velocity `[vx, vy]`, in m/s."""
+    """Constant velocity `[vx, vy]`, in space `[vx, vy, vz]`, in m/s."""
     path: Course = None
-    """Displacement over time, `[[time, [x, y]], ...]`, linear in between."""
+    """Displacement over time, `[[time, [x, y]], ...]`, linear in between; in space `[x, y, z]`."""
 
     @model_validator(mode="after")
     def _one(self) -> Self:

@@ -35,6 +35,9 @@ def dimension_findings(problem: Problem) -> Iterator[Finding]:
             yield Finding(("obstacles", name), "expected none: a position of one coordinate has regions only")
         elif odd := [piece for piece in pieces if piece.A.shape[1] != len(places)]:
             yield Finding(("obstacles", name), f"{wanted}, got {odd[0].A.shape[1]}", on_key=True)
+    for name, motion in problem.motions.items():
+        if motion.offsets.shape[1] != len(places):
+            yield Finding(("motions", name), f"{wanted}, got {motion.offsets.shape[1]}", on_key=True)
     if len(places) == 1 and _keeps_out(problem.task):
         yield Finding(("task",), "a position of one coordinate can't be kept out of places", "write x <= 1 or the like")
     if isinstance(target, np.ndarray) and len(target) != len(places):

@@ -1,0 +1,97 @@
+"""What robots on arcs have, other systems have: each feature on a small problem of point masses, with a proof."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ensemble_ctrl as ec
+from ensemble_ctrl.files.config import dump
+from ensemble_ctrl.problem.capabilities import FEATURES, supports
+
+MASSES = """
+fleet:
+  {{model: double_integrator, parameters: {{mass: {{range: [0.95, 1.05]}}}}, start: {{position: [0, 0]}}, radius: 0.1}}
+horizon: {{duration: {duration}, steps: 20}}
+regions: {{goal: {{box: [[1.5, 2.5], [-0.5, 0.5]]}}}}
+obstacles: {{post: {{box: [[0.9, 1.1], [-2, -1]]}}}}
+{more}
+task: {visit} in(goal) and G avoid(post)
+verify: {{members: 200}}
+"""
+
+
+def masses(more: str = "", duration: str = "4 s", visit: str = "F[3, 4]") -> ec.Problem:
+    """Point masses on their way to a goal, with a post beside it unless it is moved."""
+    return ec.load_text(MASSES.format(more=more, duration=duration, visit=visit))
+
+
+def proven(problem: ec.Problem) -> ec.Plan:
+    """A plan for it, for every member and instant."""
+    plan = ec.plan(problem)
+    assert plan.certificate is not None
+    assert plan.certificate.proven == "yes"
+    assert plan.replayed is not None
+    assert plan.replayed.satisfied == 1.0
+    return plan
+
+
+def test_a_moving_obstacle_in_the_plane() -> None:
+    """It crosses the straight way when the fleet would be there: a plan that ignores it is refuted."""
+    moving = masses("motions: {post: {path: [[0, [0, 0]], [4, [0, 3]]]}}")
+    plan, blind = proven(moving), proven(masses())
+    certificate = ec.certify(moving, blind.controls)
+    assert certificate.proven == "no"
+    (seen,) = plan.replay(200, substeps=10).clearances
+    assert seen.distance >= certificate.clearance
+    assert seen.distance >= plan.certificate.clearance - 1e-9  # type: ignore[union-attr]
+    assert dump(ec.load_text(dump(moving))) == dump(moving)
+
+
+def test_a_moving_obstacle_in_space() -> None:
+    text = """
+    fleet:
+      model: quadrotor
+      settings: {mass: 6}
+      parameters: {payload: {range: [0, 0.1]}}
+      start: {position: [0, 0, 2]}
+    horizon: {duration: 1 s, steps: 20}
+    obstacles: {plate: {box: [[-0.5, 0.5], [-0.5, 0.5], [0.0, 0.2]]}}
+    motions: {plate: {velocity: [0, 0, 1.3]}}
+    task: G avoid(plate) and G (z <= 2.6)
+    verify: {members: 100}
+    """
+    problem = ec.load_text(text)
+    fleet = problem.fleet
+    hover = np.tile(fleet.rest(fleet.center), (20, 1))
+    assert ec.certify(problem, hover).clearance < 0.55  # above the plate, which rises by 1.3 m
+    proven(problem)
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        "{mass: [[0.95, [2.1, 0]], [1.05, [1.9, 0]]]}",
+        "{moments: [[2.8, 0], [0, 0]]}",
+        "{mean: [2, 0], covariance: [[0.01, 0], [0, 0.01]]}",
+    ],
+    ids=["formation", "moments", "spread"],
+)
+def test_targets_of_the_whole_fleet(target: str) -> None:
+    """The cost counts how far the fleet ends from it, and a plan for it ends closer than one without."""
+    problem = masses(f"objective: {{terminal: {{target: {target}, weight: 10}}}}")
+    plan, other = proven(problem), proven(masses())
+    from ensemble_ctrl.ocp.evaluate_sampled import evaluate
+
+    assert evaluate(problem, plan.controls).terminal < evaluate(problem, other.controls).terminal
+    assert plan.details["arrival"]
+
+
+def test_what_is_not_for_a_system_is_refused_with_the_reason() -> None:
+    problem = masses()
+    refused = {name for name in FEATURES if not supports(problem, name)}
+    assert refused <= {"moment", "minlp", "online", "risk", "cells"} | refused
+    for name in refused:
+        found = supports(problem, name)
+        assert not found
+        assert FEATURES[name].why in found.message
