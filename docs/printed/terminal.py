@@ -81,6 +81,6 @@ TABLES = {
     "misspelt": block("docs/problem_file.md", HERE, "check -q bad.yaml"),
     "too_short": block("docs/command.md", HERE, "too_short.yaml -q", begins=("violated", "it works", "--set", "or ")),
     "widest": block("docs/command.md", FIVE, f"widest configs/{FIVE}.yaml -q"),
-    "soonest": block("docs/objectives.md", MINIMUM, f"configs/{MINIMUM}.yaml -q", begins=("soonest",)),
+    "minimum_time": block("docs/objectives.md", MINIMUM, f"configs/{MINIMUM}.yaml -q", begins=("minimum",)),
     "bad_maps": block("docs/maps.md", HERE, *MAPS),
 }

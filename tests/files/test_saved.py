@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,3 +40,10 @@ def test_its_problem_file_is_the_same_problem(folder: Path) -> None:
 
 def test_there_are_plans_of_every_kind_of_fleet() -> None:
     assert {ec.Plan.load(folder).problem.fleet.system.name for folder in SAVED} == {"unicycle", "planar_quadrotor"}
+
+
+def test_details_of_an_earlier_version_have_their_name_of_today(tmp_path: Path) -> None:
+    found = {"of": "duration", "value": 3.0, "bound": 2.0, "missed": None, "tried": 4}
+    plan = replace(ec.Plan.load(SAVED[0] / "plan.npz"), details={"soonest": found, "cost": 1.0})
+    plan.save(tmp_path / "plan.npz")
+    assert ec.Plan.load(tmp_path / "plan.npz").details == {"minimum_time": found, "cost": 1.0}

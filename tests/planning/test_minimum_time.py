@@ -44,24 +44,24 @@ def proven(solution: planner.Solution) -> bool:
 
 
 def test_straight_ahead_it_takes_what_top_speed_allows() -> None:
-    found, soonest = solve(load_text(STRAIGHT))
-    assert soonest is not None
+    found, shortest = solve(load_text(STRAIGHT))
+    assert shortest is not None
     assert proven(found)
-    assert soonest.bound == pytest.approx(FASTEST, rel=1e-4)
-    assert FASTEST <= soonest.value <= (1 + TOLERANCE) * (FASTEST + 0.01 / 1.8)  # with the margin of 1 cm
-    assert found.problem.duration == soonest.value
+    assert shortest.bound == pytest.approx(FASTEST, rel=1e-4)
+    assert FASTEST <= shortest.value <= (1 + TOLERANCE) * (FASTEST + 0.01 / 1.8)  # with the margin of 1 cm
+    assert found.problem.duration == shortest.value
     assert found.controls[:, 0].mean() > 1.97
 
 
 @pytest.mark.slow
 def test_around_a_block_it_is_within_two_percent_of_a_scan() -> None:
     problem = load_text(BLOCK)
-    found, soonest = solve(problem)
-    assert soonest is not None
-    assert soonest.missed is not None
+    found, shortest = solve(problem)
+    assert shortest is not None
+    assert shortest.missed is not None
     assert proven(found)
     for share in (0.96, 0.98):
-        assert not proven(planner.solve(problem.with_(duration=share * soonest.value, least_duration=None)))
+        assert not proven(planner.solve(problem.with_(duration=share * shortest.value, least_duration=None)))
     assert replay(found.problem, found.controls, members=500, substeps=10).satisfied == 1.0
 
 
@@ -80,17 +80,17 @@ def test_the_bound_knows_windows(task: str, least: float) -> None:
 
 
 def test_at_least_is_kept() -> None:
-    found, soonest = solve(load_text(STRAIGHT.replace("at_most: 8 s", "at_most: 8 s, at_least: 3 s")))
-    assert soonest is not None
-    assert (soonest.bound, soonest.missed) == (3.0, None)
-    assert 3.0 <= soonest.value <= 3.0 * (1 + TOLERANCE)
+    found, shortest = solve(load_text(STRAIGHT.replace("at_most: 8 s", "at_most: 8 s, at_least: 3 s")))
+    assert shortest is not None
+    assert (shortest.bound, shortest.missed) == (3.0, None)
+    assert 3.0 <= shortest.value <= 3.0 * (1 + TOLERANCE)
     assert proven(found)
 
 
 def test_nothing_within_the_longest_is_no_plan() -> None:
     wall = BLOCK.replace("[-0.6, 1.0]", "[-50, 50]").replace("steps: 20", "steps: 8").replace("8 s", "3 s")
-    found, soonest = solve(load_text(wall))
-    assert (found.status, soonest) == ("infeasible", None)
+    found, shortest = solve(load_text(wall))
+    assert (found.status, shortest) == ("infeasible", None)
     assert found.problem.duration == 3.0
 
 
@@ -104,9 +104,9 @@ def test_a_plan_that_only_one_value_leads_to_is_found_for_every_limit(
         return first_guesses(request) if request.problem.duration == 3.322 else []
 
     monkeypatch.setattr("ensemble_ctrl.planning.minimum_time.first_guesses", only)
-    _, soonest = solve(load_text(STRAIGHT.replace("at_most: 8 s", f"at_most: {longest} s")))
-    assert soonest is not None
-    assert soonest.value == pytest.approx(FASTEST, rel=2 * TOLERANCE)
+    _, shortest = solve(load_text(STRAIGHT.replace("at_most: 8 s", f"at_most: {longest} s")))
+    assert shortest is not None
+    assert shortest.value == pytest.approx(FASTEST, rel=2 * TOLERANCE)
 
 
 @pytest.mark.parametrize("longest", [2.0, 2.4, 3.0, 8.0])
@@ -126,9 +126,9 @@ def test_a_proven_guess_for_the_longest_is_the_plan_where_no_value_has_one(monke
     assert proven(proven_one)
     nothing = planner.solve(load_text(BLOCK.replace("{at_most: 8 s}", "8 s")), progress=lambda *_: True)
     monkeypatch.setattr(_Search, "_narrow", lambda *_: nothing)
-    found, soonest = solve(load_text(STRAIGHT), guess=proven_one.controls)
-    assert soonest is not None
-    assert soonest.value == 8.0
+    found, shortest = solve(load_text(STRAIGHT), guess=proven_one.controls)
+    assert shortest is not None
+    assert shortest.value == 8.0
     assert proven(found)
 
 
@@ -145,23 +145,23 @@ def passing(text: str = BLOCK) -> Problem:
 
 def test_a_passage_is_as_early_as_can_be_and_the_task_goes_on() -> None:
     problem = passing()
-    found, soonest = solve(problem)
-    assert soonest is not None
+    found, shortest = solve(problem)
+    assert shortest is not None
     assert proven(found)
     paths = trajectories(problem, found.controls, problem.fleet.grid(50))
     inside = problem.regions["goal"].margin(paths) >= 0
     first = inside.argmax(axis=1).max() * problem.step
     assert inside.any(axis=1).all()
-    assert first <= soonest.value + 1e-9
-    assert soonest.bound == pytest.approx(FASTEST, rel=1e-3)
-    assert soonest.value - (soonest.missed or soonest.bound) <= problem.step + 1e-9
+    assert first <= shortest.value + 1e-9
+    assert shortest.bound == pytest.approx(FASTEST, rel=1e-3)
+    assert shortest.value - (shortest.missed or shortest.bound) <= problem.step + 1e-9
     assert replay(found.problem, found.controls, members=200).satisfied == 1.0
     assert bool((paths[:, -6:, 0].min(axis=1) <= 0.5).all())
 
 
 def test_a_plan_tells_what_was_found() -> None:
     made = plan(load_text(STRAIGHT))
-    told = made.details["soonest"]
+    told = made.details["minimum_time"]
     assert (told["of"], told["value"]) == ("duration", made.problem.duration)
     assert goal_of(made.problem) is None
     assert "none exists below 1.667 s" in made._repr_html_()
@@ -239,10 +239,10 @@ def test_durations_are_tried_where_windows_hold_the_end_of_a_step(task: str, val
 
 @pytest.mark.parametrize(("task", "value"), [("F[3, 3.1] in(goal)", 3.1), ("F[4, 4] in(goal)", 4.0)])
 def test_a_window_between_steps_is_planned_in_a_duration_that_fits(task: str, value: float) -> None:
-    found, soonest = solve(load_text(INSTANT.replace("F in(goal)", task)))
-    assert soonest is not None
+    found, shortest = solve(load_text(INSTANT.replace("F in(goal)", task)))
+    assert shortest is not None
     assert proven(found)
-    assert soonest.value == pytest.approx(value, rel=0.01)
+    assert shortest.value == pytest.approx(value, rel=0.01)
 
 
 def test_a_window_between_steps_of_a_fixed_duration_is_a_warning() -> None:

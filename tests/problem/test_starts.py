@@ -48,9 +48,9 @@ def test_one_start_outside_is_named() -> None:
 @pytest.mark.parametrize(("goal", "seconds"), [("[2, 3]", 0.55), ("[-3, -2]", 1.55)])
 def test_the_bound_on_the_time_is_of_the_start_that_is_furthest(goal: str, seconds: float) -> None:
     text = TEXT.replace("[0.5, 1.5]", goal).replace("G in", "F in").replace("duration: 5 s", "duration: {at_most: 5 s}")
-    soonest = goal_of(load_text(text))
-    assert soonest is not None
-    assert bound(soonest) == pytest.approx(seconds, rel=1e-5)
+    shortest = goal_of(load_text(text))
+    assert shortest is not None
+    assert bound(shortest) == pytest.approx(seconds, rel=1e-5)
 
 
 def test_a_baseline_without_bounds_holds_every_start() -> None:

@@ -54,8 +54,8 @@ def plan(
     -------
     Plan
         Already replayed with ``problem.verify``, unless states run away under the controls found. Where a time is to
-        be as short as possible, its problem is that of the time found, and ``details["soonest"]`` says what was
-        tried (`ensemble_ctrl.planning.minimum_time.Soonest`).
+        be as short as possible, its problem is that of the time found, and ``details["minimum_time"]`` says what was
+        tried (`ensemble_ctrl.planning.minimum_time.MinimumTime`).
 
     Raises
     ------
@@ -83,10 +83,10 @@ def plan(
     file = None if log is None else path_of("log", log)
     if progress is not None:
         called("progress", progress)
-    solution, soonest = solve(problem, progress=progress, guess=controls, log=file)
+    solution, shortest = solve(problem, progress=progress, guess=controls, log=file)
     if progress is not None:
         progress("replay", None)
-    details = _details(solution) | ({} if soonest is None else {"soonest": asdict(soonest)})
+    details = _details(solution) | ({} if shortest is None else {"minimum_time": asdict(shortest)})
     found = Plan(solution.problem, solution.controls, solution.status, details, None, solution.certificate)
     try:
         found = _replayed(found, began, progress)

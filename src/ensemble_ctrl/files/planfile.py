@@ -26,6 +26,10 @@ MOST_BYTES = 50_000_000
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
+RENAMED = {"soonest": "minimum_time"}
+"""Details that files of an earlier version have under another name, and their name today."""
+
+
 @dataclass(frozen=True, eq=False)
 class Saved:
     """What a file holds.
@@ -90,8 +94,9 @@ def _parsed(content: bytes) -> Saved:
     """The plan in a file's bytes."""
     with ZipFile(io.BytesIO(content)) as archive:
         controls, problem, facts = (_array(archive, name) for name in ("controls", "problem", "facts"))
-    told = json.loads(str(facts))
-    return Saved(numbers("controls", controls), str(problem), str(told["status"]), dict(told["details"]))
+    read = json.loads(str(facts))
+    details = {RENAMED.get(name, name): value for name, value in read["details"].items()}
+    return Saved(numbers("controls", controls), str(problem), str(read["status"]), details)
 
 
 def _array(archive: ZipFile, name: str) -> NDArray[Any]:

@@ -58,7 +58,7 @@ STEP = 0.03
 
 
 @dataclass(frozen=True)
-class Soonest:
+class MinimumTime:
     """What the search for the least value found.
 
     Attributes
@@ -225,14 +225,14 @@ def solve(
     progress: Progress | None = None,
     guess: Floats | None = None,
     log: Path | None = None,
-) -> tuple[Solution, Soonest | None]:
+) -> tuple[Solution, MinimumTime | None]:
     """Find controls, as `ensemble_ctrl.planning.planner.solve`, for the least value where one is asked for.
 
     Returns
     -------
     solution : Solution
         Its `problem` is that of the value found: with this duration, or with the visit in its task.
-    found : Soonest or None
+    found : MinimumTime or None
         None where nothing is to be least, or no plan was found at all.
     """
     goal = goal_of(problem)
@@ -282,7 +282,7 @@ class _Search:
     seconds: float = 0.0
     work: list[Attempt] = field(default_factory=list)
 
-    def run(self, guess: Floats | None) -> tuple[Solution, Soonest | None]:
+    def run(self, guess: Floats | None) -> tuple[Solution, MinimumTime | None]:
         """Coarse, then whole searches; where nothing is found, the plan for the largest value as it is."""
         lowest = bound(self.goal)
         value, controls = self._coarse(lowest, guess)
@@ -298,7 +298,7 @@ class _Search:
             solve_seconds=self.best.solve_seconds + sum(a.solve_seconds for a in self.work),
             seconds={"search": self.seconds, **self.best.seconds},
         )
-        return best, Soonest(self.goal.of, self.value, lowest, self.missed, self.tried)
+        return best, MinimumTime(self.goal.of, self.value, lowest, self.missed, self.tried)
 
     # --- on the coarse grid
 

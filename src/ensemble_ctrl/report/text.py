@@ -109,7 +109,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         ("horizon", f"{problem.duration:g} s in {problem.steps} steps"),
         ("task", str(problem.task)),
         *([("obstacles", coverage_text(problem))] if problem.obstacles else []),
-        *soonest(d.get("soonest")),
+        *minimum_time(d.get("minimum_time")),
         *measured(plan.replayed, unit_of_task(problem)),
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
@@ -232,12 +232,12 @@ def measured(run: Replay | None, unit: str = "m") -> list[tuple[str, str]]:
     return rows
 
 
-def soonest(found: dict[str, Any] | None) -> list[tuple[str, str]]:
+def minimum_time(found: dict[str, Any] | None) -> list[tuple[str, str]]:
     """How short the time is that was to be as short as possible, and what is known of shorter ones."""
     if found is None:
         return []
     missed = "" if found["missed"] is None else f"; none found for {found['missed']:.3f} s"
-    return [("soonest", f"{found['of']} {found['value']:.3f} s{missed}; none exists below {found['bound']:.3f} s")]
+    return [("minimum", f"{found['of']} {found['value']:.3f} s{missed}; none exists below {found['bound']:.3f} s")]
 
 
 def _seen(share: ShareSeen) -> str:

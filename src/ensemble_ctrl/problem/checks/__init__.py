@@ -11,6 +11,7 @@ from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.core.errors import ProblemError, first_of
 from ensemble_ctrl.problem.checks.coverage import coverage, coverage_findings, coverage_text
 from ensemble_ctrl.problem.checks.finding import Finding, Path, Severity, path_text
+from ensemble_ctrl.problem.checks.minimum_time import minimum_time_findings
 from ensemble_ctrl.problem.checks.motion import motion_findings
 from ensemble_ctrl.problem.checks.numbers import (
     MAX_MEMBERS,
@@ -22,7 +23,6 @@ from ensemble_ctrl.problem.checks.numbers import (
 )
 from ensemble_ctrl.problem.checks.places import area_findings, start_findings
 from ensemble_ctrl.problem.checks.reach import reach_findings
-from ensemble_ctrl.problem.checks.soonest import soonest_findings
 from ensemble_ctrl.problem.checks.support import dimension_findings, support_findings
 from ensemble_ctrl.problem.checks.target import place_findings, target_findings
 from ensemble_ctrl.problem.checks.task import STATES, task_findings, unused_findings
@@ -92,7 +92,7 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
     checks = (
         area_findings,
         task_findings,
-        soonest_findings,
+        minimum_time_findings,
         motion_findings,
         start_findings,
         place_findings,

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
 
 
-def soonest_findings(problem: Problem) -> Iterator[Finding]:
+def minimum_time_findings(problem: Problem) -> Iterator[Finding]:
     """A passage of nothing, or two times at once."""
     name, path = problem.objective.earliest, ("objective", "earliest")
     if name is None:
