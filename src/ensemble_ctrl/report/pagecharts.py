@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.report.text import short
+from ensemble_ctrl.report.view import telling
 
 Floats = NDArray[np.float64]
 
@@ -22,8 +23,8 @@ COLOURS = 6
 """Colours of the style sheet, classes ``c0`` to ``c5``."""
 SMALLEST = 1e-10
 """What a logarithmic axis shows of zero."""
-POINTS = 600
-"""Points of a curve at most."""
+POINTS = 1200
+"""Points of a curve from which on only the telling ones are drawn."""
 LONGEST = 80
 """Letters of a name in a legend; all of it is its title."""
 
@@ -169,15 +170,18 @@ def _curve(frame: _Frame, curve: Curve) -> list[str]:
     x, y = curve.x, curve.y
     kind = f"c{curve.colour % COLOURS}"
     if curve.steps:
-        x, y = np.repeat(x, 2)[1:-1], np.repeat(y, 2)
+        keep = telling(y, POINTS)
+        x, y = np.repeat(np.append(x[keep], x[-1]), 2)[1:-1], np.repeat(y[keep], 2)
     if len(x) == 1:
         px, py = frame.at(x, y)
         return [f'<circle class="point {kind}" cx="{px[0]:.1f}" cy="{py[0]:.1f}" r="5"/>']
-    keep = slice(None) if curve.steps else slice(None, None, max(1, len(x) // POINTS))
-    parts = []
-    if curve.top is not None:
-        parts += [f'<path class="area {kind}" d="{d}"/>' for d in _areas(frame, x[keep], y[keep], curve.top[keep])]
-    parts.append(f'<path class="line {kind}" d="{_path(frame, x[keep], y[keep])}"/>')
+    parts, top = [], curve.top
+    if not curve.steps:
+        keep = telling(y, POINTS)
+        x, y, top = x[keep], y[keep], None if top is None else top[keep]
+    if top is not None:
+        parts += [f'<path class="area {kind}" d="{d}"/>' for d in _areas(frame, x, y, top)]
+    parts.append(f'<path class="line {kind}" d="{_path(frame, x, y)}"/>')
     if curve.bold is not None:
         inside = (x >= curve.bold[0] - 1e-9) & (x <= curve.bold[1] + 1e-9)
         parts.append(f'<path class="line bold {kind}" d="{_path(frame, x[inside], y[inside])}"/>')

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, leaves, member_robustness
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.evaluation.sampled import states
+from ensemble_ctrl.problem.evaluation.sampled import affordable, states
 from ensemble_ctrl.problem.specification import TaskPart
 
 Floats = NDArray[np.float64]
@@ -96,7 +96,7 @@ def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series,
     -----
     *Guarantee*: exact for `MEMBERS` members at the grid times, corners of the ranges included; for pictures, no proof.
     """
-    members = np.concatenate([problem.fleet.spread(MEMBERS), problem.fleet.corners])
+    members = np.concatenate([problem.fleet.spread(affordable(MEMBERS, problem.steps)), problem.fleet.corners])
     whole = states(problem, controls, members)
     times = np.linspace(0.0, problem.duration, whole.shape[1])
     found = [*_kept_out(problem, whole[..., problem.fleet.place_columns], times), *_asked(problem, whole)]
@@ -111,7 +111,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
     *Guarantee*: exact for the members of a grid, at `LOOKS` times a step; for pictures, no proof.
     """
     fleet = problem.fleet
-    members = fleet.grid(VALUES if len(fleet.names) < 2 else GRID)
+    members = fleet.grid(affordable(VALUES if len(fleet.names) < 2 else GRID, problem.steps, LOOKS))
     whole = states(problem, controls, members, LOOKS)
     paths = whole[..., fleet.place_columns]
     times = np.linspace(0.0, problem.duration, paths.shape[1])

@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 
 SLICES = 12
 """Slices of the first parameter's range, for robots on arcs."""
+SLICE_STEPS = 200_000
+"""Steps of all slices together: fewer slices for very long horizons."""
 GENERAL_SLICES = 16
 """The same for other systems, whose cells are halved: a power of two."""
 CELLS = {1: 1, 2: 4, 3: 3}
@@ -82,8 +84,9 @@ def _of_arcs(problem: Problem, controls: Floats) -> tuple[Floats, Floats, int]:
     """The tube of robots on arcs as points, radii and slices."""
     flow = Flow.of(problem, controls)
     count = len(flow.lower)
-    each = np.array([SLICES, *[CELLS.get(count, 2)] * (count - 1)][:count], dtype=int)
-    slices = SLICES if count and flow.upper[0] > flow.lower[0] else 1
+    most = min(SLICES, max(2, SLICE_STEPS // problem.steps))
+    each = np.array([most, *[CELLS.get(count, 2)] * (count - 1)][:count], dtype=int)
+    slices = most if count and flow.upper[0] > flow.lower[0] else 1
     found = enclosed(flow, each)
     return found.points, found.radius + flow.rounding(), slices
 

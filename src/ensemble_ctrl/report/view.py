@@ -74,3 +74,21 @@ def conflict_places(plan: PlanLike) -> list[tuple[Conflict, Floats]]:
 def some(count: int, most: int) -> NDArray[np.int64]:
     """At most `most` about evenly spaced indices below `count`, both ends included, shape (indices,)."""
     return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.int64))
+
+
+def telling(values: Floats, most: int) -> NDArray[np.int64]:
+    """Indices to draw of a curve with more than `most` values: both ends and both extremes of equal stretches.
+
+    Examples
+    --------
+    >>> telling(np.array([0.0, 0, 0, 9, 0, 0, 0, -7, 0, 0]), 8).tolist()
+    [0, 3, 4, 5, 7, 9]
+    """
+    if len(values) <= most:
+        return np.arange(len(values))
+    width = -(-4 * len(values) // most)
+    stretches = np.minimum(np.arange(-(-len(values) // width) * width), len(values) - 1).reshape(-1, width)
+    known, rows = np.nan_to_num(values)[stretches], np.arange(len(stretches))
+    extremes = [stretches[rows, known.argmin(axis=1)], stretches[rows, known.argmax(axis=1)]]
+    kept = [stretches[:, 0], *extremes, stretches[:, -1]]
+    return np.unique(np.concatenate(kept))

@@ -19,7 +19,7 @@ from ensemble_ctrl.constraints.stl import (
     member_robustness,
 )
 from ensemble_ctrl.core.errors import RunawayError
-from ensemble_ctrl.problem.evaluation.sampled import replay, states
+from ensemble_ctrl.problem.evaluation.sampled import affordable, replay, states
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.specification import TaskPart
@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 
 MEMBERS = 201
 """About as many members are looked at, spread evenly over the parameters' ranges."""
+SAMPLES = 4
+"""Samples per step, of the distance from obstacles."""
 
 
 @dataclass(frozen=True)
@@ -88,9 +90,9 @@ def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
 
 def _conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
     """Everything that fails, where all states are known."""
-    parameters = problem.fleet.grid(MEMBERS)
+    parameters = problem.fleet.grid(affordable(MEMBERS, problem.steps, SAMPLES))
     paths = states(problem, controls, parameters)
-    run = replay(problem, controls, parameters=parameters, substeps=4)
+    run = replay(problem, controls, parameters=parameters, substeps=SAMPLES)
     places = unit_of_parts(problem, [])
     found = [
         Conflict(f"avoid({c.obstacle})", -c.distance, c.parameters, c.time, places)

@@ -8,11 +8,12 @@ Nothing here knows how the controls were found.
 from __future__ import annotations
 
 import os
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 from typing import TypeVar
 
 import numpy as np
@@ -30,6 +31,8 @@ T = TypeVar("T")
 
 BLOCK = 1000
 """Members in one block, at 160 steps: the arrays of a block stay in the processor's cache."""
+MOST_STATES = 5_000_000
+"""States that are looked at for a chart, or to say what fails."""
 
 
 @dataclass(frozen=True)
@@ -222,9 +225,9 @@ def replay(
     controls = problem.fleet.checked_controls(controls)
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
     size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
-    blocks = [drawn[i : i + size] for i in range(0, len(drawn), size)]
+    blocks = (drawn[i : i + size] for i in range(0, len(drawn), size))
     results = _watched(blocks, lambda block: _run(problem, controls, block, substeps), watch)
-    drawn = drawn[: sum(map(len, blocks[: len(results)]))]
+    drawn = drawn[: size * len(results)]
     robustness = np.concatenate([r for r, _, _, _ in results])
     inside = np.concatenate([i for _, i, _, _ in results], axis=1)
     clearances = tuple(
@@ -266,6 +269,17 @@ def states(
     return fleet.trajectories(fine, fleet.members(parameters), problem.duration / len(fine))
 
 
+def affordable(members: int, steps: int, substeps: int = 1) -> int:
+    """So many members to look at, fewer for very long horizons: `MOST_STATES` states together, three at least.
+
+    Examples
+    --------
+    >>> affordable(201, 200, 4), affordable(201, 100_000, 4)
+    (201, 12)
+    """
+    return max(3, min(members, MOST_STATES // (steps * substeps)))
+
+
 _Closest = tuple[float, float, Member]
 
 
@@ -278,23 +292,27 @@ def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
     return np.concatenate([corners, rest])
 
 
-def _watched(blocks: Sequence[Floats], run: Callable[[Floats], T], watch: Callable[[int], bool] | None) -> list[T]:
-    """The results of the blocks in order, of all or of the first ones: until `watch` says that it is enough."""
-    ended, done = threading.Event(), 0
+def _watched(blocks: Iterable[Floats], run: Callable[[Floats], T], watch: Callable[[int], bool] | None) -> list[T]:
+    """The results of the blocks in order, of all or of the first ones: until `watch` says that it is enough.
+
+    Only a few blocks wait at any time: there may be millions of them.
+    """
     results: list[T] = []
-    with ThreadPoolExecutor(min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)) as pool:
+    done, begun = 0, deque[tuple[int, Future[T]]]()
+    threads = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)
+    with ThreadPoolExecutor(threads) as pool:
         try:
-            for block, result in zip(
-                blocks, pool.map(lambda b: None if ended.is_set() else run(b), blocks), strict=True
-            ):
-                if result is None:
-                    break
-                results.append(result)
-                done += len(block)
-                if watch is not None and watch(done):
-                    ended.set()
+            for block in chain(blocks, [None] * (2 * threads)):
+                if block is not None:
+                    begun.append((len(block), pool.submit(run, block)))
+                if begun and (block is None or len(begun) > 2 * threads):
+                    size, ended = begun.popleft()
+                    results.append(ended.result())
+                    done += size
+                    if watch is not None and watch(done):
+                        break
         finally:
-            ended.set()  # an exception, as of Ctrl-C, does not wait for the blocks to come
+            pool.shutdown(cancel_futures=True)  # an exception, as of Ctrl-C, does not wait for the blocks to come
     return results
 
 

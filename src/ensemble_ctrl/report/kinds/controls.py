@@ -12,9 +12,13 @@ from ensemble_ctrl.report.figures import line_style
 from ensemble_ctrl.report.kinds.panels import panels
 from ensemble_ctrl.report.palette import CONTRAST
 from ensemble_ctrl.report.text import literal
+from ensemble_ctrl.report.view import telling
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+POINTS = 8000
+"""Commands from which on only the telling ones are drawn: more than a picture has columns."""
 
 
 def draw_controls(problem: Problem, controls: NDArray[np.float64], ax: Axes) -> Axes:
@@ -32,7 +36,9 @@ def draw_controls(problem: Problem, controls: NDArray[np.float64], ax: Axes) -> 
     system, fleet = problem.fleet.system, problem.fleet
     made = panels(ax, len(system.controls))
     for i, (panel, name, unit) in enumerate(zip(made, system.controls, system.control_units, strict=True)):
-        panel.stairs(controls[:, i], problem.times, baseline=None, linewidth=1.3, color=line_style(0)["color"])
+        keep = telling(controls[:, i], POINTS)
+        times = np.append(problem.times[keep], problem.duration)
+        panel.stairs(controls[keep, i], times, baseline=None, linewidth=1.3, color=line_style(0)["color"])
         low, high = float(fleet.input_lower[i]), float(fleet.input_upper[i])
         for bound in (low, high):
             panel.axhline(bound, linestyle="--", linewidth=0.8, color=CONTRAST)
