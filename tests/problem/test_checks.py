@@ -119,6 +119,25 @@ def test_what_takes_very_long_is_said_before_it_begins() -> None:
     assert findings(problem(steps=160, verify=VerifyOptions(members=10_000_000))) == ()
 
 
+def test_a_replay_that_the_time_limit_ends_is_said_before_it_begins() -> None:
+    hurried = problem(verify=VerifyOptions(members=10_000_000), solve=SolveOptions(time_limit=10.0), steps=160)
+    (found,) = findings(hurried)
+    assert "10000000 members looked at 1 times in each of 160 steps take about 112 s; fewer of them" in str(found)
+    assert "ends with those run by the time limit of 10 s" in str(found)
+
+
+def test_members_that_do_not_fit_into_memory_are_refused_with_how_many_do() -> None:
+    """A task that reads the fleet as a whole holds all members at once."""
+    task = "F mean(in(goal))"
+    error = only(task, verify=VerifyOptions(members=10_000_000), steps=160)
+    assert path_text(error.path) == "verify.members"
+    assert "expected at most 1250000 for a task that speaks of the fleet as a whole" in error.message
+    assert "64 GB of memory" in error.message
+    assert not [
+        f for f in findings(problem(task, verify=VerifyOptions(members=1_000_000), steps=160)) if f.severity == "error"
+    ]
+
+
 def test_a_task_that_is_still_text() -> None:
     read = replace(problem(), task="F in(goal)")  # type: ignore[arg-type]
     assert read.task == parse("F in(goal)")
