@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, robustness
 from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.ocp.chance import all_hyperplanes
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.levels import TaskLevels, smooth_maximum
 from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram
 from ensemble_ctrl.ocp.online.point import Point
 from ensemble_ctrl.ocp.online.step import groups
+from ensemble_ctrl.ocp.solvers.sqp import Condensed
+from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import coarse, points
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
@@ -62,6 +65,26 @@ def test_slopes_are_those_of_finite_differences(system: ArcSystem, laws: dict[st
         ahead, behind = point.moved(change).curve.points, point.moved(-change).curve.points
         wanted = ((ahead - behind)[at, which] / 2e-6 * normal).sum(axis=1)
         np.testing.assert_allclose(slopes[:, step, command], wanted, atol=1e-7)
+
+
+def test_slopes_are_those_of_the_program_condensed() -> None:
+    """The points' closed-form slopes are what eliminating the equations of the one program gives."""
+    problem = five().with_(steps=16)
+    controls = np.random.default_rng(0).uniform([0.2, -0.4], [0.8, 0.4], (16, 2))
+    program = OnlineProgram.of(problem, controls, 3)
+    truncation, curve = program.truncation, points(problem, controls, program.truncation)
+    hyperplanes = all_hyperplanes(problem, truncation, curve)
+    one = transcribe(problem, truncation, Iterate(controls), Avoiding(hyperplanes, hyperplanes.active))
+    condensed = Condensed(one.nlp)
+    by_commands = np.searchsorted(condensed.independent, one.layout.controls.ravel())
+    Z = condensed.at(one.nlp.guess).directions()[:, by_commands]
+    online = Point(program, present_at(program, controls, 0, 0), controls).curve
+    at, which = (i.ravel() for i in np.meshgrid(np.arange(1, 17), np.arange(truncation.count), indexing="ij"))
+    for axis in (0, 1):
+        slopes = online.slopes(at, which, np.tile(np.eye(2)[axis], (len(at), 1)))
+        wanted = Z[one.layout.points[at, axis * truncation.count + which]]
+        np.testing.assert_allclose(slopes, wanted, atol=1e-9)
+    assert np.abs(Z).max() > 1
 
 
 def test_several_robots_are_each_of_them_and_cost_their_mean() -> None:

@@ -67,6 +67,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     if in_moments:
         nodes, weights = fleet.rule(order + 1)
         spread = positions(problem, controls, fleet.bent_members(nodes))
+        # the mean path by the distribution's Gauss rule, whose weights sum to 2
         average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)
     else:

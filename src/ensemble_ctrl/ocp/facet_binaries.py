@@ -239,6 +239,7 @@ def facet_binaries(
     A pair of a piece and a step gets no row where a facet of the piece holds wherever the points can be; a facet that
     no point can get behind is not offered, unless no other is allowed.
     """
+    # b_f + keep: what n . P has to reach; least and most of n . P in the boxes of the workspace
     keep = keeping(problem, truncation, tail) + largest_bulge(problem, truncation, allowed.shape[1])
     needed = sides.offset[:, None] + keep
     least, most = where.least(sides.normal), where.most(sides.normal)
@@ -250,6 +251,7 @@ def facet_binaries(
     options = np.zeros((sides.pieces, allowed.shape[1]), dtype=np.int64)
     np.add.at(options, sides.piece, offered)
     binary, groups = _shared(sides, offered, facet, step, options, block)
+    # M_f = max(b_f + keep - least, 0): what the row can fall short by
     big_m = np.maximum(needed - least, 0.0)
     if problem.solve.guarantee == "moment":  # the paper's M is also above |a x|
         big_m = np.maximum.reduce([big_m, where.most(sides.normal), where.most(-sides.normal)])

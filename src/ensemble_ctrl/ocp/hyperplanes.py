@@ -129,6 +129,7 @@ def separate(
         return Hyperplanes(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), normals, none, ends, none)
     times = np.linspace(begin, begin + duration, steps + 1)
     offsets, bent = [each.offsets(times) for _, each in pieces], [each.bends(times) for _, each in pieces]
+    # what moves is kept still: points relative to it at both ends of a step, and what it bends in between is added
     moved, bends = np.tile(offsets, (len(parts), 1, 1)), np.tile(bent, (len(parts), 1))
     found = [
         _found(_both_ends(own - offset[:, None]), piece, shift, near + each.radius + float(bend.max()), within)
@@ -201,6 +202,7 @@ def _gap(points: Floats, vertices: Floats, normal: Floats, shift: Floats) -> Flo
 def _by_direction(points: Floats, piece: Obstacle, shift: Floats) -> tuple[Floats, Floats, Floats]:
     """Best normal, support and gap for one convex piece at every step, in the plane."""
     vertices = piece.vertices
+    # gap(n) = min n.p - max n.vertex - |n|.shift, along even directions and the edges' normals; the best is refined
     angles = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)
     edges = np.roll(vertices, -1, axis=0) - vertices
     angles = np.concatenate([angles, np.arctan2(-edges[:, 0], edges[:, 1])])

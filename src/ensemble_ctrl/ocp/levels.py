@@ -96,6 +96,7 @@ class TaskLevels:
         growth : ndarray, shape (steps + 1,)
             Metres.
         """
+        # x px + y py + offset - growth, at every point, or at the mean one
         p = curve[self.at]
         p = np.where(self.mean[:, None, None], np.einsum("rpd,p->rd", p, mean)[:, None], p)
         value = self.x[:, None] * p[..., 0] + self.y[:, None] * p[..., 1] + self.offset[:, None]
@@ -103,6 +104,7 @@ class TaskLevels:
 
     def values(self, heights: Floats) -> Floats:
         """The largest values of the levels that the rows allow, shape (count,)."""
+        # the least height of each level's rows; then maxima, and order between levels, by their numbers
         level = np.full(self.count, np.inf)
         np.minimum.at(level, self.row_level, heights.min(axis=1, initial=np.inf))
         for k in range(self.count):

@@ -99,6 +99,7 @@ def assemble(size: int, blocks: Sequence[Block], terms: Sequence[Block]) -> Prog
     costs = [_map(t, x, pieces[len(blocks) + i], ca.repmat(lam_f, t.instances, 1), 0) for i, t in enumerate(terms)]
     g = ca.vertcat(*[m.value for m in mapped]) if mapped else ca.MX(0, 1)
     f = sum((ca.sum1(c.value) for c in costs), ca.MX(0))
+    # grad f, J and the upper triangle of the Hessian of lam_f f + lam_g . g, from the instances' values
     gradient = _scatter([(c.jacobian_places * np.array([0, 1]), c.jacobian) for c in costs], (1, size)).T
     jacobian = _scatter([(m.jacobian_places, m.jacobian) for m in mapped], (n_rows, size))
     hessian = _scatter([(m.hessian_places, m.hessian) for m in (*mapped, *costs)], (size, size))
@@ -132,6 +133,7 @@ def _map(block: Block, x: ca.MX, data: ca.MX, multipliers: ca.MX, first_row: int
     lam = ca.SX.sym("l", value.numel())
     jacobian = ca.jacobian(value, z)
     hessian = ca.triu(ca.hessian(ca.dot(lam, value), z)[0])
+    # gather z of every instance, map value, Jacobian and Hessian of the small function over all of them
     n = block.instances
     place = ca.reshape(x[block.columns.ravel().tolist()], n_z, n)
     per_data = ca.reshape(data, n_data, n)
@@ -139,6 +141,7 @@ def _map(block: Block, x: ca.MX, data: ca.MX, multipliers: ca.MX, first_row: int
     second = ca.Function("second", [z, d, lam], [_nonzeros(hessian)]).map(n)
     values, slopes = first(place, per_data)
     curvatures = second(place, per_data, ca.reshape(multipliers, value.numel(), n))
+    # where each instance's non-zeros stand in the whole Jacobian, and in the upper triangle of the Hessian
     row, column = (np.array(i, dtype=np.int64) for i in jacobian.sparsity().get_triplet())
     upper, lower = (np.array(i, dtype=np.int64) for i in hessian.sparsity().get_triplet())
     rows = first_row + np.arange(n)[:, None] * value.numel() + row
@@ -162,6 +165,7 @@ def _scatter(parts: Sequence[tuple[Ints, ca.MX]], shape: tuple[int, int]) -> ca.
     places = np.concatenate([p for p, _ in parts]) if parts else np.zeros((0, 2), np.int64)
     if not len(places):
         return ca.MX(*shape)
+    # number the distinct places column by column; values at the same place are summed by a 0/1 matrix
     key = places[:, 1] * shape[0] + places[:, 0]
     unique, inverse = np.unique(key, return_inverse=True)
     rows, columns = unique % shape[0], unique // shape[0]

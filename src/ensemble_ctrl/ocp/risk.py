@@ -77,6 +77,7 @@ def risk_rows(
     risk = problem.objective.cvar
     if risk is None or not risk.weight:
         return None
+    # places of the representatives: p_i = (evaluation at psi_i) P + offset_i
     members = problem.fleet.representatives(MEMBERS[risk.of])
     seen = truncation.evaluation(_scaled(problem, members))
     seen = seen if places is None else seen @ places
@@ -176,6 +177,7 @@ def _clearances(
     side, at = np.nonzero(pairs)
     if not len(side):
         return []
+    # a row pair for each member and pair: n . p_i - drift - (support + radius) - c_i >= 0 at both ends of the step
     n, members = layout.count, len(seen)
     keep = (hyperplanes.support + hyperplanes.radius[:, None])[side, at][:, None] + hyperplanes.drift[side, at]
     who, pair = (index.ravel() for index in np.meshgrid(np.arange(members), np.arange(len(side)), indexing="ij"))

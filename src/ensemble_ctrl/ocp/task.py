@@ -269,6 +269,7 @@ def task_rows(
     if whole:
         ops.below.append((level, whole))
         guess.note(level, [guess.of(whole)])
+    # `low <= term` for every term of a minimum: rows on points, and order between levels
     pairs = [(low, term) for low, part in ops.below for term in part]
     rows = [(low, term) for low, term in pairs if isinstance(term, Row)]
     order = [(low, term.index) for low, term in pairs if isinstance(term, Level)]
@@ -312,9 +313,11 @@ def _row_block(used: tuple[int, ...], rows: list[tuple[int, Row]], layout: Place
     n, count, image = layout.count, len(used), ca.DM(places)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        # sum_i c_i x_i for every variable, mapped to the places, + offset - level
         heights = sum((d[i] * z[i * n : (i + 1) * n] for i in range(1, count)), d[0] * z[:n])
         return ca.mtimes(image, heights) + d[count] - z[count * n]
 
+    # an instance for each row: the states it is about at its time, for every variable, and its level
     at = np.array([row.at for _, row in rows])
     states = np.concatenate([i * n + np.arange(n) for i in used])
     columns = np.column_stack([layout.points[at][:, states], [level for level, _ in rows]])
@@ -334,6 +337,7 @@ def _maximum_block(n: int, columns: NDArray[np.int64]) -> Block:
     """``level <= smooth maximum of n parts`` for each row of `columns`."""
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        # log(sum exp(K a)) / K - log(n) / K - level
         largest: ca.SX = ca.logsumexp(SHARPNESS * z[:n]) / SHARPNESS
         return largest - float(np.log(n)) / SHARPNESS - z[n]
 

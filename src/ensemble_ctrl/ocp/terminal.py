@@ -87,9 +87,11 @@ def terminal_of(problem: Problem, nodes: Floats, weights: Floats, final: Floats)
     match aim.target:
         case MomentTarget() as target:
             basis = fleet.bent_laws[0].basis(len(target.moments) - 1)
+            # m_k - m_F,k by the Gauss rule
             off = (weights[:, None] * basis.evaluate(nodes[:, 0])).T @ final - target.moments
             cost = float(target.weights @ (off**2).sum(axis=1))
         case SpreadTarget() as target:
+            # mean and covariance by the Gauss rule
             mean = weights @ final / 2
             spread = (weights[:, None] / 2 * (final - mean)).T @ (final - mean) + fleet.shift_covariance
             cost = 2 * wasserstein(mean, spread, target)
@@ -144,6 +146,7 @@ def _spread_error(target: SpreadTarget, truncation: Truncation, start: Floats) -
     det_f = max(float(np.linalg.det(F)), 0.0)
 
     def error(x: ca.SX, y: ca.SX) -> ca.SX:
+        # C = P^T S P - mean mean^T + C_start, then tr A = tr(C_F C) and det A = det C_F det C
         mean = [ca.dot(average, x), ca.dot(average, y)]
         xx = ca.bilin(square, x, x) - mean[0] ** 2 + start[0, 0]
         yy = ca.bilin(square, y, y) - mean[1] ** 2 + start[1, 1]

@@ -214,6 +214,7 @@ def tail(problem: Problem, controls: Floats, truncation: Truncation) -> float:
     An estimate from a few members, used to set margins; the claim about a plan comes from replay and certificate.
     """
     s = _dense(len(truncation.orders))
+    # max |p(s) - sum of the carried moments' polynomials| on a tensor grid of Chebyshev points
     exact = positions(problem, controls, problem.fleet.bent_members(s))
     curve = np.einsum("ij,tjd->itd", truncation.evaluation(s), points(problem, controls, truncation))
     return float(np.linalg.norm(exact - curve, axis=-1).max())

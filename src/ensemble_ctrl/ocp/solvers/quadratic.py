@@ -140,10 +140,12 @@ class _System:
 
         self.program, self.at = program, at
         self.room_low, self.room_high = at.z - program.lower, program.upper - at.z
+        # residuals: H z + g - A^T y - low + high (stationarity), A z - b - over + short (rows), mean complementarity
         products = at.primal(program) * at.dual
         self.mean = float(products.mean())
         self.slope = program.H @ at.z + program.g - program.A.T @ at.y - at.low + at.high
         self.excess = program.A @ at.z - program.b - (at.over - at.short)
+        # eliminate over, short and y: M = H + A^T W A + D, W and D of the complementarity of rows and of bounds
         self.weight = 1.0 / (at.over / at.y + at.short / at.w)
         M = program.H + program.A.T @ (self.weight[:, None] * program.A)
         M[np.diag_indices(len(M))] += at.low / self.room_low + at.high / self.room_high
@@ -159,6 +161,7 @@ class _System:
         from scipy.linalg import cho_solve
 
         at, A, m, n = self.at, self.program.A, len(self.at.y), len(self.at.z)
+        # right-hand side with the targets of complementarity, then back to y, over, short and the bounds' multipliers
         over, short, low, high = np.split(target - second, np.cumsum([m, m, n]))
         kappa = over / at.y - at.over - (short / at.w - at.short)
         pull_low, pull_high = low / self.room_low - at.low, high / self.room_high - at.high

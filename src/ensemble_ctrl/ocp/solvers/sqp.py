@@ -14,15 +14,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import SuperLU, splu
 
 from ensemble_ctrl.ocp.solvers.base import Iteration, Nlp, Outcome, SolverOptions, Status, Watch
 from ensemble_ctrl.ocp.solvers.quadratic import Quadratic, solve_quadratic
 from ensemble_ctrl.ocp.weights import SLACK_WEIGHT
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import SuperLU
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -67,7 +70,7 @@ class Sqp:
         """Improve the guess until the cost falls by less than the tolerance."""
         if len(nlp.discrete) or len(nlp.dependent) != int((nlp.program.lower == nlp.program.upper).sum()):
             return Outcome("failed", nlp.guess, np.inf, 0, "needs as many dependent variables as equations, none whole")
-        condensed = _Condensed(nlp)
+        condensed = Condensed(nlp)
         point = condensed.at(nlp.guess)
         trust, word, count = 1.0, "out of iterations", 0
         for count in range(options.max_iterations):
@@ -98,7 +101,7 @@ def _searched(point: _Point, step: Floats) -> _Point | None:
     return None
 
 
-class _Condensed:
+class Condensed:
     """The program by its independent variables."""
 
     def __init__(self, nlp: Nlp) -> None:
@@ -117,6 +120,8 @@ class _Condensed:
 
     def rows(self, x: Floats) -> tuple[Floats, csc_array]:
         """Values of all rows and their Jacobian."""
+        from scipy.sparse import csc_array
+
         g, jacobian = self.functions["jac_g"](x, self.p)
         return np.array(g).ravel(), csc_array(jacobian.sparse())
 
@@ -135,6 +140,8 @@ class _Condensed:
 
     def factor(self, jacobian: csc_array) -> SuperLU:
         """``C_d``, factored."""
+        from scipy.sparse.linalg import splu
+
         return splu(jacobian[self.equations][:, self.nlp.dependent].tocsc())
 
 
@@ -142,7 +149,7 @@ class _Condensed:
 class _Point:
     """A vector that satisfies the equations, with its rows."""
 
-    condensed: _Condensed
+    condensed: Condensed
     x: Floats
     g: Floats
     jacobian: csc_array
@@ -173,10 +180,10 @@ class _Point:
     def step(self, trust: float) -> Floats:
         """The change of the independent variables that the quadratic program here asks for."""
         condensed, nlp = self.condensed, self.condensed.nlp
-        Z = self._directions()
+        Z = self.directions()
         gradient = np.array(condensed.functions["grad_f"](self.x, condensed.p)[1]).ravel()
         zero = np.zeros(len(self.g))
-        upper = csc_array(condensed.functions["hess_lag"](self.x, condensed.p, 1.0, zero).sparse())
+        upper = condensed.functions["hess_lag"](self.x, condensed.p, 1.0, zero).sparse()
         # Z^T H Z from the upper triangle, with the positive part of its eigenvalues
         half = Z.T @ (upper @ Z)
         diagonal = Z.T @ (upper.diagonal()[:, None] * Z)
@@ -189,7 +196,7 @@ class _Point:
         bounds = np.maximum(low, -most) - EDGE, np.minimum(high, most) + EDGE
         return solve_quadratic(Quadratic(H, Z.T @ gradient, A, b, condensed.weight, *bounds))[0]
 
-    def _directions(self) -> Floats:
+    def directions(self) -> Floats:
         """Z, shape (variables, independent)."""
         condensed = self.condensed
         Z = np.zeros((len(self.x), len(condensed.independent)))
