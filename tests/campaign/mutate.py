@@ -87,6 +87,8 @@ FAMILIES_FOR: dict[str, tuple[str, ...]] = {
         *SHARP,
     ),
     "certificate/task.py": (*SHARP, "nested", "windows", "means", "shares", "turning", "plain", "starts"),
+    "certificate/masses.py": ("shares", "means"),
+    "certificate/bound.py": ("plain", "moving", *SHARP),
     "certificate/instants.py": ("windows", "nested", "plain", "moving"),
     "certificate/schedule.py": ("windows", "nested", "plain", "moving"),
     "certificate/share.py": ("shares",),

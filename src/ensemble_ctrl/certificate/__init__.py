@@ -4,8 +4,8 @@
 constraints or transcription.
 """
 
+from ensemble_ctrl.certificate.bound import Bound
 from ensemble_ctrl.certificate.certify import PROOFS, Certificate, CounterExample, Proof, certify, unproven
-from ensemble_ctrl.certificate.clearance import Bound
 from ensemble_ctrl.certificate.record import EFFORT, as_data, claim, differences
 from ensemble_ctrl.certificate.task import TaskBound
 
@@ -28,7 +28,8 @@ TRUSTED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "certificate.": (
-            *("certify", "clearance", "enclosure", "errors", "fingerprint", "instants", "schedule", "share", "task"),
+            *("bound", "certify", "clearance", "enclosure", "errors", "fingerprint", "instants"),
+            *("masses", "schedule", "share", "task"),
         ),
         "constraints.": (
             *("_rows", "_sides", "cover", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
@@ -43,7 +44,10 @@ TRUSTED = tuple(
 
 GENERAL = tuple(
     f"ensemble_ctrl.certificate.general.{module}"
-    for module in ("proof", "enclosure", "basis", "models", "gradients", "growth", "boxes", "clearance", "task")
+    for module in (
+        *("proof", "start", "enclosure", "basis", "models", "smooth", "gradients", "growth", "boxes"),
+        *("clearance", "task"),
+    )
 )
 """Those that have to be right, too, for *yes* to be true of other systems."""
 

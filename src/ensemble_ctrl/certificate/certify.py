@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.clearance import Bound, Prover, nearest_piece
+from ensemble_ctrl.certificate.bound import Bound, nearest_piece
+from ensemble_ctrl.certificate.clearance import Prover
 from ensemble_ctrl.certificate.enclosure import Flow, Ranged
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.fingerprint import fingerprint

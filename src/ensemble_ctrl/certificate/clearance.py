@@ -9,13 +9,14 @@ size, until the bound is tight.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate.bound import Bound
 from ensemble_ctrl.certificate.enclosure import START, UNIT, Flow, Track, first_cells, lowered, signs_of
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.constraints.exact import hull
@@ -24,7 +25,6 @@ from ensemble_ctrl.constraints.obstacle import Obstacle
 if TYPE_CHECKING:
     from ensemble_ctrl.constraints.motion import Motion
     from ensemble_ctrl.problem.ensemble import Member
-    from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -63,60 +63,6 @@ class Boxes:
         """Both lists."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return Boxes(*(np.concatenate(pair) for pair in pairs))
-
-
-@dataclass(frozen=True)
-class Bound:
-    """The clearance from one obstacle.
-
-    Attributes
-    ----------
-    obstacle : str
-        Its name.
-    proven : float
-        No member is ever closer than this, metres; negative when that can't be shown.
-    sampled : float
-        Smallest distance seen, metres, rounded up, so that the truth lies between the two.
-    parameters : dict of str to float
-        Whose distance that was.
-    time : float
-        When, seconds.
-    """
-
-    obstacle: str
-    proven: float
-    sampled: float
-    parameters: Member
-    time: float
-
-
-class Search(Protocol):
-    """What finds the clearance of a fleet from one convex piece."""
-
-    def nearness(self, obstacle: Any, spans: Spans, motion: Motion | None = None) -> float:
-        """About the smallest distance, metres."""
-
-    def bound(
-        self,
-        name: str,
-        obstacle: Any,
-        spans: Spans,
-        radius: float,
-        motion: Motion | None = None,
-        *,
-        enough: float = np.inf,
-    ) -> Bound:
-        """Proven and sampled clearance; what is proven to be further away than `enough` isn't looked at closely."""
-
-
-def nearest_piece(search: Search, avoid: AvoidConstraint, spans: Spans) -> Bound:
-    """The worst piece; those that look nearest come first, so that the others need only be far enough."""
-    found: list[Bound] = []
-    for piece in sorted(avoid.pieces, key=lambda piece: search.nearness(piece, spans, avoid.motion)):
-        enough = min((b.sampled for b in found), default=np.inf)
-        found.append(search.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, enough=enough))
-    worst = min(found, key=lambda b: b.sampled)
-    return replace(worst, proven=min(b.proven for b in found))
 
 
 @dataclass(eq=False)

@@ -29,17 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.instants import Mesh
-from ensemble_ctrl.constraints.stl.formula import (
-    Always,
-    And,
-    Eventually,
-    Formula,
-    Mean,
-    Or,
-    Release,
-    Share,
-    Until,
-)
+from ensemble_ctrl.constraints.stl.formula import Always, And, Eventually, Formula, Mean, Or, Release, Share, Until
 from ensemble_ctrl.constraints.stl.leaves import Known, Predicate
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import exact

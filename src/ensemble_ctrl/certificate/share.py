@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import Flow, Range, Track
-from ensemble_ctrl.certificate.task import MASS_ERROR, CellSignals, scheduled
+from ensemble_ctrl.certificate.masses import MASS_ERROR
+from ensemble_ctrl.certificate.task import CellSignals, scheduled
 from ensemble_ctrl.problem.specification import ChanceConstraint
 
 if TYPE_CHECKING:

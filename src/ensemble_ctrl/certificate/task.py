@@ -9,20 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from itertools import product
-from math import ceil, floor
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import UNIT, Flow, Ranged, Track, first_cells, lowered
+from ensemble_ctrl.certificate.masses import MASS_ERROR, Masses, masses
 from ensemble_ctrl.certificate.schedule import MOST, Schedule
 from ensemble_ctrl.constraints.stl.formula import Formula, Share
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet, resolve
-from ensemble_ctrl.core.values import exact
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -40,8 +38,6 @@ CELLS = {0: 1, 1: 16, 2: 5, 3: 3}
 """Cells of each of so many parameters to begin with; else 2."""
 BLOCK = 1_000_000
 """Numbers held at a time: cells times instants."""
-MASS_ERROR = 1e-9
-"""Share of the fleet by which a mass from distribution functions may be too high."""
 TURN = 0.5
 """Radians that a member turns at most in a piece of time to begin with, but for `MOST_PARTS`."""
 MOST_PARTS = 64
@@ -80,47 +76,6 @@ class TaskBound:
     covered: bool = True
     share: float | None = None
     unit: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Masses:
-    """How the fleet is spread over cells.
-
-    Attributes
-    ----------
-    mass : ndarray, shape (cells,)
-        Whole numbers where members can be counted, else shares of the fleet.
-    total : float
-        That of the whole fleet.
-    counted : bool
-        Whether they are whole numbers.
-    even : bool
-        Whether the law is uniform within cells, too.
-    """
-
-    mass: Floats
-    total: float
-    counted: bool
-    even: bool
-
-    def reached(self, value: Floats, share: Share, upper: bool) -> Floats:
-        """The largest value that cells of at least a share reach, shape (1, elements); minus infinity if none do."""
-        order = np.argsort(value, axis=0)
-        mass = self.mass[order]
-        below = np.cumsum(mass, axis=0) - mass
-        enough = self.total - below >= self.needed(share, upper)
-        last = np.where(enough.any(axis=0), len(enough) - 1 - enough[::-1].argmax(axis=0), 0)
-        found = np.take_along_axis(np.take_along_axis(value, order, axis=0), last[None], axis=0)
-        return np.where(enough.any(axis=0), found, -np.inf)
-
-    def needed(self, share: Share, upper: bool) -> float:
-        """The mass that is a share of the fleet, or more than it if that is strict; rounded up, or down for `upper`."""
-        if not self.counted:
-            return share.p - MASS_ERROR if upper else min(share.p + MASS_ERROR, 1.0 + MASS_ERROR * share.strict)
-        p = exact(share.p)
-        if share.strict:  # it is 1 - p of another share, and that has been rounded
-            return float(floor((p + Fraction(-1 if upper else 1, 10**12)) * Fraction(self.total)) + 1)
-        return float(ceil(p * Fraction(self.total)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -420,36 +375,6 @@ def _evaluate(
     blocks = everything if mass is not None else _blocks(len(centres), flow.steps)
     signals = (CellSignals.of(flow, centres[rows], half[rows], upper, mass) for rows in blocks)
     return np.concatenate([schedule.value(s) for s in signals])
-
-
-def masses(fleet: Ensemble, centres: Floats, half: Floats) -> Masses:
-    """The laws' mass of each of the equal cells that make up the fleet's box.
-
-    Cells share their edges, and what lies on an edge belongs to the lower cell, so that nothing counts twice.
-    """
-    laws, cloud = list(fleet.parameters.items()), fleet.cloud or {}
-    counted = all(law.uniform or law.measured is not None for _, law in laws)
-    mass, total, robots = np.ones(len(centres)), 1.0, None
-    for k, (name, law) in enumerate(laws):
-        width = law.upper - law.lower
-        count = max(1, round(width / (2 * half[0, k]))) if width else 1
-        index = np.clip(((centres[:, k] - law.lower) / max(width, 1e-300) * count).astype(int), 0, count - 1)
-        edges = law.lower + width * np.arange(1, count) / count
-        if name in cloud:
-            place = np.searchsorted(edges, cloud[name], side="left")
-            inside = index[:, None] == place
-            robots = inside if robots is None else robots & inside
-        elif law.measured is not None:
-            place = np.searchsorted(edges, law.measured, side="left")
-            mass, total = mass * np.bincount(place, minlength=count)[index], total * len(law.measured)
-        elif law.uniform:
-            total *= count
-        else:
-            mass *= np.diff(np.concatenate([[0.0], law.cdf(edges), [1.0]]))[index]
-    if robots is not None:
-        mass, total = mass * robots.sum(axis=1), total * robots.shape[1]
-    even = all(law.uniform for _, law in laws)
-    return Masses(mass, total, counted, even) if counted else Masses(mass / total, 1.0, counted, even)
 
 
 def _blocks(cells: int, steps: int) -> list[slice]:

@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.general import enclose
-from ensemble_ctrl.certificate.general.enclosure import Enclosure, Start
+from ensemble_ctrl.certificate.general.enclosure import Enclosure
+from ensemble_ctrl.certificate.general.start import Start
 from ensemble_ctrl.systems import DoubleIntegrator, OdeSystem, Quadrotor
 from ensemble_ctrl.systems.arrays import arctan, cos, exp, log, sin, sqrt, tanh
 

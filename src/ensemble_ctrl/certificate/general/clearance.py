@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.clearance import TIGHT, Bound
+from ensemble_ctrl.certificate.bound import Bound
+from ensemble_ctrl.certificate.clearance import TIGHT
 from ensemble_ctrl.certificate.general.basis import UNIT, UP
 from ensemble_ctrl.certificate.general.boxes import Boxes, outwards
 from ensemble_ctrl.certificate.general.enclosure import Enclosure

@@ -26,6 +26,7 @@ from ensemble_ctrl.certificate.general.gradients import Gradient, down, up
 from ensemble_ctrl.certificate.general.growth import Jacobian, radii
 from ensemble_ctrl.certificate.general.models import Model
 from ensemble_ctrl.certificate.general.picard import approximate
+from ensemble_ctrl.certificate.general.start import Start
 
 if TYPE_CHECKING:
     from ensemble_ctrl.systems import System
@@ -63,29 +64,6 @@ ERRORS = (
 """What a right-hand side may raise where it can't be evaluated on what it is given."""
 MOST_PARTS = 16
 """Most pieces of time in one step of control."""
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """The box of parameters and the start of every member, which is linear in them.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The parameters, those of the system and the offsets of the start alike.
-    lower, upper : ndarray, shape (parameters,)
-        Their ranges.
-    origin : ndarray, shape (states,)
-        The start where every offset is zero.
-    shifts : ndarray of int, shape (parameters,)
-        The state whose start a parameter shifts; -1 for a parameter of the system.
-    """
-
-    names: tuple[str, ...]
-    lower: Floats
-    upper: Floats
-    origin: Floats
-    shifts: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

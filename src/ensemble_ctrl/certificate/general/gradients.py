@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.errors import NotSmooth
 from ensemble_ctrl.certificate.general.basis import UNIT
-from ensemble_ctrl.certificate.general.models import Smooth
+from ensemble_ctrl.certificate.general.smooth import Smooth
 
 Floats = NDArray[np.float64]
 Pair = tuple[Floats, Floats]

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.clearance import Bound, nearest_piece
+from ensemble_ctrl.certificate.bound import Bound, nearest_piece
 from ensemble_ctrl.certificate.general.clearance import Prover
-from ensemble_ctrl.certificate.general.enclosure import Enclosure, Start, enclose
+from ensemble_ctrl.certificate.general.enclosure import Enclosure, enclose
+from ensemble_ctrl.certificate.general.start import Start
 from ensemble_ctrl.certificate.general.task import Elements, bound_task
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.schedule import Schedule

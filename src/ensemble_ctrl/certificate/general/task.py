@@ -18,8 +18,9 @@ from ensemble_ctrl.certificate.general.basis import UNIT, UP, Basis, restriction
 from ensemble_ctrl.certificate.general.boxes import Boxes, outwards
 from ensemble_ctrl.certificate.general.enclosure import Enclosure
 from ensemble_ctrl.certificate.instants import Mesh
+from ensemble_ctrl.certificate.masses import MASS_ERROR, Masses
 from ensemble_ctrl.certificate.schedule import Bounds, Schedule
-from ensemble_ctrl.certificate.task import MASS_ERROR, Masses, TaskBound, refined
+from ensemble_ctrl.certificate.task import TaskBound, refined
 from ensemble_ctrl.constraints.stl.formula import Share
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 

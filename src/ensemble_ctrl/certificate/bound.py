@@ -1,0 +1,73 @@
+"""What is proven of a clearance, and the worst of an obstacle's pieces, by whichever search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.instants import Spans
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.constraints.motion import Motion
+    from ensemble_ctrl.problem.ensemble import Member
+    from ensemble_ctrl.problem.specification import AvoidConstraint
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The clearance from one obstacle.
+
+    Attributes
+    ----------
+    obstacle : str
+        Its name.
+    proven : float
+        No member is ever closer than this, metres; negative when that can't be shown.
+    sampled : float
+        Smallest distance seen, metres, rounded up, so that the truth lies between the two.
+    parameters : dict of str to float
+        Whose distance that was.
+    time : float
+        When, seconds.
+    """
+
+    obstacle: str
+    proven: float
+    sampled: float
+    parameters: Member
+    time: float
+
+
+class Search(Protocol):
+    """What finds the clearance of a fleet from one convex piece."""
+
+    def nearness(self, obstacle: Any, spans: Spans, motion: Motion | None = None) -> float:
+        """About the smallest distance, metres."""
+
+    def bound(
+        self,
+        name: str,
+        obstacle: Any,
+        spans: Spans,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        enough: float = np.inf,
+    ) -> Bound:
+        """Proven and sampled clearance; what is proven to be further away than `enough` isn't looked at closely."""
+
+
+def nearest_piece(search: Search, avoid: AvoidConstraint, spans: Spans) -> Bound:
+    """The worst piece; those that look nearest come first, so that the others need only be far enough."""
+    found: list[Bound] = []
+    for piece in sorted(avoid.pieces, key=lambda piece: search.nearness(piece, spans, avoid.motion)):
+        enough = min((b.sampled for b in found), default=np.inf)
+        found.append(search.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, enough=enough))
+    worst = min(found, key=lambda b: b.sampled)
+    return replace(worst, proven=min(b.proven for b in found))
