@@ -23,7 +23,7 @@ REASONS: dict[str, str] = {
     "certificate/clearance.py:Prover.nearness": "the order in which pieces are looked at",
     "certificate/clearance.py:Prover._widths": FINER,
     "certificate/task.py:_bending": FINER,
-    "certificate/masses.py:Masses.needed: 1.0 + MASS_ERROR * share.strict": "the same but for shares within 1e-9 of one",
+    "certificate/masses.py:Masses.needed: 1.0 + MASS_ERROR * share.strict": "the same but for shares within 1e-9 of 1",
     "certificate/masses.py:Masses.needed: p + Fraction(": DIGITS,
     "certificate/masses.py:Masses.needed: -1 -> 1": DIGITS,
     "certificate/schedule.py:Coarse": LONG,

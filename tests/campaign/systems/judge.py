@@ -11,7 +11,8 @@ import numpy as np
 import ensemble_ctrl as ec
 from ensemble_ctrl.certificate.certify import Certificate, CounterExample
 from ensemble_ctrl.certificate.errors import Unenclosed
-from ensemble_ctrl.certificate.general.enclosure import Enclosure, Start, enclose
+from ensemble_ctrl.certificate.general.enclosure import Enclosure, enclose
+from ensemble_ctrl.certificate.general.start import Start
 from ensemble_ctrl.constraints import Obstacle, Solid
 
 from .cases import Case, Floats
