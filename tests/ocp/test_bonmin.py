@@ -110,6 +110,7 @@ def test_the_limit_is_kept_and_nothing_is_left_behind(monkeypatch: pytest.Monkey
     assert children() <= before
 
 
+@pytest.mark.slow
 def test_its_own_limit_returns_what_it_has() -> None:
     found = run(slow(), options=BonminOptions(time_limit=8.0))
     assert found.status in ("limit", "solved")

@@ -116,7 +116,7 @@ def test_one_of_two_parameters_can_be_widened() -> None:
         objective: {terminal: {target: [3, 0]}}
         """
     )
-    answer = widest(small, tolerance=0.05, parameter="start_y")
+    answer = widest(small, tolerance=0.3, parameter="start_y")
     assert answer.interval is not None
     # members may be in the goal one after the other: it is 1 m high, and they drive at most 1 m in the window's second
     assert 0.35 < answer.interval.half_width <= 1.0

@@ -87,6 +87,7 @@ def test_at_least_is_kept() -> None:
     assert proven(found)
 
 
+@pytest.mark.slow
 def test_nothing_within_the_longest_is_no_plan() -> None:
     wall = BLOCK.replace("[-0.6, 1.0]", "[-50, 50]").replace("steps: 20", "steps: 8").replace("8 s", "3 s")
     found, shortest = solve(load_text(wall))
