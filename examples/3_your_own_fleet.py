@@ -69,13 +69,13 @@ ax.set(xlabel="traction", ylabel="share of the fleet below")
 _ = ax.legend(frameon=False)
 
 # %% [markdown]
-# In a problem file: `linear_traction: {range: [0.92, 1.08], law: beta, a: 2, b: 4}`. The target below is met on
-# average over this fleet, so the law moves the plan:
+# In a problem file: `linear_traction: {range: [0.92, 1.08], distribution: beta, a: 2, b: 4}`. The target below is
+# met on average over this fleet, so the distribution moves the plan:
 
 # %%
 AIM = ["objective.terminal={target: [3.2, 0.6], weight: 20}", "objective.robustness=0"]
 for law in ("beta, a: 2, b: 4", "beta, a: 4, b: 2"):
-    spread = f"fleet.parameters.linear_traction={{range: [0.92, 1.08], law: {law}}}"
+    spread = f"fleet.parameters.linear_traction={{range: [0.92, 1.08], distribution: {law}}}"
     found = ec.plan(ec.load_text(TEXT, "law", [*AIM, spread]))
     length = np.abs(found.controls[:, 0]).sum() * found.problem.step
     print(f"{law:<17} commanded path {length:.3f} m")
@@ -86,7 +86,7 @@ for law in ("beta, a: 2, b: 4", "beta, a: 4, b: 2"):
 # ## Measured robots
 #
 # Numbers from your robots go in as they are, from a list, an array, or a CSV file (`samples: measured.csv`; a table
-# of parameters that belong together is `cloud: table.csv`):
+# of parameters that belong together is `samples: table.csv`):
 
 # %%
 measured = np.random.default_rng(1).normal(1.0, 0.02, 60).clip(0.93, 1.07)

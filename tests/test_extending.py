@@ -160,7 +160,7 @@ def test_an_enclosure(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
     """A problem file names it with its numbers; its moments are those of its density."""
     monkeypatch.setitem(DISTRIBUTIONS, "triangular", Triangular)
-    law = "{range: [0.9, 1.2], law: triangular, numbers: {mode: 1.0}}"
+    law = "{range: [0.9, 1.2], distribution: triangular, numbers: {mode: 1.0}}"
     problem = load_text(
         FILE.format(model="unicycle", parameters=f"traction: {law}", start="{position: [0, 0], heading: 0 deg}")
     )
@@ -178,10 +178,13 @@ def test_a_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        ("law: triangular", "expected mode for law triangular, but mode is missing"),
-        ("law: triangular, numbers: {mode: 1.0, width: 2}", "expected no width in numbers for law triangular"),
-        ("law: uniform, numbers: {mode: 1.0}", "expected no mode in numbers for law uniform"),
-        ("law: triangle", "'triangle' is not one of uniform, beta, normal, triangular"),
+        ("distribution: triangular", "expected mode for triangular, but mode is missing"),
+        (
+            "distribution: triangular, numbers: {mode: 1.0, width: 2}",
+            "expected no width in numbers for triangular",
+        ),
+        ("distribution: uniform, numbers: {mode: 1.0}", "expected no mode in numbers for uniform"),
+        ("distribution: triangle", "'triangle' is not one of uniform, beta, normal, triangular"),
     ],
 )
 def test_numbers_of_a_distribution_are_checked(law: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:

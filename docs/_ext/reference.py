@@ -14,9 +14,9 @@ from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config import meanings
 from ensemble_ctrl.files.config import online as o
-from ensemble_ctrl.files.config.clouds import Cloud
+from ensemble_ctrl.files.config.distributions import LawName, LawSection, Measured, MixturePart, PartSection
 from ensemble_ctrl.files.config.fields import Model
-from ensemble_ctrl.files.config.laws import LawName, LawSection, Measured, MixturePart, PartSection
+from ensemble_ctrl.files.config.joint_samples import JointSamples
 from ensemble_ctrl.files.config.motions import Course, MotionSection, Velocity
 from ensemble_ctrl.files.config.schema import ProblemFile
 from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
@@ -39,7 +39,7 @@ UNITS: list[tuple[Any, str]] = [
     (f.Positive, "number, > 0"),
     (f.Wheelbase, "m, > 0"),
     (f.SteeringBounds, "[rad, rad]"),
-    (Cloud, "a file's name, or columns"),
+    (JointSamples, "a file's name, or columns"),
     (Velocity, "[m/s, m/s]"),
     (Terminal, "[m, m], or a [target](targets.md)"),
     (f.Task, "formula"),

@@ -51,7 +51,7 @@ def problem_of(case: Case) -> Problem:
     cloud = {name: np.array(case.parameters[name][1]) for name in case.cloud} or None
     parameters = {name: law_of(law) for name, law in case.parameters.items()}
     fleet = Fleet(
-        system, parameters, np.array(case.position), case.heading, -most, most, radius=case.radius, cloud=cloud
+        system, parameters, np.array(case.position), case.heading, -most, most, radius=case.radius, samples=cloud
     )
     return Problem(
         "case",

@@ -303,7 +303,9 @@ def test_a_plan_keeps_out_in_windows_that_are_about_an_instant(end: float, steps
     assert np.flatnonzero(avoid.steps(10, 10.0)).tolist() == (steps or [3])
 
 
-@pytest.mark.parametrize("law", ["range: [0.9, 1.1]", "law: normal, mean: 1.0, deviation: 0.04, range: [0.9, 1.1]"])
+@pytest.mark.parametrize(
+    "law", ["range: [0.9, 1.1]", "distribution: normal, mean: 1.0, deviation: 0.04, range: [0.9, 1.1]"]
+)
 @pytest.mark.parametrize("task", ["mean(F[10, 10] x >= {})", "share(0.25, F[10, 10] x >= {})", "share(0.9, G x <= {})"])
 def test_what_the_fleet_does_not_do_is_refuted(law: str, task: str) -> None:
     """Straight on for 10 s, the place at the end is ten times the traction."""

@@ -277,7 +277,7 @@ CASES = {
         ("  radius:", "  parameters: {traction: {beta: [2, 5]}}\n  radius:"),
         (5, 27, "fleet.parameters.traction.beta"),
         "unknown field",
-        "known here: range, law, a, b, mean, deviation, numbers, samples, mixture",
+        "known here: range, distribution, a, b, mean, deviation, numbers, samples, mixture",
     ),
     "a word as a boolean": (
         ("moments:", "verify: {certificate: yes}\nmoments:"),
@@ -974,18 +974,31 @@ def test_a_polygon_in_the_file_keeps_to_the_limits_of_a_map(corners: list[list[f
 
 
 OLD_KEYS = [
-    ("report: {twin: true}", "report.baseline", "the key 'twin' is deprecated and goes with the next release", "twin"),
+    ("report: {twin: true}", "report.baseline", "twin"),
+    ("fleet: {START, cloud: {traction: [1, 1.1]}}", "fleet.samples", "cloud"),
+    ("fleet: {START, parameters: {traction: {law: uniform}}}", "fleet.parameters.traction.distribution", "law"),
+    (
+        "fleet: {START, parameters: {traction: {mixture: [{law: uniform, range: [1, 2], weight: 1}]}}}",
+        "fleet.parameters.traction.mixture[0].distribution",
+        "law",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("old", "path", "message", "key"), OLD_KEYS)
-def test_old_keys_are_read_with_a_warning_that_names_the_new_one(old: str, path: str, message: str, key: str) -> None:
+@pytest.mark.parametrize(("old", "path", "key"), OLD_KEYS)
+def test_old_keys_are_read_with_a_warning_that_names_the_new_one(old: str, path: str, key: str) -> None:
     new = path.rpartition(".")[2]
-    written = config.read_text(LEAST + old)
+    fleet, _, rest = LEAST.partition("\n")
+    given, bare = old.replace("START", fleet.partition("{")[2][:-1]), rest if old.startswith("fleet") else LEAST
+    written = config.read_text(bare + given)
     (warning,) = (one for one in written.warnings if "deprecated" in one.message)
-    assert (warning.path, warning.message, warning.hint) == (path, message, f"write {new!r}")
+    assert (warning.path, warning.message, warning.hint) == (
+        path,
+        f"the key {key!r} is deprecated and goes with the next release",
+        f"write {new!r}",
+    )
     assert warning.excerpt[(warning.column or 0) - 1 :].startswith(key)
-    today = config.read_text(LEAST + old.replace(key, new))
+    today = config.read_text(bare + given.replace(f"{key}:", f"{new}:"))
     assert written.data == today.data
     assert not [one for one in today.warnings if "deprecated" in one.message]
 

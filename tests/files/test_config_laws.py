@@ -11,17 +11,17 @@ import pytest
 
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load, load_text, schema
-from ensemble_ctrl.files.config.laws import law_data
+from ensemble_ctrl.files.config.distributions import law_data
 from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
 from ensemble_ctrl.problem.checks import MAX_SAMPLES
 
-NORMAL = "{range: [0.9, 1.1], law: normal, mean: 1.0, deviation: 0.03}"
+NORMAL = "{range: [0.9, 1.1], distribution: normal, mean: 1.0, deviation: 0.03}"
 FORMS: dict[str, Law] = {
     "{}": Interval(0.9, 1.1),
     "{range: [0.8, 1.1]}": Interval(0.8, 1.1),
-    "{range: [0.9, 1.1], law: uniform}": Interval(0.9, 1.1),
-    "{range: [0.9, 1.1], law: beta, a: 2, b: 5}": Beta(0.9, 1.1, 2, 5),
-    "{law: beta, a: 0.5, b: 0.5}": Beta(0.9, 1.1, 0.5, 0.5),
+    "{range: [0.9, 1.1], distribution: uniform}": Interval(0.9, 1.1),
+    "{range: [0.9, 1.1], distribution: beta, a: 2, b: 5}": Beta(0.9, 1.1, 2, 5),
+    "{distribution: beta, a: 0.5, b: 0.5}": Beta(0.9, 1.1, 0.5, 0.5),
     NORMAL: TruncatedNormal(0.9, 1.1, 1.0, 0.03),
     f"{{mixture: [{{range: [0.8, 0.9], weight: 2}}, {NORMAL}]}}": Mixture(
         (Interval(0.8, 0.9), 2), (TruncatedNormal(0.9, 1.1, 1.0, 0.03), 1)
@@ -113,27 +113,32 @@ def test_a_table_in_a_mixture(tmp_path: Path) -> None:
 
 
 CASES = {
-    "{law: bta}": (21, ".law", "'bta' is not one of uniform, beta, normal", "did you mean 'beta'?"),
-    "{law: beta, a: 2}": (21, ".law", "expected a and b for law beta, but b is missing", "for example  b: 5"),
-    "{law: normal}": (
-        21,
-        ".law",
-        "expected mean and deviation for law normal, but mean is missing",
+    "{distribution: bta}": (30, ".distribution", "'bta' is not one of uniform, beta, normal", "did you mean 'beta'?"),
+    "{distribution: beta, a: 2}": (
+        30,
+        ".distribution",
+        "expected a and b for beta, but b is missing",
+        "for example  b: 5",
+    ),
+    "{distribution: normal}": (
+        30,
+        ".distribution",
+        "expected mean and deviation for normal, but mean is missing",
         "for example  mean: 1.0",
     ),
-    "{a: 2}": (19, ".a", "expected no a for law uniform", "a is for law: beta"),
-    "{law: beta, a: 0, b: 1}": (30, ".a", "expected a number from 0.001 to 1e+06, got 0", ""),
-    "{law: beta, a: 1, b: -1}": (36, ".b", "expected a number from 0.001 to 1e+06, got -1", ""),
-    "{law: normal, mean: .nan, deviation: 1}": (35, ".mean", "expected a finite number, got .nan", ""),
-    "{law: normal, mean: 1, deviation: 0}": (49, ".deviation", "expected a number above 0, got 0", ""),
-    "{law: normal, mean: 99, deviation: 0.01}": (
-        35,
+    "{a: 2}": (19, ".a", "expected no a for uniform", "a is for distribution: beta"),
+    "{distribution: beta, a: 0, b: 1}": (39, ".a", "expected a number from 0.001 to 1e+06, got 0", ""),
+    "{distribution: beta, a: 1, b: -1}": (45, ".b", "expected a number from 0.001 to 1e+06, got -1", ""),
+    "{distribution: normal, mean: .nan, deviation: 1}": (44, ".mean", "expected a finite number, got .nan", ""),
+    "{distribution: normal, mean: 1, deviation: 0}": (58, ".deviation", "expected a number above 0, got 0", ""),
+    "{distribution: normal, mean: 99, deviation: 0.01}": (
+        44,
         ".mean",
         "expected at most 1000 deviations outside of [0.9, 1.1], got 99",
         "",
     ),
-    "{range: [-1, 1], law: beta, a: 1, b: 1}": (23, ".range", "expected a range above 0, got [-1, 1]", ""),
-    "{mixture: []}": (25, ".mixture", "expected at least one law, got an empty list", ""),
+    "{range: [-1, 1], distribution: beta, a: 1, b: 1}": (23, ".range", "expected a range above 0, got [-1, 1]", ""),
+    "{mixture: []}": (25, ".mixture", "expected at least one distribution, got an empty list", ""),
     "{mixture: {range: [1, 2]}}": (25, ".mixture", "expected a list, got a section", ""),
     "{mixture: [{range: [1, 2], weight: 0}]}": (
         50,
@@ -141,10 +146,10 @@ CASES = {
         "expected a number without a unit, above 0, got 0",
         "",
     ),
-    "{mixture: [{range: [1, 2]}, {law: beta, a: 1}]}": (
-        49,
-        ".mixture[1].law",
-        "expected a and b for law beta, but b is missing",
+    "{mixture: [{range: [1, 2]}, {distribution: beta, a: 1}]}": (
+        58,
+        ".mixture[1].distribution",
+        "expected a and b for beta, but b is missing",
         "for example  b: 5",
     ),
     "{mixture: [{rnge: [1, 2]}]}": (27, ".mixture[0].rnge", "unknown field", "did you mean 'range'?"),
@@ -154,7 +159,12 @@ CASES = {
         "expected mixture without range",
         "leave one of them out",
     ),
-    "{samples: [1], law: uniform}": (35, ".law", "expected samples without law", "leave one of them out"),
+    "{samples: [1], distribution: uniform}": (
+        44,
+        ".distribution",
+        "expected samples without distribution",
+        "leave one of them out",
+    ),
     "{samples: [1, 2 m]}": (29, ".samples[1]", "expected a number without a unit, got '2 m', which is a length", ""),
     "{samples: [1, .nan]}": (29, ".samples[1]", "expected a finite number, got .nan", ""),
     "{samples: [1, 0]}": (29, ".samples[1]", "expected a number without a unit, above 0, got 0", ""),
@@ -234,10 +244,10 @@ def test_measured_robots_elsewhere_are_not_read(tmp_path: Path) -> None:
     (tmp_path / "inner").mkdir()
     (tmp_path / "secret.csv").write_text("traction\n1\n")
     (tmp_path / "inner/problem.yaml").write_text(
-        "fleet: {model: unicycle, cloud: ../secret.csv, start: {position: [0, 0], heading: 0}}\n"
+        "fleet: {model: unicycle, samples: ../secret.csv, start: {position: [0, 0], heading: 0}}\n"
         "horizon: {duration: 1 s}\ntask: F x >= 1\n"
     )
-    with pytest.raises(ConfigError, match=r"fleet\.cloud: expected a file in the same folder or below, got '\.\./sec"):
+    with pytest.raises(ConfigError, match=r"fleet\.samples: expected a file in the same folder or below, got"):
         load(tmp_path / "inner/problem.yaml")
 
 
@@ -266,4 +276,4 @@ def test_a_problem_with_laws_that_no_file_can_hold_is_refused() -> None:
 
 def test_editors_know_the_fields() -> None:
     described = schema()["$defs"]["LawSection"]["properties"]
-    assert set(described) == {"range", "law", "a", "b", "mean", "deviation", "numbers", "samples", "mixture"}
+    assert set(described) == {"range", "distribution", "a", "b", "mean", "deviation", "numbers", "samples", "mixture"}

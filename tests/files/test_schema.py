@@ -75,7 +75,7 @@ def test_every_problem_file_names_it_and_agrees_with_it(path: Path) -> None:
         ("fleet.start.position", [1, 2, 3]),
         ("fleet.start.heading", "45 dge"),
         ("fleet.input_bounds.v", ["1 rad/s", 2]),
-        ("fleet.parameters.traction.law", "gauss"),
+        ("fleet.parameters.traction.distribution", "gauss"),
         ("horizon.duration", 0),
         ("moments.order", 51),
         ("moments.order", "automatic"),

@@ -35,7 +35,7 @@ seeds = st.integers(0, 2**31)
 SIGNPOST = """
 fleet:
   model: unicycle
-  parameters: {traction: {range: [0.8, 1.2], law: normal, mean: 1.0, deviation: 0.08}}
+  parameters: {traction: {range: [0.8, 1.2], distribution: normal, mean: 1.0, deviation: 0.08}}
   start: {position: [0, 0], heading: 0 deg}
   input_bounds: {v: [-2, 2], omega: [-2, 2]}
 horizon: {duration: 3 s, steps: 30}
@@ -108,7 +108,7 @@ def test_a_proven_share_is_never_above_the_true_one(inner: str, seed: int) -> No
 @pytest.mark.parametrize(("p", "proven"), [(0.3, True), (0.55, True), (0.65, False), (0.9, False)])
 def test_a_share_is_proven_up_to_what_the_fleet_does_and_no_further(p: float, proven: bool) -> None:
     """Driving straight on for 1 m/s * 3 s, those with traction 0.92 to 1.04 are in the goal at the end: 60 %."""
-    text = SIGNPOST.replace("law: normal, mean: 1.0, deviation: 0.08", "law: uniform").replace(
+    text = SIGNPOST.replace("distribution: normal, mean: 1.0, deviation: 0.08", "distribution: uniform").replace(
         "0.6, G[2.8, 3]", f"{p}, G[3, 3]"
     )
     problem = load_text(
@@ -190,7 +190,9 @@ def test_a_share_is_cheaper_than_everybody() -> None:
     "parameters", ["{}", "{linear_traction: {range: [0.8, 1.2]}, start_x: {range: [-5 cm, 5 cm]}}"]
 )
 def test_fleets_of_no_and_of_several_parameters(parameters: str) -> None:
-    text = SIGNPOST.replace("{traction: {range: [0.8, 1.2], law: normal, mean: 1.0, deviation: 0.08}}", parameters)
+    text = SIGNPOST.replace(
+        "{traction: {range: [0.8, 1.2], distribution: normal, mean: 1.0, deviation: 0.08}}", parameters
+    )
     problem = load_text(text.replace("steps: 30", "steps: 15").replace("[2.75, 3.25]", "[2.4, 3.6]"))
     certificate = certify(problem, np.tile([[1.0, 0.02]], (15, 1)))
     assert certificate.parts[0].covered

@@ -129,14 +129,16 @@ def test_an_obstacle_that_the_task_names_can_not_be_left_out() -> None:
 
 
 def test_words_and_overrides_say_the_same() -> None:
-    problem = slow("fleet.parameters.traction={range: [0.8, 1.2], law: beta, a: 2, b: 3}")
+    problem = slow("fleet.parameters.traction={range: [0.8, 1.2], distribution: beta, a: 2, b: 3}")
     for relaxed in (
         longer_horizon(problem, 1.35),
         wider_bounds(problem, 1.5),
         narrower(problem, 0.5),
         smaller_robots(problem, 0.5),
     ):
-        changed = load_text(SLOW, "slow", ["fleet.parameters.traction={law: beta, a: 2, b: 3}", *relaxed.overrides])
+        changed = load_text(
+            SLOW, "slow", ["fleet.parameters.traction={distribution: beta, a: 2, b: 3}", *relaxed.overrides]
+        )
         if "range" not in str(relaxed.overrides):
             changed = load_text(dump(problem), "slow", relaxed.overrides)
         assert dump(changed) == dump(relaxed.problem), relaxed.change

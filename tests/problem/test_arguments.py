@@ -79,7 +79,7 @@ MADE: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
         fleet,
         {name: "" for name in ("system", "parameters")}
         | {name: "None" for name in ("position", "input_lower", "input_upper")}
-        | {"heading": "None number", "radius": "number", "cloud": "None", "rate_bounds": "None"},
+        | {"heading": "None number", "radius": "number", "samples": "None", "rate_bounds": "None"},
     ),
     "Fleet by states": (
         by_states,

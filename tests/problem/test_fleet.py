@@ -103,13 +103,13 @@ def test_public_names() -> None:
 def measured(robots: int = 40) -> tuple[Fleet, NDArray[np.float64]]:
     """A fleet of measured robots whose two tractions belong together, with a third parameter of its own."""
     values = 1.0 + np.random.default_rng(5).normal(size=(robots, 2)) @ np.array([[0.02, 0.018], [0.0, 0.004]])
-    cloud = {"linear_traction": values[:, 0], "angular_traction": values[:, 1]}
-    laws: dict[str, Law] = {name: Samples(column) for name, column in cloud.items()}
+    samples = {"linear_traction": values[:, 0], "angular_traction": values[:, 1]}
+    laws: dict[str, Law] = {name: Samples(column) for name, column in samples.items()}
     laws["start_heading"] = Interval(-0.1, 0.1)
-    return Fleet(Unicycle(), laws, np.zeros(2), 0.0, np.full(2, -2.0), np.full(2, 2.0), cloud=cloud), values
+    return Fleet(Unicycle(), laws, np.zeros(2), 0.0, np.full(2, -2.0), np.full(2, 2.0), samples=samples), values
 
 
-def test_a_cloud_is_integrated_robot_by_robot() -> None:
+def test_joint_samples_are_integrated_robot_by_robot() -> None:
     fleet, values = measured()
     scaled, weights = fleet.rule(3)
     members = fleet.bent_members(scaled)
@@ -119,14 +119,14 @@ def test_a_cloud_is_integrated_robot_by_robot() -> None:
     assert product == pytest.approx((values[:, 0] * values[:, 1]).mean() * 0.1**2 / 3, rel=1e-9)
 
 
-def test_draws_from_a_cloud_are_its_robots() -> None:
+def test_draws_from_joint_samples_are_its_robots() -> None:
     fleet, values = measured()
     drawn = {tuple(row) for row in fleet.sample(500, 1)[:, :2].tolist()}
     assert drawn <= {tuple(row) for row in values.tolist()}
     assert len(drawn) > 35
 
 
-def test_means_and_squares_of_a_truncation_are_over_the_cloud() -> None:
+def test_means_and_squares_of_a_truncation_are_over_the_joint_samples() -> None:
     fleet, _ = measured()
     problem = five_with(fleet)
     truncation = choose(problem, np.tile([[0.5, 0.1]], (32, 1)))
@@ -143,12 +143,12 @@ def five_with(fleet: Fleet) -> ec.Problem:
     return problem.with_(fleet=fleet, order=None)
 
 
-def test_a_wrong_cloud_is_refused() -> None:
+def test_a_wrong_sample_is_refused() -> None:
     fleet, values = measured()
-    for cloud, message in (
+    for samples, message in (
         ({"linear_traction": values[:, 0], "angular_traction": values[:5, 1]}, "expected columns of one length"),
         ({"mass": values[:, 0]}, "expected parameters that bend trajectories, got 'mass'"),
         ({"linear_traction": values[:, 1]}, "expected the law of linear_traction to be the samples of its column"),
     ):
-        with pytest.raises(ProblemError, match=f"^fleet.cloud: {message}"):
-            replace(fleet, cloud=cloud)
+        with pytest.raises(ProblemError, match=f"^fleet.samples: {message}"):
+            replace(fleet, samples=samples)

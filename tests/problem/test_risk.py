@@ -30,7 +30,7 @@ FILES = CONFIGS / "risk"
 GATE = """
 fleet:
   model: unicycle
-  parameters: {traction: {range: [0.85, 1.25], law: beta, a: 2, b: 6}}
+  parameters: {traction: {range: [0.85, 1.25], distribution: beta, a: 2, b: 6}}
   start: {position: [0, 0], heading: 0 deg}
   input_bounds: {v: [-2, 2], omega: [-2, 2]}
 horizon: {duration: 6 s, steps: 30}

@@ -44,4 +44,4 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
 def _spread(problem: Problem, laws: Mapping[str, Law]) -> list[object]:
     """How the fleet is spread, for claims about a share or the mean of it."""
     quantiles = [law.quantile(np.linspace(0.0, 1.0, 65)).tolist() for law in laws.values()]
-    return [quantiles, [(name, column.tolist()) for name, column in (problem.fleet.cloud or {}).items()]]
+    return [quantiles, [(name, column.tolist()) for name, column in (problem.fleet.samples or {}).items()]]

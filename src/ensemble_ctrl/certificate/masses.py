@@ -67,7 +67,7 @@ def masses(fleet: Ensemble, centres: Floats, half: Floats) -> Masses:
 
     Cells share their edges, and what lies on an edge belongs to the lower cell, so that nothing counts twice.
     """
-    laws, cloud = list(fleet.parameters.items()), fleet.cloud or {}
+    laws, samples = list(fleet.parameters.items()), fleet.samples or {}
     counted = all(law.uniform or law.measured is not None for _, law in laws)
     mass, total, robots = np.ones(len(centres)), 1.0, None
     for k, (name, law) in enumerate(laws):
@@ -75,8 +75,8 @@ def masses(fleet: Ensemble, centres: Floats, half: Floats) -> Masses:
         count = max(1, round(width / (2 * half[0, k]))) if width else 1
         index = np.clip(((centres[:, k] - law.lower) / max(width, 1e-300) * count).astype(int), 0, count - 1)
         edges = law.lower + width * np.arange(1, count) / count
-        if name in cloud:
-            place = np.searchsorted(edges, cloud[name], side="left")
+        if name in samples:
+            place = np.searchsorted(edges, samples[name], side="left")
             inside = index[:, None] == place
             robots = inside if robots is None else robots & inside
         elif law.measured is not None:

@@ -148,7 +148,7 @@ def _peeled(fleet: Fleet, axes: list[Floats], good: Bools) -> tuple[tuple[int, i
 
 
 def weighed(problem: Problem, laws: Mapping[str, Law]) -> Fleet:
-    """The fleet with the laws that a certificate is about; a cloud stands for its own laws only."""
+    """The fleet with the laws that a certificate is about; joint samples stand for its own laws only."""
     fleet = problem.fleet
     same = all(laws[name] is law for name, law in fleet.parameters.items())
     return fleet if same else fleet.with_laws(laws)

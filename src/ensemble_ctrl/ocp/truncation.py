@@ -245,7 +245,7 @@ def plain(orders: tuple[int, ...], hull: bool) -> Truncation:
 def _whole(problem: Problem, orders: tuple[int, ...], hull: bool) -> Truncation:
     """A truncation of a problem's fleet that carries all its moments."""
     fleet = problem.fleet
-    joint = None if fleet.cloud is None else fleet.rule(max(orders, default=0) + 1)
+    joint = None if fleet.samples is None else fleet.rule(max(orders, default=0) + 1)
     return Truncation(orders, orders, hull, fleet.bent_laws, problem.solve.cells, joint)
 
 

@@ -32,31 +32,31 @@ class Ensemble(ReadOnlyArrays):
     ----------
     parameters : mapping of str to Law
         The law of each parameter, independent of each other.
-    cloud : mapping of str to ndarray of shape (robots,), or None
+    samples : mapping of str to ndarray of shape (robots,), or None
         Columns of parameters that were measured together, where there are such.
     """
 
     parameters: Mapping[str, Law]
-    cloud: Mapping[str, Floats] | None = None
+    samples: Mapping[str, Floats] | None = None
 
     def with_laws(self, laws: Mapping[str, Law]) -> Self:
-        """The same fleet with other laws of its parameters, for which a cloud does not stand."""
-        changes: dict[str, Any] = {"parameters": dict(laws)} | ({} if self.cloud is None else {"cloud": None})
+        """The same fleet with other laws of its parameters, for which joint samples do not hold."""
+        changes: dict[str, Any] = {"parameters": dict(laws)} | ({} if self.samples is None else {"samples": None})
         return replace(self, **changes)  # type: ignore[type-var]
 
-    def checked_cloud(self, cloud: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    def checked_samples(self, samples: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         """Columns of one length, whose laws are their samples."""
-        given = mapping_of("fleet.cloud", cloud, object, "columns")
-        columns = {name: numbers(f"fleet.cloud[{name!r}]", values) for name, values in given.items()}
+        given = mapping_of("fleet.samples", samples, object, "columns")
+        columns = {name: numbers(f"fleet.samples[{name!r}]", values) for name, values in given.items()}
         lengths = {column.shape for column in columns.values()}
         if len(lengths) != 1 or any(len(shape) != 1 for shape in lengths):
-            raise ProblemError(f"fleet.cloud: expected columns of one length, got shapes {sorted(lengths)}")
+            raise ProblemError(f"fleet.samples: expected columns of one length, got shapes {sorted(lengths)}")
         bending = [self.names[k] for k in self.bent]
         for name, column in columns.items():
             if name not in bending:
-                raise ProblemError(f"fleet.cloud: expected parameters that bend trajectories, got {name!r}")
+                raise ProblemError(f"fleet.samples: expected parameters that bend trajectories, got {name!r}")
             if self.parameters[name] != Samples(column):
-                raise ProblemError(f"fleet.cloud: expected the law of {name} to be the samples of its column")
+                raise ProblemError(f"fleet.samples: expected the law of {name} to be the samples of its column")
             column.setflags(write=False)
         return columns
 
@@ -70,9 +70,9 @@ class Ensemble(ReadOnlyArrays):
         drawn = np.empty((count, len(self.parameters)))
         for k, law in enumerate(self.parameters.values()):
             drawn[:, k] = law.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
-        if self.cloud is not None:
-            robots = np.random.default_rng(seed).integers(0, len(next(iter(self.cloud.values()))), count)
-            for name, column in self.cloud.items():
+        if self.samples is not None:
+            robots = np.random.default_rng(seed).integers(0, len(next(iter(self.samples.values()))), count)
+            for name, column in self.samples.items():
                 drawn[:, self.names.index(name)] = column[robots]
         return drawn
 
@@ -89,16 +89,16 @@ class Ensemble(ReadOnlyArrays):
         scaled, weights : ndarray, shapes (points, bent parameters) and (points,)
             Weights sum to 2; measured robots are their own points, each with the same weight.
         """
-        if self.cloud is None:
+        if self.samples is None:
             return tensor_rule(self.bent_laws, count)
-        own = [self.names[k] in self.cloud for k in self.bent]
+        own = [self.names[k] in self.samples for k in self.bent]
         others, weights = tensor_rule([law for law, mine in zip(self.bent_laws, own, strict=True) if not mine], count)
-        robots = len(next(iter(self.cloud.values())))
+        robots = len(next(iter(self.samples.values())))
         scaled = np.empty((robots, len(others), len(own)))
         scaled[:, :, [not mine for mine in own]] = others
         for column, (k, law) in enumerate(zip(self.bent, self.bent_laws, strict=True)):
             if own[column]:
-                scaled[:, :, column] = law.to_scaled(self.cloud[self.names[k]])[:, None]
+                scaled[:, :, column] = law.to_scaled(self.samples[self.names[k]])[:, None]
         return scaled.reshape(-1, len(own)), np.tile(weights / robots, robots)
 
     @property
@@ -168,21 +168,21 @@ class Ensemble(ReadOnlyArrays):
     def representatives(self, count: int) -> Floats:
         """Exactly `count` members of equal weight that stand for the laws, shape (count, parameters).
 
-        Even in the law of the first parameter, scattered evenly in those of the others; robots of the cloud stay whole.
+        Even in the distribution of the first parameter, scattered evenly in the others; joint samples stay whole.
         """
         share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
         share[:, :1] = (0.5 + np.arange(count)[:, None]) / count
         laws = self.parameters.values()
         members = np.column_stack([law.quantile(s) for law, s in zip(laws, share.T, strict=True)]) if laws else share
-        if self.cloud is not None:
-            first = self.names.index(next(iter(self.cloud)))
-            robots = (share[:, first] * len(next(iter(self.cloud.values())))).astype(int)
-            for name, column in self.cloud.items():
+        if self.samples is not None:
+            first = self.names.index(next(iter(self.samples)))
+            robots = (share[:, first] * len(next(iter(self.samples.values())))).astype(int)
+            for name, column in self.samples.items():
                 members[:, self.names.index(name)] = column[robots]
         return members
 
     def mass(self, lower: Floats, upper: Floats) -> float:
-        """Share of the fleet in a closed box of parameters, under the laws and the cloud.
+        """Share of the fleet in a closed box of parameters, under the laws and the joint samples.
 
         Parameters
         ----------
@@ -194,16 +194,16 @@ class Ensemble(ReadOnlyArrays):
         float
             0 to 1; measured members are counted.
         """
-        cloud, share, together = self.cloud or {}, 1.0, []
+        samples, share, together = self.samples or {}, 1.0, []
         counted = whole = 1
         for k, (name, law) in enumerate(self.parameters.items()):
-            values = cloud.get(name, law.measured)
+            values = samples.get(name, law.measured)
             if values is None:
                 below = np.nextafter(lower[k], -np.inf)
                 share *= float(law.cdf(upper[k]) - law.cdf(below))
                 continue
             inside = (values >= lower[k]) & (values <= upper[k])
-            if name in cloud:
+            if name in samples:
                 together.append(inside)
             else:
                 counted, whole = counted * int(inside.sum()), whole * len(values)

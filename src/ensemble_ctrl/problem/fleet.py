@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.core.readonly import ReadOnlyMapping
+from ensemble_ctrl.core.renamed import renamed_fields
 from ensemble_ctrl.core.values import expect, numbers
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem.arguments import laws_of
@@ -30,6 +31,7 @@ START_COLUMNS = {"start_heading": 2, "start_x": 3, "start_y": 4}
 """Parameters of the start of robots on arcs, and their places among the member coefficients."""
 
 
+@renamed_fields(cloud="samples")
 @dataclass(frozen=True, eq=False, init=False)
 class Fleet(Ensemble):
     """Who moves.
@@ -51,10 +53,10 @@ class Fleet(Ensemble):
         Bounds of the commands; the system's own if not given.
     radius : float
         Radius of a robot in metres; obstacles grow by it.
-    cloud : mapping of str to array_like of shape (robots,), optional
+    samples : mapping of str to array_like of shape (robots,), optional
         Measured robots whose parameters belong together: for each of some parameters that bend trajectories the values
         of all robots, in one order. Their laws have to be the `Samples` of these values. Means, moments and draws
-        follow the cloud; a plan still holds for all combinations in the ranges.
+        follow the joint samples; a plan still holds for all combinations in the ranges.
     rate_bounds : array_like, shape (n_u,), optional
         Largest change of each command per second, between successive steps; infinite if not given.
     start : mapping of str to float, optional
@@ -83,7 +85,7 @@ class Fleet(Ensemble):
     input_lower: Floats
     input_upper: Floats
     radius: float
-    cloud: Mapping[str, Floats] | None
+    samples: Mapping[str, Floats] | None
     rate_bounds: Floats | None
     start: Mapping[str, float]
 
@@ -96,13 +98,13 @@ class Fleet(Ensemble):
         input_lower: ArrayLike | None = None,
         input_upper: ArrayLike | None = None,
         radius: float | str = 0.0,
-        cloud: Mapping[str, ArrayLike] | None = None,
+        samples: Mapping[str, ArrayLike] | None = None,
         rate_bounds: ArrayLike | None = None,
         *,
         start: Mapping[str, float] | None = None,
     ) -> None:
         expect("fleet.system", system, System).require_complete()
-        self._set(system=system, parameters=ReadOnlyMapping(laws_of("fleet.parameters", parameters)), cloud=None)
+        self._set(system=system, parameters=ReadOnlyMapping(laws_of("fleet.parameters", parameters)), samples=None)
         self._check_names()
         self._set(start=start_of(system, start, position, heading), radius=radius_of(radius))
         lower, upper = np.array(system.input_bounds, dtype=float).T
@@ -111,8 +113,8 @@ class Fleet(Ensemble):
         if (lower > upper).any():
             raise ProblemError(f"fleet.input_bounds: low above high: {lower}, {upper}")
         self._set(input_lower=lower, input_upper=upper, rate_bounds=rates_of(system, rate_bounds))
-        if cloud is not None:
-            self._set(cloud=ReadOnlyMapping(self.checked_cloud(cloud)))
+        if samples is not None:
+            self._set(samples=ReadOnlyMapping(self.checked_samples(samples)))
         if not system.on_arcs:
             self._check_members()
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.clouds import Cloud, read_cloud
+from ensemble_ctrl.files.config.distributions import LawSection, OffsetSection, TurnSection, law_data, law_of
 from ensemble_ctrl.files.config.fields import Model
-from ensemble_ctrl.files.config.laws import LawSection, OffsetSection, TurnSection, law_data, law_of
+from ensemble_ctrl.files.config.joint_samples import JointSamples, read_joint_samples
 from ensemble_ctrl.files.config.samples import Columns
 from ensemble_ctrl.files.config.wrong import Wrong
 from ensemble_ctrl.moments import Law, Samples
@@ -92,7 +92,7 @@ class FleetSection(Model):
     """Bicycle only: distance between the axles; 0.3 m if not given."""
     parameters: Parameters = Field(default_factory=lambda: Parameters(traction=LawSection()))
     """What differs between members; without the section, `traction` from 0.9 to 1.1."""
-    cloud: Cloud | None = None
+    samples: JointSamples | None = None
     """Measured robots whose parameters belong together: a CSV file with a column for each, or columns."""
     start: Start
     """Where all members start."""
@@ -105,13 +105,15 @@ class FleetSection(Model):
     _robots: Columns = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
-    def _read_cloud(self, info: ValidationInfo) -> Self:
+    def _read_joint_samples(self, info: ValidationInfo) -> Self:
         """Read the table of measured robots; what it holds is not given by a law too."""
-        if self.cloud is not None:
-            self._robots = read_cloud(self.cloud, (info.context or {}).get("folder", Path()))
+        if self.samples is not None:
+            self._robots = read_joint_samples(self.samples, (info.context or {}).get("folder", Path()))
             laws = {name for name, law in self.parameters if law is not None and "parameters" in self.model_fields_set}
             for name in sorted(laws & set(self._robots)):
-                raise Wrong(f"expected {name} in the cloud or among the parameters, got both", path=("cloud",))
+                raise Wrong(
+                    f"expected {name} in the joint samples or among the parameters, got both", path=("samples",)
+                )
         return self
 
     @staticmethod
@@ -151,7 +153,7 @@ class FleetSection(Model):
             system=system,
             parameters=_laws(self),
             rate_bounds=_rates(self, system),
-            cloud={name: np.array(column) for name, column in self.robots.items()} or None,
+            samples={name: np.array(column) for name, column in self.robots.items()} or None,
             position=np.array(start.position),
             heading=start.heading if start.heading_from == "x" else math.pi / 2 - start.heading,
             input_lower=bounds[:, 0],
@@ -170,7 +172,7 @@ def _rates(section: FleetSection, system: ArcSystem) -> NDArray[np.float64] | No
 
 def _laws(section: FleetSection) -> dict[str, Law]:
     """The law of each parameter; the default one only where nothing else is said."""
-    given = section.parameters if section.cloud is None or "parameters" in section.model_fields_set else ()
+    given = section.parameters if section.samples is None or "parameters" in section.model_fields_set else ()
     laws = {name: law_of(law, name) for name, law in given if law is not None}
     return laws | {name: Samples(column) for name, column in section.robots.items()}
 
@@ -186,12 +188,12 @@ def _system(section: FleetSection) -> ArcSystem:
 def arc_fleet_data(fleet: Fleet) -> Data:
     """The section on the fleet."""
     bounds = np.column_stack([fleet.input_lower, fleet.input_upper]).tolist()
-    system, cloud = fleet.arcs, fleet.cloud or {}
+    system, samples = fleet.arcs, fleet.samples or {}
     return {
         "model": system.name,
         **{name: float(value) for name, value in system.settings().items()},
-        "parameters": {name: law_data(law) for name, law in fleet.parameters.items() if name not in cloud},
-        **({"cloud": {name: column.tolist() for name, column in cloud.items()}} if cloud else {}),
+        "parameters": {name: law_data(law) for name, law in fleet.parameters.items() if name not in samples},
+        **({"samples": {name: column.tolist() for name, column in samples.items()}} if samples else {}),
         "start": {
             "position": fleet.position.tolist(),
             "heading": float(fleet.own_heading),

@@ -10,7 +10,11 @@ from ensemble_ctrl.files.config.overrides import Override
 from ensemble_ctrl.files.config.tree import Path, Tree
 from ensemble_ctrl.problem.checks import Finding
 
-RENAMED: tuple[tuple[tuple[str, ...], str], ...] = ((("report", "twin"), "baseline"),)
+RENAMED: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("report", "twin"), "baseline"),
+    (("fleet", "cloud"), "samples"),
+    (("fleet", "parameters", "*", "law"), "distribution"),
+)
 """The path of each old key and its new name; ``*`` is any keys, also none."""
 
 

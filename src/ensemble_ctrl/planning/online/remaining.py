@@ -65,7 +65,7 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
 
 
 def of_one_robot(problem: Problem) -> Problem:
-    """The problem without parameters of the start, which is measured, and without a cloud.
+    """The problem without parameters of the start, which is measured, and without joint samples.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def of_one_robot(problem: Problem) -> Problem:
     fleet = problem.fleet
     laws = {name: law for name, law in fleet.parameters.items() if name in fleet.system.parameters}
     laws = {name: Interval(law.lower, law.upper) for name, law in laws.items()}
-    return problem.with_(fleet=fleet.with_(parameters=laws, cloud=None, position=fleet.start_place))
+    return problem.with_(fleet=fleet.with_(parameters=laws, samples=None, position=fleet.start_place))
 
 
 def with_ranges(fleet: Fleet, ranges: Floats) -> Fleet:

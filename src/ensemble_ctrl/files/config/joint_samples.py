@@ -15,12 +15,12 @@ KNOWN = ("traction", "linear_traction", "angular_traction", "start_heading")
 """Parameters that a table may hold; other columns are left out."""
 
 
-def _cloud(value: Any) -> Any:
+def _joint_samples(value: Any) -> Any:
     """The name of a file, or columns of numbers of one length."""
     if isinstance(value, str):
         return value
     if not isinstance(value, dict) or not value:
-        example = "for example  cloud: measured.csv, with a column for each parameter"
+        example = "for example  samples: measured.csv, with a column for each parameter"
         raise Wrong(f"expected the name of a file, or columns of numbers, got {show(value)}", example)
     return {str(name): _column(str(name), column) for name, column in value.items()}
 
@@ -35,11 +35,13 @@ def _column(name: str, value: Any) -> Any:
         raise Wrong(error.message, error.hint, (name, *error.path)) from None
 
 
-Cloud = Annotated[Any, BeforeValidator(_cloud), WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "object"}]})]
+JointSamples = Annotated[
+    Any, BeforeValidator(_joint_samples), WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "object"}]})
+]
 
 
-def read_cloud(value: Any, folder: Path) -> Columns:
-    """The columns of a cloud as it stands in a file.
+def read_joint_samples(value: Any, folder: Path) -> Columns:
+    """The columns of joint samples as they stand in a file.
 
     Raises
     ------
@@ -49,11 +51,11 @@ def read_cloud(value: Any, folder: Path) -> Columns:
     try:
         columns = value if isinstance(value, dict) else columns_of(folder, value)
     except Wrong as error:
-        raise Wrong(error.message, error.hint, ("cloud",)) from None
+        raise Wrong(error.message, error.hint, ("samples",)) from None
     found = {name: columns[name] for name in KNOWN if name in columns}
     if not found:
-        raise Wrong(f"expected columns among {', '.join(KNOWN)}, got {', '.join(columns) or 'none'}", path=("cloud",))
+        raise Wrong(f"expected columns among {', '.join(KNOWN)}, got {', '.join(columns) or 'none'}", path=("samples",))
     if len({len(column) for column in found.values()}) > 1:
         sizes = ", ".join(f"{name} {len(column)}" for name, column in found.items())
-        raise Wrong(f"expected columns of one length, got {sizes}", path=("cloud",))
+        raise Wrong(f"expected columns of one length, got {sizes}", path=("samples",))
     return found

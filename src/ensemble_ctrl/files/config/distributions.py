@@ -1,4 +1,4 @@
-"""The law of a parameter in a problem file: read, built, and written."""
+"""The distribution of a parameter in a problem file: read, built, and written."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ SHAPES: dict[str, dict[str, str]] = {
     "beta": {"a": "a: 2", "b": "b: 5"},
     "normal": {"mean": "mean: 1.0", "deviation": "deviation: 0.03"},
 }
-"""Numbers that the laws of this package take, with examples."""
+"""Numbers that the distributions of this package take, with examples."""
 
 
-def _law_name(value: str) -> str:
+def _distribution_name(value: str) -> str:
     """The name of a distribution over a range."""
     if value not in DISTRIBUTIONS:
         raise Wrong(f"{show(value)} is not one of {', '.join(DISTRIBUTIONS)}", suggestion(value, DISTRIBUTIONS))
     return value
 
 
-LawName = Annotated[str, AfterValidator(_law_name), WithJsonSchema({"enum": list(DISTRIBUTIONS)})]
+DistributionName = Annotated[str, AfterValidator(_distribution_name), WithJsonSchema({"enum": list(DISTRIBUTIONS)})]
 
 
 def _values(kind: str) -> WithJsonSchema:
@@ -50,22 +50,22 @@ Angles = Annotated[Values | str, BeforeValidator(lambda value: samples(value, qu
 
 
 class PartSection(f.Model):
-    """How a parameter is spread: a law over a range, or measured values."""
+    """How a parameter is spread: a distribution over a range, or measured values."""
 
     range: f.Range = (0.9, 1.1)
     """Low and high end, `[low, high]`."""
-    law: LawName = "uniform"
+    distribution: DistributionName = "uniform"
     """How it is spread over the range."""
     a: f.Number | None = None
-    """Shape of a Beta law at the low end."""
+    """Shape of a Beta distribution at the low end."""
     b: f.Number | None = None
-    """Shape of a Beta law at the high end."""
+    """Shape of a Beta distribution at the high end."""
     mean: f.Number | None = None
-    """Mean of a normal law, before it is cut off at the range's ends."""
+    """Mean of a normal distribution, before it is cut off at the range's ends."""
     deviation: f.Number | None = None
-    """Standard deviation of a normal law, before it is cut off."""
+    """Standard deviation of a normal distribution, before it is cut off."""
     numbers: dict[str, f.Number] | None = None
-    """Numbers of a law that was added to `ensemble_ctrl.moments.DISTRIBUTIONS`, by name."""
+    """Numbers of a distribution that was added to `ensemble_ctrl.moments.DISTRIBUTIONS`, by name."""
     samples: Measured | None = None
     """Measured values, or the name of a CSV file of them, in place of a range."""
     _columns: Columns = PrivateAttr(default_factory=dict)
@@ -73,7 +73,7 @@ class PartSection(f.Model):
 
     @model_validator(mode="after")
     def _check(self, info: ValidationInfo) -> Self:
-        """Read the file, and build the law, so that what is wrong is reported with everything else."""
+        """Read the file, and build the distribution, so that what is wrong is reported with everything else."""
         if self.samples is not None:
             _alone(self, "samples")
             self._columns = self._measured((info.context or {}).get("folder", Path()))
@@ -97,23 +97,23 @@ class PartSection(f.Model):
             raise Wrong(error.message, error.hint, ("samples",)) from None
 
     def over_range(self) -> Law:
-        """The law over the range."""
-        make: Callable[..., Law] = DISTRIBUTIONS[self.law]
-        return make(*self.range, *(_number(self, name) for name in DISTRIBUTIONS[self.law].numbers))
+        """The distribution over the range."""
+        make: Callable[..., Law] = DISTRIBUTIONS[self.distribution]
+        return make(*self.range, *(_number(self, name) for name in DISTRIBUTIONS[self.distribution].numbers))
 
 
 class MixturePart(PartSection):
-    """One law of a mixture."""
+    """One distribution of a mixture."""
 
     weight: f.Positive = 1.0
-    """Share of this law, relative to the others."""
+    """Share of this distribution, relative to the others."""
 
 
 class LawSection(PartSection):
-    """How a parameter is spread over the fleet: a law over a range, a mixture of laws, or measured values."""
+    """How a parameter is spread over the fleet: a distribution over a range, a mixture, or measured values."""
 
     mixture: list[MixturePart] | None = None
-    """A list of laws, each with a `weight`, in place of a range."""
+    """A list of distributions, each with a `weight`, in place of a range."""
 
     @model_validator(mode="after")
     def _check_mixture(self) -> Self:
@@ -134,21 +134,21 @@ class OffsetPart(PartSection):
 
 
 class OffsetMixturePart(OffsetPart):
-    """One law of a mixture."""
+    """One distribution of a mixture."""
 
     weight: f.Positive = 1.0
-    """Share of this law, relative to the others."""
+    """Share of this distribution, relative to the others."""
 
 
 class OffsetSection(OffsetPart):
     """How an offset of the start position is spread over the fleet."""
 
     mixture: list[OffsetMixturePart] | None = None
-    """A list of laws, each with a `weight`, in place of a range."""
+    """A list of distributions, each with a `weight`, in place of a range."""
 
     @model_validator(mode="after")
     def _check_mixture(self) -> Self:
-        """A mixture has parts, and nothing beside it; a law has a range."""
+        """A mixture has parts, and nothing beside it; a distribution has a range."""
         _check_range(self)
         _check_mixture(self)
         return self
@@ -166,21 +166,21 @@ class TurnPart(PartSection):
 
 
 class TurnMixturePart(TurnPart):
-    """One law of a mixture."""
+    """One distribution of a mixture."""
 
     weight: f.Positive = 1.0
-    """Share of this law, relative to the others."""
+    """Share of this distribution, relative to the others."""
 
 
 class TurnSection(TurnPart):
     """How an offset of the start heading is spread over the fleet."""
 
     mixture: list[TurnMixturePart] | None = None
-    """A list of laws, each with a `weight`, in place of a range."""
+    """A list of distributions, each with a `weight`, in place of a range."""
 
     @model_validator(mode="after")
     def _check_mixture(self) -> Self:
-        """A mixture has parts, and nothing beside it; a law has a range."""
+        """A mixture has parts, and nothing beside it; a distribution has a range."""
         _check_range(self)
         _check_mixture(self)
         return self
@@ -195,7 +195,7 @@ class PlainPart(PartSection):
 
 
 class PlainMixturePart(PlainPart):
-    """One law of a mixture."""
+    """One distribution of a mixture."""
 
     weight: f.Positive = 1.0
     """Share of the fleet, relative to the other parts."""
@@ -205,11 +205,11 @@ class PlainSection(PlainPart):
     """How a parameter of a system that is no robot on arcs is spread over the fleet."""
 
     mixture: list[PlainMixturePart] | None = None
-    """A list of laws, each with a `weight`, in place of a range."""
+    """A list of distributions, each with a `weight`, in place of a range."""
 
     @model_validator(mode="after")
     def _check_mixture(self) -> Self:
-        """A mixture has parts, and nothing beside it; a law has a range."""
+        """A mixture has parts, and nothing beside it; a distribution has a range."""
         _check_range(self)
         _check_mixture(self)
         return self
@@ -224,7 +224,7 @@ def _check_mixture(section: AnySection) -> None:
     if section.mixture is not None:
         _alone(section, "mixture")
         if not section.mixture:
-            raise Wrong("expected at least one law, got an empty list", path=("mixture",))
+            raise Wrong("expected at least one distribution, got an empty list", path=("mixture",))
 
 
 def _check_range(section: AnySection) -> None:
@@ -276,11 +276,11 @@ def _part_data(law: Law) -> Data:
         return {"samples": law.values.tolist()}
     kind = next((name for name, made in DISTRIBUTIONS.items() if type(law) is made), None)
     if kind is None:
-        raise ProblemError(f"fleet.parameter: expected a law that a problem file can hold, got {law!r}")
+        raise ProblemError(f"fleet.parameter: expected a distribution that a problem file can hold, got {law!r}")
     numbers = {name: getattr(law, name) for name in law.numbers}
     named = {name: value for name, value in numbers.items() if name in PartSection.model_fields}
     added = {name: value for name, value in numbers.items() if name not in named}
-    data: Data = {"range": [law.lower, law.upper]} | ({} if kind == "uniform" else {"law": kind})
+    data: Data = {"range": [law.lower, law.upper]} | ({} if kind == "uniform" else {"distribution": kind})
     return data | named | ({"numbers": added} if added else {})
 
 
@@ -296,27 +296,31 @@ def _flat(law: Mixture, weight: float | None = None) -> Iterator[tuple[Law, floa
 
 
 def _number(section: PartSection, name: str) -> float | None:
-    """A number of the section's law: a field of its own, or one of `numbers`."""
+    """A number of the section's distribution: a field of its own, or one of `numbers`."""
     if name in type(section).model_fields:
         return cast("float | None", getattr(section, name))
     return (section.numbers or {}).get(name)
 
 
 def _complete(section: PartSection) -> None:
-    """A law has its numbers, and no others."""
-    takes = DISTRIBUTIONS[section.law].numbers
+    """A distribution has its numbers, and no others."""
+    takes = DISTRIBUTIONS[section.distribution].numbers
     for name in takes:
         if _number(section, name) is None:
-            message = f"expected {' and '.join(takes)} for law {section.law}, but {name} is missing"
-            example = SHAPES.get(section.law, {}).get(name, f"numbers: {{{name}: 1.0}}")
-            raise Wrong(message, f"for example  {example}", ("law",))
+            message = f"expected {' and '.join(takes)} for {section.distribution}, but {name} is missing"
+            example = SHAPES.get(section.distribution, {}).get(name, f"numbers: {{{name}: 1.0}}")
+            raise Wrong(message, f"for example  {example}", ("distribution",))
     for name in section.numbers or {}:
         if name not in takes or name in type(section).model_fields:
-            raise Wrong(f"expected no {name} in numbers for law {section.law}", path=("numbers", name))
+            raise Wrong(f"expected no {name} in numbers for {section.distribution}", path=("numbers", name))
     for law, names in SHAPES.items():
         for name in names:
             if name not in takes and getattr(section, name) is not None:
-                raise Wrong(f"expected no {name} for law {section.law}", f"{name} is for law: {law}", (name,))
+                raise Wrong(
+                    f"expected no {name} for {section.distribution}",
+                    f"{name} is for distribution: {law}",
+                    (name,),
+                )
 
 
 def _alone(section: PartSection, form: str) -> None:
