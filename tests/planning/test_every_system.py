@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
+from ensemble_ctrl.api.comparison import left_out
 from ensemble_ctrl.files.config import dump
+from ensemble_ctrl.ocp.evaluate_sampled import evaluate
+from ensemble_ctrl.ocp.state_rounds import whole
 from ensemble_ctrl.problem.capabilities import FEATURES, supports
 
 MASSES = """
@@ -81,8 +84,6 @@ def test_targets_of_the_whole_fleet(target: str) -> None:
     """The cost counts how far the fleet ends from it, and a plan for it ends closer than one without."""
     problem = masses(f"objective: {{terminal: {{target: {target}, weight: 10}}}}")
     plan, other = proven(problem), proven(masses())
-    from ensemble_ctrl.ocp.evaluate_sampled import evaluate
-
     assert evaluate(problem, plan.controls).terminal < evaluate(problem, other.controls).terminal
     assert plan.details["arrival"]
 
@@ -90,8 +91,46 @@ def test_targets_of_the_whole_fleet(target: str) -> None:
 def test_what_is_not_for_a_system_is_refused_with_the_reason() -> None:
     problem = masses()
     refused = {name for name in FEATURES if not supports(problem, name)}
-    assert refused <= {"moment", "minlp", "online", "risk", "cells"} | refused
+    assert refused == {"moment", "minlp", "online", "risk", "suggest"}
     for name in refused:
         found = supports(problem, name)
         assert not found
         assert FEATURES[name].why in found.message
+
+
+def test_cells_have_hyperplanes_of_their_own() -> None:
+    problem = masses("solve: {cells: 2}")
+    assert len(whole(problem).parts) == 2
+    proven(problem)
+
+
+def test_the_unconstrained_baseline() -> None:
+    """The post is in the way of the plan, and not of the baseline, which goes straight through it."""
+    problem = masses("motions: {post: {path: [[0, [0, 1.5]], [4, [0, 1.5]]]}}\nreport: {baseline: true}")
+    straight = ec.plan(ec.unconstrained(problem), check=False)
+    assert ec.certify(problem, straight.controls).proven == "no"
+    proven(problem)
+
+
+@pytest.mark.slow
+def test_the_shortest_plan() -> None:
+    """A mass that is pushed by 2 N for half the time and against it for the other half needs 2 sqrt(d m / F)."""
+    problem = masses(more="solve: {time_limit: 60 s}", duration="{at_most: 4 s, at_least: 1 s}", visit="F")
+    plan = proven(problem)
+    least = np.sqrt(2 * 1.5 * 1.05 / 2)  # the heaviest, to the edge of the goal, at full force all the way
+    assert least - 1e-6 <= plan.problem.duration <= 1.35 * least
+
+
+@pytest.mark.slow
+def test_the_earliest_passage() -> None:
+    problem = masses("objective: {earliest: goal, robustness: 0}\nsolve: {time_limit: 60 s}", visit="F")
+    plan = proven(problem)
+    found = plan.details["soonest"]
+    assert found["value"] < 2.5
+
+
+def test_compare_has_the_rows_that_are_for_the_system() -> None:
+    problem = masses()
+    assert [row.name for row in ec.compare(problem)] == ["nodes", "hull"]
+    assert set(left_out(problem)) == {"moment", "moment, minlp", "hull, minlp"}
+    assert "not for the double_integrator" in left_out(problem)["moment"]

@@ -11,7 +11,6 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect
 from ensemble_ctrl.planning.planner import Progress
 from ensemble_ctrl.problem import Guarantee, Method, Problem
-from ensemble_ctrl.problem.capabilities import require
 
 VARIANTS: dict[str, tuple[Guarantee, Method]] = {
     "moment": ("moment", "nlp"),
@@ -64,19 +63,13 @@ def compare(
 ) -> tuple[Compared, ...]:
     """Plan `problem` once in each of the `VARIANTS` named, without certified tightening, and replay the plans.
 
-    Variants that are not for the problem (`left_out`) have no row.
-
-    Raises
-    ------
-    UnsupportedError
-        For a system that it is not for (`ensemble_ctrl.problem.capabilities`).
+    Variants that are not for the problem or its system (`left_out`) have no row.
 
     Notes
     -----
     Nothing is tightened after the first solution, so that each row shows what its constraints alone give.
     """
     expect("problem", problem, Problem)
-    require(problem, "compare")
     without = left_out(problem, variants)
     return tuple(_compared(problem, name, progress) for name in variants if name not in without)
 

@@ -69,7 +69,9 @@ class Stage:
         """Separating hyperplanes at an iterate, a row for every pair."""
         positions = iterate.states[:, self.problem.fleet.place_columns].transpose(0, 2, 1)
         points = np.einsum("ij,tjd->tid", self.truncation.to_points, positions)
-        hyperplanes = separate(points, self.problem.specification.avoid, self.problem.duration)
+        hyperplanes = separate(
+            points, self.problem.specification.avoid, self.problem.duration, parts=self.truncation.parts
+        )
         return Avoiding(hyperplanes, hyperplanes.active)
 
     def alike(self, controls: Floats, states: Floats) -> Iterate:
@@ -88,7 +90,8 @@ def whole(problem: Problem, order: int | None = None) -> Truncation:
     count = len(problem.fleet.names)
     if order is None:
         order = ORDERS.get(count, 1) if problem.order is None else problem.order
-    return Truncation((order,) * count, (order,) * count, problem.solve.guarantee == "hull", problem.fleet.bent_laws)
+    degrees, cells = (order,) * count, problem.solve.cells
+    return Truncation(degrees, degrees, problem.solve.guarantee == "hull", problem.fleet.bent_laws, cells)
 
 
 def first(problem: Problem, guess: Guess, clock: Clock, watch: Watch | None) -> tuple[Attempt, Floats]:

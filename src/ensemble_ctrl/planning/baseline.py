@@ -17,6 +17,8 @@ from ensemble_ctrl.problem import Problem, ReportOptions
 
 Floats = NDArray[np.float64]
 
+FAR = 1e4
+"""Metres that stand for no bound where it is not known how far members can go."""
 ANYWHERE = "anywhere"
 """The region that stands for the whole plane where nothing else is left of the task."""
 
@@ -88,8 +90,10 @@ def _keeps_in(leaf: Formula) -> bool:
 
 
 def _anywhere(problem: Problem) -> Polyhedron:
-    """A box around all starts of twice what the fastest member can drive."""
+    """A box around all starts of twice what the fastest member can drive; where that is not known, a large one."""
     fleet = problem.fleet
+    if not fleet.system.on_arcs:
+        return Polyhedron.box(np.column_stack([fleet.start_place - FAR, fleet.start_place + FAR]))
     speed = max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
     reach = 2 * float(speed * fleet.fastest[0]) * problem.duration + 1.0
     return Polyhedron.box(

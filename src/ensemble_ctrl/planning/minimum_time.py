@@ -53,6 +53,8 @@ BEYOND = 2.0
 """Plans up to so many times as long as allowed are looked for, to be driven faster."""
 EVEN = 200
 """Durations spread evenly among those where the task's windows hold the end of a step."""
+SCREEN = 0.1
+"""Share of the time limit that one short search takes at most, where there is no coarse grid."""
 STEP = 0.03
 """Share by which the first whole searches differ."""
 
@@ -161,8 +163,10 @@ class Duration:
                 yield from (t * n / k for k in range(1, n + 1))
 
     def carried(self, controls: Floats, value: float, to: float) -> Floats:
-        """The same arcs in another time, as far as the input bounds allow."""
+        """The same arcs in another time, as far as the input bounds allow; the same commands for other systems."""
         fleet = self.problem.fleet
+        if not fleet.system.on_arcs:
+            return controls
         return np.clip(controls * (value / to), fleet.input_lower, fleet.input_upper)
 
 
@@ -308,7 +312,8 @@ class _Search:
         if most is None:
             return self.goal.most, guess
         high, live = most, [] if guess is None else self._solved(most, [guess])
-        ladder = self._ladder(low, most)
+        by_routes = self.goal.problem.fleet.system.transcription == "positions"
+        ladder = self._ladder(low, most) if by_routes else iter([most])
         while not live and not self._over() and (rung := next(ladder, None)) is not None:
             high, live = rung, self._solved(rung, [])
         if not live:
@@ -341,6 +346,8 @@ class _Search:
     def _solved(self, value: float, guesses: list[Floats]) -> list[Floats]:
         """Solutions at a value from some guesses, cheapest first, or where these fail from routes."""
         problem = self.goal.at(value)
+        if problem.fleet.system.transcription == "states":
+            return self._screened(problem)
         steps = coarse_steps(problem)
         found = self._improved(problem, [planner.given(problem, guess, steps) for guess in guesses])
         if not found and not self._over():
@@ -348,6 +355,13 @@ class _Search:
                 problem, [guess.controls for guess in first_guesses(Request(problem, steps, quick=True))]
             )
         return [a.controls for a in sorted(found, key=lambda a: a.value.cost)]
+
+    def _screened(self, problem: Problem) -> list[Floats]:
+        """The controls that a short search without a proof finds, if any."""
+        seconds = min(self._left(), SCREEN * self.goal.problem.solve.time_limit)
+        options = replace(problem.solve, time_limit=max(seconds, 1e-3))
+        found = planner.screen(problem.with_(solve=options), progress=self._tell)
+        return [] if found is None else [found]
 
     def _improved(self, problem: Problem, guesses: list[Floats]) -> list[Attempt]:
         """Those of the guesses that become solutions."""

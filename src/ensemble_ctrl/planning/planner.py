@@ -447,6 +447,10 @@ def screen(problem: Problem, *, progress: Progress | None = None, curves: Curved
     -----
     *Guarantee*: none; it is a quick look before `solve`, which may find a plan where this finds none and the reverse.
     """
+    if problem.fleet.system.transcription == "states":  # there is no coarse grid: the search as it is, unproven
+        quick = problem.with_(verify=replace(problem.verify, certificate=False))
+        found = solve(quick, progress=progress)
+        return found.controls if found.status == "planned" else None
     search, steps = _Search(problem, progress, None), coarse_steps(problem)
 
     def by_routes() -> list[Guess]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.drawing import highest, outlines, target_lines
+from ensemble_ctrl.problem.drawing import highest, outlines, shadow, target_lines
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.palette import CONTRAST, DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, shades
@@ -135,7 +135,7 @@ def draw_trajectories(
     from matplotlib.collections import LineCollection
 
     if not on_map(problem):
-        return _draw_views(problem, controls, ax)
+        return _draw_views(problem, controls, ax, baseline_controls)
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
     substeps = max(1, POINTS // problem.steps)
@@ -155,7 +155,7 @@ def draw_trajectories(
     return ax
 
 
-def _draw_views(problem: Problem, controls: Floats, ax: Axes | None) -> Axes:
+def _draw_views(problem: Problem, controls: Floats, ax: Axes | None, baseline_controls: Floats | None) -> Axes:
     """Views of a fleet, one below the other; on given axes the first of them."""
     if ax is None:
         import matplotlib.pyplot as plt
@@ -163,16 +163,16 @@ def _draw_views(problem: Problem, controls: Floats, ax: Axes | None) -> Axes:
         axes = sheet(problem, controls, plt.figure(), 7.2, VIEW_MARGINS)
     else:
         axes = [ax]
-    draw_paths(problem, controls, axes)
+    draw_paths(problem, controls, axes, baseline_controls)
     axes[0].set_title(literal(f"{problem.name}: one control, {ranges_text(problem.fleet)}"), wrap=True)
     return axes[0]
 
 
-def _view_figures(problem: Problem, controls: Floats) -> dict[str, Figure]:
+def _view_figures(problem: Problem, controls: Floats, baseline_controls: Floats | None) -> dict[str, Figure]:
     """Views of a fleet, and its spread."""
     paths, spread = new_figure((7.2, 4.2)), new_figure((7.2, 4.2))
     axes = sheet(problem, controls, paths, 7.2, VIEW_MARGINS)
-    draw_paths(problem, controls, axes)
+    draw_paths(problem, controls, axes, baseline_controls)
     axes[0].set_title(literal(f"{problem.name}: one control, {ranges_text(problem.fleet)}"), wrap=True)
     draw_spread(problem, controls, placed_axes(spread, 0.75, 0.2, 0.55, 0.45))
     return {"trajectories.png": paths, "spread.png": spread}
@@ -217,7 +217,7 @@ def write_figures(
     control_figure = new_figure((7.2, 1.0 + 1.6 * controls.shape[1]))
     draw_controls(problem, controls, placed_axes(control_figure, 0.75, 0.2, 0.55, 0.4))
     if not on_map(problem):
-        figures = _view_figures(problem, controls)
+        figures = _view_figures(problem, controls, baseline_controls)
     else:
         figures = {"trajectories.png": new_figure(map_size(problem, controls, baseline_controls))}
         draw_trajectories(problem, controls, placed_axes(figures["trajectories.png"], *MARGINS), baseline_controls)
@@ -240,7 +240,7 @@ def map_size(
     drawn = [controls] if baseline_controls is None else [controls, baseline_controls]
     ends = np.concatenate([trajectories(problem, c, problem.fleet.corners) for c in drawn])
     shapes = [*outlines(problem, list(ends)).values(), *(piece.vertices for _, piece in problem.pieces)]
-    across, up = np.ptp(np.concatenate([*ends, *shapes]), axis=0)
+    across, up = np.ptp(np.concatenate([shadow(part) for part in (*ends, *shapes)]), axis=0)
     ratio = float(np.clip(up / max(across, 1e-9), 0.4, 1.1))
     left, right, bottom, top = margins
     return width, bottom + top + (width - left - right) * ratio

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, placed_axes
-from ensemble_ctrl.report.palette import OBSTACLE, OBSTACLE_EDGE, REGION, shades, viridis
+from ensemble_ctrl.report.palette import CONTRAST, OBSTACLE, OBSTACLE_EDGE, REGION, shades, viridis
 from ensemble_ctrl.report.scene import OVER_TIME, Scene, scenes
 from ensemble_ctrl.report.text import literal
 
@@ -31,7 +31,9 @@ GAP = 0.1
 """Inches between views, besides the margin."""
 
 
-def draw_paths(problem: Problem, controls: Floats, axes: Sequence[Axes]) -> None:
+def draw_paths(
+    problem: Problem, controls: Floats, axes: Sequence[Axes], baseline_controls: Floats | None = None
+) -> None:
     """Map and trajectories of members spread over the parameters' ranges, coloured by the first parameter.
 
     Parameters
@@ -40,6 +42,8 @@ def draw_paths(problem: Problem, controls: Floats, axes: Sequence[Axes]) -> None
     controls : ndarray, shape (steps, n_u)
     axes : sequence of matplotlib Axes
         One for each of `ensemble_ctrl.report.scene.scenes`; where fewer are given, so many views are drawn.
+    baseline_controls : ndarray, shape (steps, n_u), optional
+        Commands of the unconstrained baseline, whose trajectories are drawn thin and dashed.
     """
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
@@ -50,6 +54,12 @@ def draw_paths(problem: Problem, controls: Floats, axes: Sequence[Axes]) -> None
             ax.plot(*path.T, color=colour, linewidth=0.9, alpha=0.9)
             ax.plot(*path[-1:].T, "o", color=colour, markersize=3, zorder=4)
         ax.margins(0.06, 0.16)
+    if baseline_controls is not None:
+        whole = trajectories(problem, baseline_controls, members[::2], LOOKS)
+        for ax, scene in zip(axes, scenes(problem, whole), strict=False):
+            for path in scene.paths:
+                ax.plot(*path.T, "--", color=CONTRAST, linewidth=0.6, alpha=0.7, zorder=1.9)
+    for ax in axes:
         draw_scale(problem, ax)
 
 
