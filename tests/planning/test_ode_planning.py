@@ -153,7 +153,7 @@ def test_the_example_is_at_most_20_lines_and_runs(monkeypatch: pytest.MonkeyPatc
     sys.modules.pop("own_system")
 
 
-def test_what_needs_a_proof_or_arcs_says_so_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_needs_arcs_says_so_at_once() -> None:
     problem = ec.load(MASSES)
     with pytest.raises(ec.UnsupportedError, match="online replanning is not for the double_integrator"):
         Receding(problem)
