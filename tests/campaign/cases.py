@@ -350,6 +350,29 @@ def _means(rng: Random) -> Case:
     return replace(case, task=("mean", part))
 
 
+def _reweighed(rng: Random) -> Case:
+    """The mean of a fleet of which one range was asked for, and the other law is its own."""
+    case = _with_map(rng, _spread(rng, _fleet(rng, kinds=NAMES[5:6])), 1.0, obstacles=0)
+    name = str(rng.choice(list(case.parameters)))
+    low = float(rng.uniform(0.5, 1.5))
+    task = ("mean", ("G", None, None, _leaf(rng, case, 1.0)))
+    return replace(case, ranges={name: (low, low + float(rng.uniform(0.1, 0.5)))}, task=task)
+
+
+def _cornered(rng: Random) -> Case:
+    """Two of three robots pass a square on either side, at its corners, where its sides' lines are too close."""
+    far, half, radius = float(rng.uniform(3, 5)), float(rng.uniform(0.3, 0.7)), float(rng.uniform(0.1, 0.3))
+    away = radius * float(rng.uniform(1.05, 1.35))
+    turn = np.arctan2(np.sqrt(2) * half, far) + np.arcsin(away / np.hypot(far, np.sqrt(2) * half))
+    laws: dict[str, Law] = {"start_heading": ("samples", (0.0, float(turn), -float(turn)))}
+    steps, (x, y) = int(far) + 3, np.full(2, far / np.sqrt(2))
+    square = tuple((float(x + a * half), float(y + b * half)) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+    task = ("share", 0.6, ("G", None, None, ("avoid", "o0")))
+    start, controls = (0.0, 0.0), ((1.0, 0.0),) * steps
+    case = Case("", "unicycle", "x", 0.3, laws, start, np.pi / 4, radius, float(steps), controls, task)
+    return replace(case, obstacles={"o0": (square,)})
+
+
 def _long(rng: Random) -> Case:
     case = _fleet(rng, steps=int(rng.choice([200, 500, 2000])), kinds=NAMES[:2], equal=0.6)
     return _tasked(rng, _with_map(rng, case, 1.0, obstacles=1), 1.0, depth=1)
@@ -421,6 +444,26 @@ def _overtaken(rng: Random) -> Case:
     return replace(case, motions={"o": ((0.0, share * case.duration, case.duration), places)})
 
 
+def _spinning(rng: Random) -> Case:
+    """Many turns on the spot, then straight ahead to beside a line: what is lost of the angle shows across the way."""
+    turn, speed = _pick(rng, (1e3, 1e5, 1e7)) * float(rng.uniform(0.5, 2)), float(rng.uniform(1, 2))
+    ahead = int(rng.integers(1, 4))
+    controls = ((0.0, 0.0), (0.0, turn), *((speed, 0.0),) * ahead)
+    case = Case("", "unicycle", "x", 0.3, {}, (0.0, 0.0), float(rng.uniform(-3, 3)), 0.0, 2.0 + ahead, controls, ())
+    end = Motion(case).paths(np.ones((1, 0)), np.array([case.duration], dtype=Long))[0, 0]
+    across = np.array([-end[1], end[0]], dtype=float) / float(np.hypot(*end)) * rng.choice([-1.0, 1.0])
+    offset = -(Long(across[0]) * end[0] + Long(across[1]) * end[1])
+    window = case.duration, case.duration
+    return replace(case, task=("G", *window, ("pred", float(across[0]), float(across[1]), float(offset))))
+
+
+def _huge(rng: Random) -> Case:
+    """Speeds whose squares are no floating-point numbers, or whose sums are not."""
+    case = _with_map(rng, _fleet(rng, kinds=NAMES[:6]), 1.0)
+    fast = _pick(rng, (1e100, 1e155, 1e200, 1e300, 2e307))
+    return _tasked(rng, replace(case, controls=tuple((v * fast, w) for v, w in case.controls)), 1.0, depth=1)
+
+
 def _tight(rng: Random) -> Case:
     """Ways on which the remainders of the proof are as large as they say: turns on the spot, then straight ahead."""
     turn, angle = float(rng.uniform(-2, 2)), float(rng.uniform(-np.pi, np.pi))
@@ -445,6 +488,18 @@ def _tight(rng: Random) -> Case:
     return (
         _blocked(replace(case, task=task), row, float(row @ place)) if rng.random() < 0.4 else replace(case, task=task)
     )
+
+
+def _skewed(rng: Random) -> Case:
+    """Parallelograms beside the way that are no rectangles."""
+    case = _fleet(rng)
+    place, along, _ = _seen(case, rng)
+    first = rng.uniform(0.1, 0.5) * along
+    second = rng.uniform(0.1, 0.5) * (np.array([-along[1], along[0]]) + float(rng.uniform(-2, 2)) * along)
+    middle = place + second / 2 + (case.radius + _away(rng, 1.0)) * np.array([-along[1], along[0]])
+    corners = [middle + a * first + b * second for a, b in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))]
+    case = replace(case, obstacles={"o0": (tuple((float(x), float(y)) for x, y in corners),)})
+    return replace(case, task=_duties(rng, case)[0])
 
 
 def _tight_task(rng: Random, row: Floats, level: float) -> Node:
@@ -511,5 +566,10 @@ FAMILIES: dict[str, tuple[float, Callable[[Random], Case]]] = {
     "implied": (2, _implied),
     "returning": (0.5, _returning),
     "overtaken": (1, _overtaken),
+    "reweighed": (0, _reweighed),
+    "cornered": (0, _cornered),
+    "skewed": (0, _skewed),
+    "spinning": (0, _spinning),
+    "huge": (0, _huge),
 }
-"""Families of cases with how many of each there are, in parts."""
+"""Families of cases with how many of each there are, in parts; those with none are for faults put into the proof."""

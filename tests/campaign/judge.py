@@ -147,6 +147,9 @@ def _summary(case: Case, certificate: Certificate) -> Iterator[Fault]:
     least = [bound.proven for bound in certificate.clearances] + [part.proven for part in certificate.parts]
     if certificate.proven == "yes" and not all(proven >= 0 for proven in least):
         yield Fault("false yes", f"with bounds {least!r}", math.inf)
+    seen = [bound.sampled for bound in certificate.clearances] + [part.sampled for part in certificate.parts]
+    if certificate.proven == "no" and not any(sampled < 0 for sampled in seen):
+        yield Fault("false no", f"with {seen!r} seen", math.inf)
     if certificate.ranges != {name: ends_of(law) for name, law in case.laws.items()}:
         yield Fault("bound", f"ranges {certificate.ranges!r}", math.inf)
 

@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 PAGE = HERE.parents[1] / "docs" / "proof_campaign.md"
 SEED = 1000
 CHUNKS, SIZE = 6, 100
-MUTANTS = 20
+MUTANTS = 100
 """That have to be tried, over all modules that prove."""
 
 
