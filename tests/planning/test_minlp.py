@@ -16,7 +16,6 @@ import pytest
 import ensemble_ctrl as ec
 import ensemble_ctrl.ocp.mixed as module
 import ensemble_ctrl.ocp.solvers.bonmin as bonmin_module
-import ensemble_ctrl.planning.planner as planner
 from ensemble_ctrl.api.planning import plan
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import summary, to_json
@@ -25,7 +24,8 @@ from ensemble_ctrl.files.config import load, load_text
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.rounds import start
 from ensemble_ctrl.ocp.solvers import SOLVERS, Iteration, Nlp, Outcome, Status
-from ensemble_ctrl.planning.planner import Solution, solve
+from ensemble_ctrl.planning.planner import Solution, coarse_fine, positions, solve
+from ensemble_ctrl.planning.planner.proving import certified_with_margin
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.report import summary_lines
@@ -187,7 +187,7 @@ def test_an_answer_that_breaks_the_constraints_is_not_kept(monkeypatch: pytest.M
 
 
 def test_a_cheaper_plan_of_which_less_is_proven_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    certified = planner._certified
+    certified = certified_with_margin
     seen: list[float] = []
 
     def doubted(search: Any, attempt: Any, tightened: Any) -> Any:
@@ -195,7 +195,8 @@ def test_a_cheaper_plan_of_which_less_is_proven_is_not_kept(monkeypatch: pytest.
         seen.append(attempt.value.cost)
         return attempt, replace(certificate, proven="undecided") if len(seen) > 1 else certificate, work
 
-    monkeypatch.setattr(planner, "_certified", doubted)
+    for part in (positions, coarse_fine):
+        monkeypatch.setattr(part, "certified_with_margin", doubted)
     solution = solve(small())
     assert len(seen) > 1
     assert min(seen[1:]) < seen[0]

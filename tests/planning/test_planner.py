@@ -26,7 +26,8 @@ from ensemble_ctrl.ocp.guesses.roadmap import roadmap_guesses
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.solvers import Iteration
 from ensemble_ctrl.ocp.truncation import Truncation, coarse
-from ensemble_ctrl.planning.planner import Solution, coarse_steps, solve
+from ensemble_ctrl.planning.planner import Solution, coarse_fine, coarse_steps, positions, search, solve
+from ensemble_ctrl.planning.planner.coarse_fine import FINALISTS
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import conflicts
 from ensemble_ctrl.problem.evaluation.sampled import replay
@@ -242,7 +243,7 @@ def test_a_guess_is_used_instead_of_routes(monkeypatch: pytest.MonkeyPatch) -> N
     def no_guesses(*_: object) -> list[object]:
         raise AssertionError("looked for routes although a guess was given")
 
-    monkeypatch.setattr(module, "first_guesses", no_guesses)
+    monkeypatch.setattr(positions, "first_guesses", no_guesses)
     for guess in (cold.controls, cold.controls[::5]):
         warm = solve(small(), guess=guess)
         check_good(warm, members=101)
@@ -270,7 +271,7 @@ def test_a_proven_guess_is_the_plan_where_nothing_better_is_found(
     def astray(problem: Problem, controls: Floats, truncation: Truncation, *_: object) -> Attempt:
         return start(problem, 0 * controls, truncation)
 
-    monkeypatch.setattr(module, "improve", astray)
+    monkeypatch.setattr(coarse_fine, "improve", astray)
     fleet = replace(small().fleet, rate_bounds=None if rates is None else np.array(rates))
     kept = solve(small().with_(fleet=fleet), guess=proven)
     assert kept.certificate is not None
@@ -345,11 +346,11 @@ def test_all_routes_are_never_worse_than_one(problem: Callable[[], Problem]) -> 
     assert every.certificate.proven == "yes"
     assert every.attempt.value.cost <= solve(problem()).attempt.value.cost
     outcomes = [route.outcome for route in every.routes]
-    assert (outcomes.count("kept"), outcomes.count("refined")) == (1, min(module.FINALISTS, len(every.routes)) - 1)
+    assert (outcomes.count("kept"), outcomes.count("refined")) == (1, min(FINALISTS, len(every.routes)) - 1)
     kept = every.routes[outcomes.index("kept")]
     assert kept.fine_cost == every.attempt.value.cost == min(r.fine_cost for r in every.routes if r.fine_cost)
     refined = sorted(r.cost for r in every.routes if r.fine_cost)
-    assert refined == sorted(r.cost for r in every.routes if r.feasible)[: module.FINALISTS]
+    assert refined == sorted(r.cost for r in every.routes if r.feasible)[:FINALISTS]
 
 
 def test_a_process_that_dies_is_a_route_that_failed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -363,7 +364,7 @@ def test_a_process_that_dies_is_a_route_that_failed(monkeypatch: pytest.MonkeyPa
             os.kill(os.getpid(), signal.SIGKILL)
         return improve(problem, controls, *rest)
 
-    monkeypatch.setattr(module, "improve", dying)
+    monkeypatch.setattr(coarse_fine, "improve", dying)
     solution = solve(small())
     check_good(solution, members=101)
     assert solution.routes[best].outcome == "failed"
@@ -406,7 +407,7 @@ def test_a_program_that_takes_too_long_to_build_is_left_at_the_time_limit(monkey
     before = children()
     with_workers(monkeypatch, 2)
     monkeypatch.setattr(parallel, "GRACE", 0.2)
-    monkeypatch.setattr(module, "choose", lambda *_: time.sleep(600))
+    monkeypatch.setattr(coarse_fine, "choose", lambda *_: time.sleep(600))
     solution = solve(options(small(), time_limit=4.0))
     assert solution.attempt.truncation.orders == coarse(small()).orders
     assert sum(solution.seconds.values()) < 60
@@ -419,8 +420,9 @@ def test_a_proof_and_a_replay_end_with_the_time_limit(monkeypatch: pytest.Monkey
     def endless(*_: object) -> None:
         time.sleep(60)
 
-    monkeypatch.setattr(module, "certify", endless)
-    monkeypatch.setattr(module, "AFTERWARDS", 0.2)
+    monkeypatch.setattr(search, "certify", endless)
+    for part in (module, search):
+        monkeypatch.setattr(part, "AFTERWARDS", 0.2)
     monkeypatch.setattr(parallel, "GRACE", 0.1)
     monkeypatch.setattr(parallel, "endable", lambda: True)
     monkeypatch.setattr("ensemble_ctrl.problem.evaluation.sampled.BLOCK", 1)
@@ -439,7 +441,7 @@ def test_a_proof_and_a_replay_end_with_the_time_limit(monkeypatch: pytest.Monkey
 
 
 def test_an_interruption_ends_a_proof(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "certify", lambda *_: time.sleep(60))
+    monkeypatch.setattr(search, "certify", lambda *_: time.sleep(60))
     monkeypatch.setattr(parallel, "GRACE", 0.1)
     monkeypatch.setattr(parallel, "SILENCE", 0.1)
     monkeypatch.setattr(parallel, "endable", lambda: True)

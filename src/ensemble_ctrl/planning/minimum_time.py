@@ -37,6 +37,8 @@ from ensemble_ctrl.ocp.solvers import Iteration, SolverOptions
 from ensemble_ctrl.ocp.truncation import coarse
 from ensemble_ctrl.planning import planner
 from ensemble_ctrl.planning.planner import Progress, Solution, coarse_steps
+from ensemble_ctrl.planning.planner.coarse_fine import COARSE_ROUNDS
+from ensemble_ctrl.planning.planner.grids import given, windows
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -158,7 +160,7 @@ class Duration:
     def _with_windows(self) -> Iterator[float]:
         """Durations at which a window's begin, middle or end is the end of a step; windows in seconds only."""
         n = self.problem.steps
-        for a, b in planner.windows(self.problem.task):
+        for a, b in windows(self.problem.task):
             for t in (a, (a + b) / 2, b):
                 yield from (t * n / k for k in range(1, n + 1))
 
@@ -349,7 +351,7 @@ class _Search:
         if problem.fleet.system.transcription == "states":
             return self._screened(problem)
         steps = coarse_steps(problem)
-        found = self._improved(problem, [planner.given(problem, guess, steps) for guess in guesses])
+        found = self._improved(problem, [given(problem, guess, steps) for guess in guesses])
         if not found and not self._over():
             found = self._improved(
                 problem, [guess.controls for guess in first_guesses(Request(problem, steps, quick=True))]
@@ -371,7 +373,7 @@ class _Search:
                 break
             limits = problem.solve.max_iterations, self._left()
             options = SolverOptions(*limits, 1e-3, 1e-2, self.log, problem.solve.solver)
-            work = partial(improve, problem, guess, coarse(problem), planner.COARSE_ROUNDS, options)
+            work = partial(improve, problem, guess, coarse(problem), COARSE_ROUNDS, options)
             attempt = parallel.alone(work, self._watch, self._left)
             if attempt is None:
                 break

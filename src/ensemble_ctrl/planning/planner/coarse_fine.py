@@ -1,0 +1,117 @@
+"""Guesses solved on the coarse grid; the best of them on the problem's own grid, and certified."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.ocp.chance import ranges
+from ensemble_ctrl.ocp.rounds import Attempt, improve, rank, start
+from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
+from ensemble_ctrl.planning.planner.grids import refined
+from ensemble_ctrl.planning.planner.proving import certified_with_margin, is_proven
+from ensemble_ctrl.planning.planner.search import Search
+from ensemble_ctrl.problem import Problem
+
+Floats = NDArray[np.float64]
+
+COARSE_ROUNDS, FINE_ROUNDS = 3, 1
+FINALISTS = 3
+"""Coarse solutions that are refined and certified where every route is tried."""
+TAIL_LIMIT = 1e-3
+"""Metres of truncation error beyond which one more moment is carried."""
+
+
+def coarse_all(search: Search, guesses: list[Floats]) -> list[Attempt]:
+    """Each seed improved on its own coarse grid at low order; one that could not be solved as it is.
+
+    Where a share of the fleet is enough, for the best choice of its members.
+    """
+    problem = search.problem
+    truncation, boxes = coarse(problem), ranges(problem)
+
+    def work(own: Search, candidate: int) -> Attempt:
+        tries = []
+        for box in boxes:
+            options, members = own.options(1e-2, 1e-3), replace(truncation, within=box)
+            watch = own.watch("coarse solve")
+            tries.append(improve(problem, guesses[candidate], members, COARSE_ROUNDS, options, watch))
+            if own.over():
+                break
+        return min(tries, key=rank)
+
+    solved = search.side_by_side("coarse solve", work, len(guesses))
+    return [a or start(problem, controls, truncation) for a, controls in zip(solved, guesses, strict=True)]
+
+
+def finalists(problem: Problem, solved: list[Attempt]) -> list[int]:
+    """Which coarse solutions are refined, best first: one, or of all routes the best few that keep the constraints."""
+    ranked = sorted(range(len(solved)), key=lambda i: rank(solved[i]))
+    few = FINALISTS if problem.solve.routes == "all" else 1
+    return ranked[:1] + [i for i in ranked[1:few] if solved[i].value.keeps(0.0)]
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """A coarse solution after the fine solve and the certificate, with all attempts that this took."""
+
+    attempt: Attempt
+    certificate: Certificate | None
+    work: tuple[Attempt, ...]
+    certify_seconds: float
+
+
+def finish_all(search: Search, solved: list[Attempt]) -> list[Finished]:
+    """Each coarse solution refined and certified, in order; only the first if the search is over or no other ended."""
+    if len(solved) > 1:
+        finished = search.side_by_side("solve", lambda own, i: _finish(own, solved[i]), len(solved))
+        if any(finished):
+            return [end or Finished(solved[i], None, (), 0.0) for i, end in enumerate(finished)]
+    return [_finish(search, solved[0])]
+
+
+def _finish(search: Search, found: Attempt) -> Finished:
+    """A coarse solution refined and certified, as far as time allows."""
+    final = found if search.over() else fine(search, found, search.problem)
+    work = [final] if final is not found else []
+    if not search.problem.verify.certificate:
+        return Finished(final, None, tuple(work), 0.0)
+    search.tell("certify")
+    began = time.perf_counter()
+    final, certificate, more = certified_with_margin(search, final, partial(fine, search))
+    return Finished(final, certificate, (*work, *more), time.perf_counter() - began)
+
+
+def is_good(problem: Problem, end: Finished) -> bool:
+    """Whether it is a plan, proven if that is asked for."""
+    keeps = is_proven(end.certificate) if problem.verify.certificate else end.attempt.value.keeps(0.0)
+    return keeps and end.attempt.value.excess <= 0
+
+
+def final_rank(end: Finished) -> tuple[bool, bool, float, float]:
+    """Sorting key: proven first, then as `rank`."""
+    return (not is_proven(end.certificate), *rank(end.attempt))
+
+
+def fine(search: Search, found: Attempt, problem: Problem) -> Attempt:
+    """The problem's own grid and order; what was found before where there is no time for that."""
+    return search.alone("solve", partial(_on_own_grid, found, problem)) or found
+
+
+def _on_own_grid(found: Attempt, problem: Problem, search: Search) -> Attempt:
+    """The problem's own grid and order, started from what was found before on that grid."""
+    controls = refined(found.controls, problem.steps)
+    truncation = replace(choose(problem, controls), within=found.truncation.within)
+    attempt = start(problem, controls, truncation)
+    for _ in range(3):
+        options = search.options(1e-3, 1e-3)
+        attempt = improve(problem, attempt.controls, truncation, FINE_ROUNDS, options, search.watch("solve"))
+        if search.over() or tail(problem, attempt.controls, truncation) < TAIL_LIMIT:
+            break
+        truncation = raised(truncation)
+    return attempt
