@@ -19,6 +19,7 @@ campaign: slow
 	$(BIN)/python -m tests.campaign.run --out tests/campaign/result.json --page docs/proof_campaign.md
 	$(BIN)/python -m tests.campaign.loops.run
 	$(BIN)/python -m tests.campaign.systems.run
+	$(BIN)/python -m tests.campaign.systems.twins
 
 mutants: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.campaign.mutate --out tests/campaign/mutants.json --page docs/proof_campaign.md

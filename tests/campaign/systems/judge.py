@@ -141,12 +141,12 @@ class Asked:
 
     Attributes
     ----------
-    problem : OdeProblem
+    problem : Problem
     state : int
         The state that is at most `limit` from `begin` to `end`.
     """
 
-    problem: ec.OdeProblem
+    problem: ec.Problem
     state: int
     limit: float
     begin: float
@@ -157,15 +157,15 @@ class Asked:
         """At random; without the obstacle if members start in it."""
         system = case.system
         laws = {n: ec.Interval(a, b) for n, a, b in zip(case.names, case.lower, case.upper, strict=True)}
-        fleet = ec.OdeFleet(system, laws, dict(zip(system.states, case.origin.tolist(), strict=True)))
+        fleet = ec.Fleet(system, laws, start=dict(zip(system.states, case.origin.tolist(), strict=True)))
         state = int(rng.integers(len(system.states)))
         begin, end = np.sort(rng.uniform(0, case.duration, 2)).tolist()
         limit = float(states[:, :, state].max() + rng.choice([-0.01, 0.0, 1e-4, 0.02]))
         task = f"G[{begin!r}, {end!r}] {system.states[state]} <= {limit!r}"
         beside = {"it": (_beside(case, states, rng),)} if len(system.positions) > 1 else {}
 
-        def problem(task: str, obstacles: Any) -> ec.OdeProblem:
-            return ec.OdeProblem("case", fleet, case.duration, len(case.controls), ec.parse(task), {}, obstacles)
+        def problem(task: str, obstacles: Any) -> ec.Problem:
+            return ec.Problem("case", fleet, case.duration, len(case.controls), ec.parse(task), {}, obstacles)
 
         try:
             return cls(problem(f"{task} and G avoid(it)" if beside else task, beside), state, limit, begin, end)

@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import ensemble_ctrl as ec
 from ensemble_ctrl.certificate.general import enclosure, models
+from tests.paths import ROOT
 
 from . import run
 from .cases import make, of_family
 from .judge import judge
 from .oracle import along
+from .twins import FILES, commands, disagreements, judged, twin
 
 SEED, CHUNKS, SIZE, MEMBERS = 1000, 5, 4, 50
 
@@ -72,6 +75,22 @@ def test_the_oracle_agrees_with_dop853() -> None:
 def _rates(system: Any, u: list[float], psi: dict[str, float], _: float, x: Any) -> Any:
     """The right-hand side as an array."""
     return np.array(system.xdot(list(x), u, psi), dtype=float)
+
+
+@pytest.mark.parametrize("name", ["fleets/bicycle", "fleets/uncertain_start", "risk/share", "laws/measured"])
+def test_both_enclosures_of_arcs_hold_each_other(name: str) -> None:
+    """``python -m tests.campaign.systems.twins`` takes all problem files."""
+    path = ROOT / "configs" / f"{name}.yaml"
+    assert path in FILES
+    assert judged(path) == []
+
+
+def test_enclosures_of_other_arcs_do_not_hold_each_other() -> None:
+    """Robots that drive 1 % faster are told apart."""
+    problem = ec.load(ROOT / "configs" / "three_obstacles.yaml")
+    controls = commands(problem)
+    faster = ec.certify(twin(problem), controls * [1.01, 1.0])
+    assert list(disagreements(ec.certify(problem, controls), faster)) != []
 
 
 def test_the_page_prints_what_was_found() -> None:

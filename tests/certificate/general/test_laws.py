@@ -10,6 +10,7 @@ from scipy.integrate import quad
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.systems import PlanarQuadrotor
 
 LAWS: dict[str, Law] = {
     "uniform": Interval(0.8, 1.2),
@@ -24,8 +25,8 @@ LAWS: dict[str, Law] = {
 def certified(law: Law, task: str) -> ec.Certificate:
     """Point masses pushed by 0.5 N for 3 s, which start up to 5 cm off: they end at ``2.25 / mass + start_x``."""
     laws = {"mass": law, "start_x": Interval(-0.05, 0.05)}
-    fleet = ec.OdeFleet(ec.DoubleIntegrator(), laws, {})
-    problem = ec.OdeProblem("laws", fleet, 3.0, 15, ec.parse(task))
+    fleet = ec.Fleet(ec.DoubleIntegrator(), laws)
+    problem = ec.Problem("laws", fleet, 3.0, 15, ec.parse(task))
     return ec.certify(problem, np.full((15, 2), [0.5, 0.0]))
 
 
@@ -59,3 +60,17 @@ def test_a_mean_is_proven_and_refuted_close_to_what_it_is(name: str) -> None:
     truth = mean_of(LAWS[name])
     assert certified(LAWS[name], f"mean(G[3, 3] x >= {truth - 0.01:.5f})").proven == "yes"
     assert certified(LAWS[name], f"mean(G[3, 3] x >= {truth + 0.01:.5f})").proven == "no"
+
+
+def test_measured_robots_are_counted() -> None:
+    """Of 40 quadrotors whose mass and drag belong together, as many as a replay of each counts, but for one."""
+    rng = np.random.default_rng(4)
+    mass = rng.uniform(0.9, 1.1, 40).round(3)
+    cloud = {"mass": mass, "drag": (mass - 0.9 + rng.uniform(0, 0.02, 40)).round(3)}
+    fleet = ec.Fleet(PlanarQuadrotor(), {name: Samples(values) for name, values in cloud.items()}, cloud=cloud)
+    controls = np.tile([10.5, 0.0], (10, 1))
+    ends = fleet.trajectories(controls, np.column_stack(list(cloud.values())), 0.1)[:, -1, 1]
+    height = float(np.sort(ends)[20] - 1e-4)
+    for count, verdict in ((int((ends >= height).sum()) - 1, "yes"), (int((ends >= height).sum()) + 1, "no")):
+        task = ec.parse(f"share({count / 40}, G[1, 1] z >= {height!r})")
+        assert ec.certify(ec.Problem("measured", fleet, 1.0, 10, task), controls).proven == verdict
