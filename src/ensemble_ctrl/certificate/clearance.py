@@ -122,12 +122,15 @@ class Prover:
         """How far members of a first cell get from its middle at the beginning of each step, shape (cells, steps)."""
         n, count = np.arange(self.flow.steps), len(self.half)
         place = self.track.position[:count]
+        # linear part: sum_k half_k |dp/dq_k| at the grid times
         arms = np.abs(self.half)[:, None, :] * np.linalg.norm(self.track.slope[:count], axis=-1)
         width = arms.sum(axis=-1)
         half = np.broadcast_to(self.half[:, None], (count, self.flow.steps, self.half.shape[1]))
         drives = np.broadcast_to(self.flow.drives(self.centres[:count])[:, None], (count, self.flow.steps, 5))
         span = np.broadcast_to(self.flow.step, (count, self.flow.steps))
+        # what the linear picture misses: the remainder, and the curve's distance from its chord
         radius = self.flow.remainder_at(half, n + 1) + self.flow.growth(n, span, drives, half)
+        # a step stays within the larger of its two ends' reaches, plus that
         moved = np.linalg.norm(np.diff(place, axis=1), axis=2) + width[:, 1:]
         return np.asarray(np.maximum(width[:, :-1], moved) + radius)
 
@@ -166,6 +169,7 @@ class Prover:
                 break
             self.boxes += len(boxes)
             low, best, sides = self._bounds(boxes, piece, motion, best)
+            # branch and bound: split only boxes whose lower bound is below the best distance seen
             open_ = low < min(best[0] - TIGHT, enough)
             last = not left or self.boxes - spent > self.limit
             proven = min(proven, float(low[~open_ | last].min(initial=np.inf)))
@@ -187,8 +191,10 @@ class Prover:
         if self.growth is not None:
             distance = distance - self.growth[steps]
         if motion is not None:
+            # a moving obstacle covers at most its way in the step and its bend off that chord
             first, last = self.flow.begin[steps], self.flow.begin[steps] + self.flow.step[steps]
             reach = reach + np.linalg.norm(motion.at(last) - motion.at(first), axis=-1) + motion.bend(first, last)
+        # distance is 1-Lipschitz: no member of a cell is closer than its middle less its reach
         low = lowered((distance - reach).ravel())
         best = self._best(boxes, self._seen(boxes, piece, motion, distance.ravel()), NOWHERE)
         far = low >= min(best[0] - TIGHT, enough)
@@ -224,6 +230,7 @@ class Prover:
         flow, (_, centre, n, share) = self.whole, best
         bends: NDArray[np.bool_] = np.asarray(flow.directions[:, :3].any(axis=1))
         axes = [np.linspace(*ends, SHIFTS) for ends in zip(flow.lower[~bends], flow.upper[~bends], strict=True)]
+        # starts on a grid of their box: a member that exists, for the sampled distance
         shifts = (
             np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
         )
@@ -248,14 +255,17 @@ class Prover:
         distance = piece.distance(here)
         grown = 0.0 if self.growth is None else self.growth[boxes.step]
         best = self._best(boxes, distance - grown, best)
+        # all that is not in the hull: growth, remainder, the chords of the curve and of the obstacle's way
         curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)
         span = (boxes.end - boxes.begin) * self.flow.step[boxes.step]
         growth = self.flow.growth(boxes.step, span, drives, boxes.half)
         radius = grown + curvature + growth + (0.0 if motion is None else motion.bend(begin, end))
+        # corners of the parallelograms p + sum_k +-half_k dp/dq_k at both ends of the box
         arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
         corners = np.concatenate(
             [p[:, None] + self.signs @ a for p, a in zip((here, there), arms, strict=True)], axis=1
         )
+        # first bound: the distance of the middle less the farthest corner; where it is too weak, a separating line
         middle = (here + there) / 2
         low = piece.distance(middle) - np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) - radius
         near = low < best[0] - TIGHT
@@ -263,12 +273,14 @@ class Prover:
             [arms[0][near], arms[1][near], corners[near, len(self.signs) :] - corners[near, : len(self.signs)]], axis=1
         )
         low[near] = np.maximum(low[near], separation(corners[near], sides, piece.vertices) - radius[near])
+        # sizes that decide which side is split: half of the way in time, and each parameter's width
         way = np.abs(drives[:, 0] * self.flow.v[boxes.step]) * span  # an arc of a full circle has no chord
         long = np.maximum(way, np.linalg.norm(there - here, axis=1)) / 2
         return lowered(low), best, np.column_stack([long, self._widths(boxes, arms, curvature)])
 
     def _widths(self, boxes: Boxes, arms: Sequence[Floats], curvature: Floats) -> Floats:
         """What each parameter's width adds to a box, shape (boxes, parameters); `curvature` is the nonlinear part."""
+        # linear width of each parameter, and what the remainder loses without it
         widths = np.maximum(*(np.linalg.norm(a, axis=2) for a in arms))
         for k in range(widths.shape[1]):
             without = boxes.half.copy()
@@ -299,6 +311,7 @@ class Prover:
         half[rows, k] /= 2
         move[rows, k] = half[rows, k]
         c = self.centres[boxes.centre]
+        # rounded up, so that both halves cover the box
         half[rows, k] = half[rows, k] * (1 + 1e-12) + UNIT * np.abs(c[rows, k])
         new, index = np.unique(np.concatenate([c - move, c + move]), axis=0, return_inverse=True)
         index = index.ravel() + len(self.centres)
@@ -315,6 +328,7 @@ def _moved(motion: Motion | None, times: Floats) -> Floats:
 
 def grown(obstacle: Obstacle, shift: Floats) -> Obstacle:
     """The Minkowski sum of an obstacle and the box ``[-shift, shift]``, rounded outwards: the hull of its corners."""
+    # the sum's corners are among vertices + (+-shift_x, +-shift_y)
     low, high = (obstacle.vertices + way * shift for way in (-1, 1))
     low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
     corners = [np.column_stack([x, y]) for x in (low[:, 0], high[:, 0]) for y in (low[:, 1], high[:, 1])]
@@ -338,6 +352,7 @@ def separation(corners: Floats, sides: Floats, vertices: Floats) -> Floats:
     *Guarantee*: never above the true distance, since any line that separates two convex sets bounds it.
     """
     edges = np.roll(vertices, -1, axis=0) - vertices
+    # candidate lines: the polygon's faces, the hull's sides, and directions from vertices to corners
     outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
     normals = np.stack([sides[..., 1], -sides[..., 0]], axis=-1)
     ends = corners if corners.shape[1] <= 8 else corners.mean(axis=1, keepdims=True)

@@ -107,7 +107,9 @@ class Flow:
         lower, upper = (np.array([getattr(one, end) for one in each], dtype=float) for end in ("lower", "upper"))
         v, omega = fleet.arcs.rates(*np.asarray(controls, dtype=float).T)
         mesh = Mesh.of(problem.duration, len(v)) if mesh is None else mesh
+        # rates of each piece of the mesh: those of the step that owns it, none after the last step
         v, omega = (np.where(mesh.owner < len(rate), rate[mesh.owner % len(rate)], 0.0) for rate in (v, omega))
+        # Omega_n = sum_{m<n} h_m omega_m: the turn up to each piece for a member of factor b = 1
         turned = np.concatenate([[0.0], np.cumsum(mesh.length * omega)[:-1]])
         swapped = fleet.arcs.heading_from == "y"
         drive = lower, upper, fleet.origin, fleet.directions, swapped
@@ -116,6 +118,7 @@ class Flow:
     def bent(self) -> Flow:
         """The flow of the members that start in the middle of their box: only parameters that bend the curve remain."""
         bends = self.directions[:, :3].any(axis=1)
+        # parameters with no part in a, b, g only move the start: fix them in the middle
         middle = (self.lower + self.upper) / 2
         origin = self.origin + middle[~bends] @ self.directions[~bends]
         rest = self.lower[bends], self.upper[bends], origin, self.directions[bends]
@@ -123,6 +126,7 @@ class Flow:
 
     def shift(self) -> Floats:
         """Half the sides of the box of start positions, shape (2,), metres, rounded up."""
+        # half sides of the start box: |D|' (half range), rounded up
         half = (self.upper - self.lower) / 2 + UNIT * np.maximum(np.abs(self.lower), np.abs(self.upper))
         return np.asarray(half @ np.abs(self.directions[:, START]) * (1 + 4 * UNIT))
 
@@ -150,6 +154,7 @@ class Flow:
 
         The derivatives have shape (..., parameters, 2); those by the place at the start are zero.
         """
+        # an arc is its chord: v span sinc(b omega span / 2) along the heading g + b Omega at its middle
         a, b, g = drives[..., 0], drives[..., 1], drives[..., 2]
         span = share * self.step[n]
         half = self.omega[n] * span / 2
@@ -157,11 +162,13 @@ class Flow:
         across, slope = _sinc(b * half), _sinc_slope(b * half)
         along, normal = self._axes(g + b * turned)
         length = self.v[n] * span
+        # d(move)/da, d(move)/dg and d(move)/db; the last by the chain rule, through sinc and through the heading
         by_linear = (length * across)[..., None] * along
         by_heading = (a * length * across)[..., None] * normal
         by_angular = (a * length * slope * half)[..., None] * along + turned[..., None] * by_heading
         move = a[..., None] * by_linear
         rates = np.stack([by_linear, by_angular, by_heading], axis=-2)
+        # chain rule: (a, b, g) are affine in the parameters
         return move, self.directions[:, :3] @ rates
 
     def remainder(self, half: Floats) -> Floats:
@@ -182,6 +189,7 @@ class Flow:
     def remainder_at(self, half: Floats, n: Ints) -> Floats:
         """The same for cells of shape (..., parameters) at the grid times `n`, which broadcast with the cells."""
         A, B, G = self._reach(half)
+        # Taylor remainder of second order: A (B I1 + G I0) mixed, a/2 (B^2 I2 + 2 B G I1 + G^2 I0) in the angle
         I0, I1, I2 = self._integrals[:, n]
         quadratic = B**2 * I2 + 2 * B * G * I1 + G**2 * I0
         return np.asarray((A * (B * I1 + G * I0) + self.fastest / 2 * quadratic) * (1 + 64 * UNIT * self.steps))
@@ -201,6 +209,7 @@ class Flow:
             Half widths of the cells.
         """
         A, B, G = self._reach(half)
+        # a curve leaves its chord by at most span^2/8 sup |p''|, |p''| = |v omega| a b, and what the cell adds to it
         a, b = np.abs(drives[..., 0]), np.abs(drives[..., 1])
         largest = self._largest[n]
         size = a * b + A * b + a * B + a * b * (B * largest + G)
@@ -225,6 +234,7 @@ class Flow:
 
     def _ends(self) -> Floats:
         """Members at the corners of the ranges, shape (corners, parameters)."""
+        # the factors are affine in the parameters: their extremes are at corners of the box
         signs = signs_of(len(self.lower))
         return np.where(signs > 0, self.upper, self.lower)
 
@@ -241,6 +251,7 @@ class Flow:
     @cached_property
     def _integrals(self) -> Floats:
         """Upper bounds of ``int |v| |Omega|^k`` for k = 0, 1, 2 up to the grid times, shape (3, steps + 1)."""
+        # |Omega|^k is largest at an end of a step: a sum of rectangles above the integral
         powers = self._largest ** np.arange(3)[:, None]
         sums = np.cumsum(self.step * np.abs(self.v) * powers, axis=1)
         return np.concatenate([np.zeros((3, 1)), sums], axis=1)
@@ -272,6 +283,7 @@ class Track:
     def of(cls, flow: Flow, centres: Floats) -> Track:
         """The track of the members at `centres`, shape (centres, parameters)."""
         drives = flow.drives(centres)[:, None]
+        # positions and slopes at the grid times: the start and the running sum of the steps' displacements
         move, slope = flow.moved(np.arange(flow.steps)[None, :], np.ones(1), drives)
         position = np.concatenate([drives[..., START], drives[..., START] + np.cumsum(move, axis=1)], axis=1)
         start = np.broadcast_to(flow.directions[:, START], (len(centres), 1, *flow.directions[:, START].shape))
@@ -303,6 +315,7 @@ def first_cells(lower: Floats, upper: Floats, each: int | Ints) -> tuple[Floats,
     edges = [np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, counts, strict=True)]
     middles = np.meshgrid(*((e[:-1] + e[1:]) / 2 for e in edges), indexing="ij")
     centres = np.stack(middles, axis=-1).reshape(-1, len(lower)) if len(lower) else np.zeros((1, 0))
+    # half widths a few roundings up, so that the cells cover the ranges without gaps
     size = np.maximum(np.abs(lower), np.abs(upper))
     half = (upper - lower) / counts / 2 * (1 + 1e-12) + 4 * UNIT * size
     return centres, np.tile(half, (len(centres), 1))

@@ -44,6 +44,7 @@ class Masses:
 
     def reached(self, value: Floats, share: Share, upper: bool) -> Floats:
         """The largest value that cells of at least a share reach, shape (1, elements); minus infinity if none do."""
+        # from the largest value down, the first cells whose masses sum to the share
         order = np.argsort(value, axis=0)
         mass = self.mass[order]
         below = np.cumsum(mass, axis=0) - mass
@@ -71,6 +72,7 @@ def masses(fleet: Ensemble, centres: Floats, half: Floats) -> Masses:
     counted = all(law.uniform or law.measured is not None for _, law in laws)
     mass, total, robots = np.ones(len(centres)), 1.0, None
     for k, (name, law) in enumerate(laws):
+        # index of each cell along this parameter, of `count` equal ones, and their inner edges
         width = law.upper - law.lower
         count = max(1, round(width / (2 * half[0, k]))) if width else 1
         index = np.clip(((centres[:, k] - law.lower) / max(width, 1e-300) * count).astype(int), 0, count - 1)

@@ -138,6 +138,7 @@ class UntimedUntil(Node):
     def value(self, bounds: Bounds) -> Floats:
         """One pass from the end; the dual with smallest and largest exchanged."""
         hold, reach = (np.maximum, np.minimum) if self.dual else (np.minimum, np.maximum)
+        # r_k = min(l_k, max(g_k, r_{k+1})), backwards from r_last = min(l, g)
         held, goal = (np.ascontiguousarray(_resampled(p, bounds, self.times).T) for p in (self.left, self.right))
         result = hold(held, goal)
         for k in range(len(result) - 2, -1, -1):
@@ -176,6 +177,7 @@ class Coarse(Node):
 
     def value(self, bounds: Bounds) -> Floats:
         """The number of an interval bounds all that it replaces."""
+        # elements between two kept instants become one: their least value, or their largest for upper bounds
         place = 2 * np.searchsorted(self.child.times, self.times)
         starts = np.ravel(np.column_stack([place, place + 1]))[:-1]
         pick = np.maximum if bounds.upper else np.minimum
@@ -216,6 +218,7 @@ class Schedule:
         steps = len(parts)
         if horizon(formula) > exact(duration) + OVERRUN:
             return None
+        # one tick divides the steps, their parts and every window's end: all instants are whole numbers
         per_step = lcm(*(int(n) for n in set(parts.tolist())))
         step = exact(duration) / steps
         unit = Fraction(1, lcm(*(Fraction(time / step).denominator for time in (*_windows(formula), step)), per_step))
@@ -223,6 +226,7 @@ class Schedule:
         spans = list(clock.looks(formula, 0, 0))
         low, high = min(a for a, _ in spans), max(b for _, b in spans)
         inside = range(low // clock.per_step, min(-(-high // clock.per_step), steps))
+        # the mesh: grid times, ends of windows, and the parts of steps that the formula needs
         cuts = {k * clock.per_step for k in range(steps + 1)} | {time for span in spans for time in span}
         for k in inside:
             each = clock.per_step // int(parts[k])
@@ -309,6 +313,7 @@ class _Clock:
         right = self.node(formula.right, low + a, end, mesh)
         dual = isinstance(formula, Release)
         hold, reach = (np.maximum, np.minimum) if dual else (np.minimum, np.maximum)
+        # left U[a,b] right = G[0,a] left and F[a,b] right and F[a,a] (left U right)
         later = _within(_union(left.times, right.times), low + a, end)
         untimed = UntimedUntil(later, left, right, dual)
         if b < 0:
@@ -329,6 +334,7 @@ def horizon(formula: Formula) -> Fraction:
 
 def at(times: Ticks, instants: Ticks) -> Ints:
     """The elements of a step function over `times` at some instants and between them, shape (2 instants - 1,)."""
+    # element 2 k is instant k, element 2 k + 1 the interval after it
     place = np.searchsorted(times, instants, side="right") - 1
     points = 2 * place + (times[place] != instants)
     return np.ravel(np.column_stack([points, points | 1]))[:-1]
@@ -338,6 +344,7 @@ def extremes(value: Floats, first: Ints, last: Ints, pick: np.ufunc) -> Floats:
     """`pick` over the columns first..last of a matrix, shape (rows, ranges), by ranges of powers of two."""
     if len(first) == 1:
         return np.asarray(pick.reduce(value[:, first[0] : last[0] + 1], axis=1, keepdims=True))
+    # sparse table: a range is the union of two of length 2^k (Bender and Farach-Colton 2000)
     level = np.frexp(last - first + 1)[1] - 1
     out = np.empty((len(value), len(first)))
     for k in range(int(level.max()) + 1):
@@ -356,6 +363,7 @@ def _resampled(part: Node, bounds: Bounds, instants: Ticks) -> Floats:
 
 def _window(child: Node, a: int, b: int, low: int, high: int, pick: np.ufunc) -> Node:
     """`pick` of a child over ``[t + a, t + b]``, to the child's end for negative `b`, for t from low to high."""
+    # a sliding extremum changes only where an end of [t + a, t + b] meets an instant of the child
     changes = [child.times - a] if b < 0 else [child.times - a, child.times - b]
     times = _within(_union(*changes), low, high)
     first = at(child.times, times + a)

@@ -70,6 +70,7 @@ def _values(law: Law, bends: bool, bent: int) -> Floats:
     if not bends:
         return np.array([law.center])
     share = np.linspace(0.0, 1.0, MEMBERS.get(bent, 16) // 2 + 1)
+    # evenly in the range and evenly in mass: good boxes end near either
     even = law.lower + share * (law.upper - law.lower)
     return np.unique(np.concatenate([even, law.quantile(share), [law.lower, law.upper]]))
 
@@ -86,6 +87,7 @@ def _ends(fleet: Fleet, axes: list[Floats], box: tuple[tuple[int, int], ...]) ->
 def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConstraint, members: Floats) -> Floats:
     """How well each member does the part, about: at some times of each step."""
     laws = dict(fleet.parameters)
+    # members as cells of no width: positions at LOOKS times a step
     flow = Flow.of(problem, np.repeat(controls, LOOKS, axis=0), laws)
     values = np.full(len(members), np.inf)
     size = max(1, 500_000 // flow.steps)
@@ -118,6 +120,7 @@ def _largest(fleet: Fleet, axes: list[Floats], good: Bools) -> tuple[tuple[int, 
 
 def _longest(fleet: Fleet, axes: list[Floats], good: Bools, k: int) -> tuple[tuple[int, int], ...]:
     """The run of good members with the largest mass."""
+    # begin and end of each run of good members
     padded = np.concatenate([[False], good.ravel(), [False]])
     first, after = np.flatnonzero(np.diff(padded.astype(int)) == 1), np.flatnonzero(np.diff(padded.astype(int)) == -1)
     runs = [
@@ -134,6 +137,7 @@ def _peeled(fleet: Fleet, axes: list[Floats], good: Bools) -> tuple[tuple[int, i
         inside = good[tuple(slice(first, last + 1) for first, last in box)]
         if inside.all():
             return tuple(box)
+        # greedy: of the 2 d outer layers, take the one with the smallest share of good members off
         layers = [
             (float(np.take(inside, 0 if low else -1, axis=k).mean()), k, low)
             for k, (first, last) in enumerate(box)

@@ -131,9 +131,11 @@ class CellSignals:
         another law a cell's mean may be anywhere in it.
         """
         if self.masses is None or self.masses.even:
+            # even mass: the linear parts cancel, and the mean of the squares of uniform [-1, 1] is 1/3
             away = self.curvature.max(axis=0, keepdims=True) / 3
             position = self.position.mean(axis=0, keepdims=True)
         else:
+            # else the mean of the middles, off by the mean of the reaches, and by what masses may be wrong
             share = self.masses.mass / self.masses.total
             reach = (np.linalg.norm(self.slope, axis=-1) * self.half[:, None]).sum(axis=-1) + self.curvature
             position = np.einsum("c,ctd->td", share, self.position)[None]
@@ -170,6 +172,7 @@ def scheduled(
     """
     plain = negation_normal_form(resolve(formula, problem.duration))
     flow = Flow.of(problem, controls, ranges)
+    # parts of a step: a power of two, so that no part turns by more than TURN
     turns = np.abs(flow.step * flow.omega) * flow.sharpest / TURN
     each = 2 ** np.ceil(np.log2(np.clip(np.nan_to_num(turns, nan=1.0), 1.0, MOST_PARTS))).astype(np.int64)
     parts = split * each
@@ -259,6 +262,7 @@ def refined(cells: Cells, fleet: Ensemble, fleet_wide: bool, most: float, enough
         spent += cells.cost
         mass = masses(fleet, cells.centre, cells.half) if fleet_wide else None
         low = cells.low(mass)
+        # branch and bound: cells stay open while their lower bound is below the best member seen
         low = np.where(np.isnan(low), -np.inf, low)
         if mass is not None:
             sampled, target = min(sampled, float(cells.high(mass).min())), float(cells.middle(mass).min())
@@ -307,6 +311,7 @@ class FlowCells:
 
     def tried(self, low: Floats) -> tuple[float, float, Member]:
         """The middles, and the worst of them moved to the ends of the sides that stay whole."""
+        # an upper bound of one member's robustness is one of the least, too
         value = self.middle(None)
         seen = _with_ends(self.flow, self.centre, value, self.whole_sides)
         high = _evaluate(self.flow, self.schedule, seen, np.zeros_like(seen), True)
@@ -349,6 +354,7 @@ def _halved(
     size = np.zeros_like(half)
     for rows in _blocks(len(centres), flow.steps):
         slope = np.linalg.norm(Track.of(flow, centres[rows]).slope, axis=-1).max(axis=1)
+        # what each side adds to a cell: |dp/dq_k| half_k at its largest, and the remainder's part
         size[rows] = half[rows] * slope + _bending(flow, half[rows])
     size = np.where(sides, size, -1.0)
     k = np.full(len(size), size.max(axis=0).argmax()) if together else size.argmax(axis=1)
@@ -356,6 +362,7 @@ def _halved(
     half, move = half.copy(), np.zeros_like(half)
     half[rows_, k] /= 2
     move[rows_, k] = half[rows_, k]
+    # rounded up, so that both halves cover the cell
     half[rows_, k] = half[rows_, k] * UP + UNIT * np.abs(centres[rows_, k])
     return np.concatenate([centres - move, centres + move]), np.concatenate([half, half])
 
@@ -363,6 +370,7 @@ def _halved(
 def _bending(flow: Flow, half: Floats) -> Floats:
     """What each parameter's width adds to the nonlinear part at the end, shape (cells, parameters)."""
     whole = flow.remainder(half)[:, -1:]
+    # the remainder less the same without one parameter's width
     without = np.repeat(half[:, None], half.shape[1], axis=1) * (1 - np.eye(half.shape[1]))
     return whole - np.stack([flow.remainder(without[:, k])[:, -1] for k in range(half.shape[1])], axis=1)
 

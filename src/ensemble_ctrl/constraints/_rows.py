@@ -32,6 +32,7 @@ def is_feasible(G: Array, h: Array) -> bool:
     slack = TOLERANCE * max(1.0, float(np.abs(h).max(initial=0.0)))
     while G.shape[1] > 1:
         G, h = _eliminate_last(G, h)
+    # one coordinate is left: g x <= h is an upper bound for g > 0, a lower one for g < 0
     slope = np.where(np.abs(G[:, 0]) > 1e-14, G[:, 0], 0.0)
     up, down = slope > 0, slope < 0
     low = float((h[down] / slope[down]).max(initial=-np.inf))
@@ -46,6 +47,7 @@ def _eliminate_last(G: Array, h: Array) -> tuple[Array, Array]:
     if up.sum() * down.sum() > MAX_ROWS:
         raise UnsupportedError(f"polyhedron: too many rows for {G.shape[1]} dimensions, expected fewer than {len(G)}")
     a, b = last[up][:, None], -last[down][None, :]
+    # each pair of an upper and a lower row, in the combination whose last coefficient vanishes
     weight = a + b
     pairs = (b / weight)[..., None] * G[up][:, None, :-1] + (a / weight)[..., None] * G[down][None, :, :-1]
     bounds = b / weight * h[up][:, None] + a / weight * h[down][None, :]
@@ -55,6 +57,7 @@ def _eliminate_last(G: Array, h: Array) -> tuple[Array, Array]:
 
 def is_cone_trivial(G: Array) -> bool:
     """Whether ``G d <= 0`` has no solution but zero, so that ``G x <= h`` is bounded for every h."""
+    # a direction d != 0 can be scaled to have some coordinate at 1 or -1: 2 n feasibility problems
     sides = np.vstack([np.eye(G.shape[1]), -np.eye(G.shape[1])])
     base = np.zeros(len(G))
     return not any(is_feasible(np.vstack([G, side]), np.append(base, -1.0)) for side in sides)

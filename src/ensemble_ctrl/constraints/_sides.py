@@ -42,6 +42,7 @@ def joined(A: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, I
         else:
             line[i] = len(kept)
             kept.append(i)
+    # the tightest bounds of each line; an opposite row swaps and negates its own
     low, high = np.full(len(kept), -np.inf), np.full(len(kept), np.inf)
     np.maximum.at(low, line, np.where(sign > 0, lower, -upper) / length)
     np.minimum.at(high, line, np.where(sign > 0, upper, -lower) / length)
@@ -56,6 +57,7 @@ def closed(normals: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
     from scipy.optimize import linprog
 
     above, below = np.isfinite(upper), np.isfinite(lower)
+    # one-sided rows G x <= h of the sides that are given
     G, h = np.vstack([normals[above], -normals[below]]), np.concatenate([upper[above], -lower[below]])
 
     def largest(direction: Array) -> float:

@@ -46,6 +46,7 @@ def joined(shapes: Shapes, allowed: Allowed, reach: float = 0.0) -> Shapes:
 
     found = _Pairs(np.asarray(shapes, dtype=object), allowed, reach)
     while len(chosen := found.disjoint()):
+        # replace each chosen pair by its hull, and drop polygons that a hull covers
         hulls = found.hulls[chosen]
         gone = np.zeros(len(found.shapes), dtype=bool)
         gone[found.pairs[chosen]] = True
@@ -88,10 +89,12 @@ class _Pairs:
 
         new, old = shapely.STRtree(self.shapes).query(self.shapes[first:], predicate="dwithin", distance=self._reach)
         new = new + first
+        # neighbours within reach, each pair once
         once = (old < first) | (old < new)
         pairs = np.column_stack([new[once], old[once]])
         hulls = shapely.convex_hull(shapely.geometrycollections(self.shapes[pairs]))
         area = shapely.area(self.shapes)
+        # area that a join adds; what overlaps counts as gained
         added = shapely.area(hulls) - area[pairs].sum(axis=1)
         good = self._allowed(hulls, added)
         self.pairs = np.concatenate([self.pairs, pairs[good]])
@@ -131,6 +134,7 @@ def with_fewer_corners(corners: Floats, area: Any, most: int) -> Floats:
     import shapely
 
     while len(corners) > most:
+        # ear of a side: the triangle between it and the point where its neighbours meet
         tips = _tips(corners)
         sides = np.flatnonzero(np.isfinite(tips).all(axis=1))
         ears = shapely.polygons(np.stack([corners, tips, np.roll(corners, -1, axis=0)], axis=1)[sides])
@@ -150,6 +154,7 @@ def _tips(corners: Floats) -> Floats:
     along /= np.linalg.norm(along, axis=1)[:, None]
     before, behind = np.roll(along, 1, axis=0), np.roll(along, -1, axis=0)
     gap = np.roll(corners, -1, axis=0) - corners
+    # intersection of the neighbours' lines by Cramer's rule; no tip where they are parallel or diverge
     sine = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0]
     share = gap[:, 0] * behind[:, 1] - gap[:, 1] * behind[:, 0]
     outwards = np.stack([before[:, 1] + behind[:, 1], -before[:, 0] - behind[:, 0]], axis=1)

@@ -42,6 +42,7 @@ def recurrence_of_points(s: FloatArray, weights: FloatArray, order: int) -> Recu
     orthogonalised twice against all earlier ones, so that errors do not grow with the order.
     """
     share = weights / weights.sum()
+    # shifted and scaled to mean 0 and deviation 1, so that the coefficients are of order 1
     centre = float(share @ s)
     spread = float(np.sqrt(share @ np.square(s - centre)))
     if spread == 0.0:
@@ -53,6 +54,7 @@ def recurrence_of_points(s: FloatArray, weights: FloatArray, order: int) -> Recu
     diagonal, beside = np.zeros(most + 1), np.zeros(most + 1)
     least = TIED * max(1.0, float(np.abs(t).max()))
     for k in range(most + 1):
+        # Lanczos step: a_k v_{k+1} = t v_k - b_k v_k - a_{k-1} v_{k-1}, orthogonalised twice
         known = vectors[: k + 1]
         residual = t * known[-1]
         diagonal[k] = known[-1] @ residual
@@ -86,6 +88,7 @@ def usable(recurrence: Recurrence, s: FloatArray, weights: FloatArray) -> Recurr
     gram = np.zeros((size, size))
     with np.errstate(over="ignore", invalid="ignore"):
         for i in range(0, len(s), CHUNK):
+            # Gram matrix of phi_0..phi_N under the measure, by chunks; the identity without rounding
             phi = values(recurrence, s[i : i + CHUNK])
             gram += (weights[i : i + CHUNK, None] * phi).T @ phi
         off = np.maximum.accumulate(np.abs(np.tril(gram - np.eye(size))).max(axis=1))

@@ -90,6 +90,7 @@ class TruncatedNormal(WeightedLaw):
         """Integrals of the polynomials up to `s`, panel by panel."""
         edges = self._edges()
         inside = np.clip(s, edges[0], edges[-1])
+        # panels cut at every s that was asked for; the partial moment is the sum of the panels before it
         cuts = np.unique(np.concatenate([edges, inside.ravel()]))
         points, weights = self._panels(cuts, POINTS)
         pieces = (weights[:, None] * values(recurrence, points)).reshape(len(cuts) - 1, POINTS, -1).sum(axis=1)
@@ -108,6 +109,7 @@ class TruncatedNormal(WeightedLaw):
             return np.array([-1.0, 1.0])
         peak = min(max(mean, -1.0), 1.0)
         outside = abs(mean - peak)
+        # panels two deviations wide, or as wide as the density falls by e^2 where its peak is cut off
         width = 2 * deviation / max(1.0, outside / deviation)
         reach = deviation * (2 * SILENT * deviation / (hypot(outside, np.sqrt(2 * SILENT) * deviation) + outside))
         low, high = max(-1.0, peak - reach), min(1.0, peak + reach)
@@ -123,6 +125,7 @@ class TruncatedNormal(WeightedLaw):
         mean, deviation = self._scaled()
         peak = min(max(mean, -1.0), 1.0)
         away = (s - peak) / deviation
+        # log density relative to its peak: no underflow before SILENT
         exponent = -away * (away / 2 + (peak - mean) / deviation)
         return s, (half * weights).ravel() * np.exp(exponent)
 
@@ -147,6 +150,7 @@ class TruncatedNormal(WeightedLaw):
             return np.full(count, self.lower)
         low, high, flipped = self._tails()
         with np.errstate(divide="ignore"):
+            # inverse cdf in logarithms: exact far out in a tail
             z = ndtri_exp(np.logaddexp(low + np.log1p(-share), high + np.log(share)))
         return np.clip(self.mean + self.deviation * (-z if flipped else z), self.lower, self.upper)
 

@@ -153,6 +153,7 @@ def _cached_gauss(basis: OrthonormalBasis) -> tuple[FloatArray, FloatArray]:
 @lru_cache(maxsize=256)
 def _cached_signed_moments(basis: OrthonormalBasis) -> tuple[FloatArray, FloatArray]:
     """Differences of the partial moments between the roots, each of one sign."""
+    # between neighbouring roots of phi_k its sign is constant: m+- are sums of differences of partial moments
     breaks = [np.concatenate([[-np.inf], basis.roots(k), [np.inf]]) for k in range(basis.order + 1)]
     ends = np.cumsum([len(part) for part in breaks])[:-1]
     parts = np.split(basis.partial_moments(np.concatenate(breaks)), ends)

@@ -55,6 +55,7 @@ def three_term(
 ) -> list[FloatArray]:
     """phi_0..phi_order of whatever `multiply` multiplies by s: a point, or a polynomial's coefficients."""
     a, b, c = recurrence
+    # a_k phi_{k+1} = (s - b_k) phi_k - c_k phi_{k-1}
     terms = [np.zeros_like(first), first]
     for k in range(recurrence.order):
         terms.append((multiply(terms[-1]) - b[k] * terms[-1] - c[k] * terms[-2]) / a[k])
@@ -73,6 +74,7 @@ def slopes(recurrence: Recurrence, s: FloatArray) -> FloatArray:
     phi = values(recurrence, s)
     slope = np.zeros_like(phi)
     for k in range(recurrence.order):
+        # the derivative of the recurrence: a_k phi'_{k+1} = phi_k + (s - b_k) phi'_k - c_k phi'_{k-1}
         below = c[k] * slope[..., k - 1] if k else 0.0
         slope[..., k + 1] = (phi[..., k] + (s - b[k]) * slope[..., k] - below) / a[k]
     return slope
@@ -102,5 +104,6 @@ def gauss(recurrence: Recurrence, count: int) -> tuple[FloatArray, FloatArray]:
 def _eigen(recurrence: Recurrence, count: int) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues of the Jacobi matrix of `count` rows, and the first entries of its eigenvectors."""
     _, b, c = recurrence.upto(count - 1)
+    # Jacobi matrix: diagonal b, off-diagonal c; shifted by b_0 so that small spreads keep their digits
     found, vectors = np.linalg.eigh(np.diag(b - b[0]) + np.diag(c[1:], 1) + np.diag(c[1:], -1))
     return b[0] + found, vectors[0]

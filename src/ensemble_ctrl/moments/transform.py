@@ -159,6 +159,7 @@ def moments_of_samples(basis: Basis, s: ArrayLike, values: ArrayLike) -> FloatAr
     if points.ndim != 1 or np.unique(points).size <= basis.order:
         wanted = f"one row of at least {basis.order + 1} different points"
         raise ProblemError(f"s: expected {wanted} for order {basis.order}, got shape {points.shape}")
+    # least squares by QR: min |Phi m - x|
     q, r = np.linalg.qr(basis.evaluate(points))
     return np.linalg.solve(r, q.T @ along_order_axis("values", values, points.size))
 
@@ -258,6 +259,7 @@ def inner_products(law: Law, basis: Basis) -> FloatArray:
     array([[1., 0.],
            [0., 3.]])
     """
+    # the Gauss rule of the law is exact for products of degree 2 N
     s, weights = law.rule(basis.order + 1)
     phi = basis.evaluate(s)
     return np.asarray((weights[:, None] * phi).T @ phi)
@@ -278,5 +280,6 @@ def _moments_to_nodes(basis: Basis) -> FloatArray:
 @lru_cache(maxsize=1024)
 def _change_of_basis(old: Basis, new: Basis) -> FloatArray:
     """The matrix behind `change_of_basis`, made once."""
+    # exact for phi_new phi_old; triangular, as phi_new,k is orthogonal to lower degrees
     s, weights = new.rule((old.order + new.order) // 2 + 1)
     return frozen(np.triu((weights[:, None] * new.evaluate(s)).T @ old.evaluate(s)))

@@ -85,6 +85,7 @@ class Membership:
             Metres and radians, from +x counter-clockwise.
         """
         if len(self.times):
+            # factors drift by at most d per second: the ranges widen, never beyond the assumed ones
             spread = self.errors.drift * (time - self.times[-1])
             self.ranges = self.ranges + spread * np.array([-1.0, 1.0])
             self.ranges = np.stack(
@@ -115,9 +116,11 @@ class Membership:
         b0, b1 = self.factors[1]
         b = (b0 + b1) / 2
         here = commands.turns(self.times)
+        # theta_k - theta_j = b Omega_jk + error, |error| <= 2 e_theta + slip: intervals of b for each older j
         turned, slip = here[-1] - here[:-1], self._departed(commands)[0]
         seen = wrapped(self.headings[-1] - self.headings[:-1] - b * turned) + b * turned
         error = 2 * self.errors.heading + slip + UP
+        # only pairs where the angle is unique modulo 2 pi
         sure = ((b1 - b0) / 2 * np.abs(turned) + error < np.pi) & (np.abs(turned) > 1e-6)
         seen, turned, error = seen[sure], turned[sure], error[sure]
         ends = np.sort(np.stack([(seen - error) / turned, (seen + error) / turned]), axis=0)
@@ -127,12 +130,14 @@ class Membership:
         """Intersect the range of the factor on the speed; False if it becomes empty."""
         (b0, b1), time = self.factors[1], float(self.times[-1])
         b, db = (b0 + b1) / 2, (b1 - b0) / 2
+        # |p_k - p_j| = a |W_k - W_j| + error, W(t) = int v exp(i b Omega); b varies, which swings the chord
         here, W = commands.at(self.times, b)
         reach = np.abs(W[-1] - W[:-1])
         swing = commands.swing(self.times[:-1], time, float(here[-1]))
         seen = np.abs(self.places[-1] - self.places[:-1])
         error = 2 * np.sqrt(2.0) * self.errors.position + self._departed(commands)[1] + UP
         longest, shortest = reach + db * swing + UP, reach - db * swing - UP
+        # intersect over j: a >= (seen - error) / longest and a <= (seen + error) / shortest
         low = ((seen - error) / longest).max(initial=-np.inf)
         sure = shortest > 1e-6
         high = ((seen + error)[sure] / shortest[sure]).min(initial=np.inf)

@@ -106,6 +106,7 @@ class Factors:
 
     def at_most(self, drift: float, since: Floats, until: Floats, jump: float) -> tuple[Floats, Floats]:
         """Largest sizes of both factors between two times, under a drift that is ahead by up to `jump` seconds."""
+        # |a(t)| <= |a(T)| + d |t - T|, and never above the most
         span = np.maximum(np.abs(since - self.time), np.abs(until - self.time)) + jump
         ranges = zip((self.speed, self.turn_rate), self.most, strict=True)
         a, b = (np.minimum(np.abs(ends).max() + drift * span, most) for ends, most in ranges)
@@ -136,6 +137,7 @@ class Commands:
         """The integral of the turn rate, and that of ``v exp(i b turned)``, up to some times."""
         n, share = self._place(times)
         turned = self.turned[n] + share * self.omega[n]
+        # W(t): the sum of the chords of whole steps and that of the step begun
         whole = self._chords(np.arange(len(self.v)), np.full(len(self.v), self.step), b)
         sums = np.concatenate([[0.0], np.cumsum(whole)])
         return turned, sums[n] + self._chords(n, share, b)
@@ -162,6 +164,7 @@ class Commands:
 
     def swing(self, begin: Floats, end: float, about: float) -> Floats:
         """Upper bounds of the integrals of ``|v| |turned - about|`` between some times and one, in any order."""
+        # |Omega(t) - about| is at most its value where the step begins plus h |omega|
         reach = np.abs(self.turned - about) + self.step * np.abs(self.omega)
         total = self._total(np.abs(self.v) * reach, np.append(begin, end))
         return np.asarray(np.abs(total[-1] - total[:-1]))
@@ -175,6 +178,7 @@ class Commands:
     def _leant(self, rate: Floats, times: Floats, about: float) -> Floats:
         """An antiderivative of ``rate |t - about|`` for a rate that is constant in each step."""
         begin = self.grid - about
+        # M(t) = int_0^t rate (tau - about) dtau; wanted is |M(t) - M(about)| with the sign of t - about
         moments = np.concatenate([[0.0], np.cumsum(rate * self.step * (begin + self.step / 2))])
         n, share = self._place(np.append(times, about))
         up_to = moments[n] + rate[n] * share * (begin[n] + share / 2)
@@ -188,6 +192,7 @@ class Commands:
 
     def _chords(self, n: NDArray[np.int64], span: Floats, b: float) -> Complexes:
         """The integral of ``v exp(i b turned)`` over the first `span` seconds of steps."""
+        # chord of an arc: v span sinc(b omega span / 2) exp(i b Omega) at its middle
         half = b * self.omega[n] * span / 2
         middle = b * self.turned[n] + half
         return np.asarray(self.v[n] * span * np.sinc(half / np.pi) * np.exp(1j * middle))
@@ -227,6 +232,7 @@ def departure(
     jump = commands.step / 2
     a, b = factors.at_most(errors.drift, since, until, jump)
     span = np.abs(until - since)
+    # the integrals of the formula above: lags against T, way and turn
     v_lag, omega_lag = commands.weighted(since, until, factors.time)
     way, turn = commands.driven(since, until)
     heading = errors.drift * (omega_lag + jump * turn) + b * errors.turn_rate * span
@@ -272,6 +278,7 @@ def propagated(
     slip_turn, slip = departure(commands, errors, factors, times, until)
     here, W = commands.at(np.append(times, time), b)
     turned = here[-1] - here[:-1]
+    # each measurement's arc of headings: theta_j + b (Omega(t) - Omega(t_j)); the set is their intersection
     found = common_arc(headings + b * turned, errors.heading + db * np.abs(turned) + slip_turn + UP)
     if found is None:
         return None
@@ -279,11 +286,13 @@ def propagated(
     # p(t) = p_j + a exp(i (theta - b Omega)) (W(t) - W(t_j)), and what factors, heading and departure add to it
     reach = W[-1] - W[:-1]
     moved = a * np.exp(1j * (middle - b * here[-1])) * reach
+    # error of each guess: measurement, departure, a's half range, b's swing, and the heading's swing over the way
     swing = commands.swing(times, time, float(here[-1]))
     way, _ = commands.driven(times, until)
     error = errors.position + slip + da * np.abs(reach) + np.abs(a1) * (db * swing + swung(half) * way)
     guess, error = places + moved, error + UP * (1 + np.abs(places))
     sides = []
+    # intersect the boxes of all measurements, coordinate by coordinate
     for value in (guess.real, guess.imag):
         low, high = (value - error).max(), (value + error).min()
         if low > high:
@@ -314,6 +323,7 @@ def common_arc(middles: Floats, halves: Floats) -> tuple[float, float] | None:
     around, least = float(middles[k]), float(halves[k])
     if least >= np.pi:
         return around, float(np.pi)
+    # arcs relative to the narrowest; one that could overlap it from both sides is left out
     offset = wrapped(middles - around)
     use = halves + least + np.abs(offset) < 2 * np.pi
     use[k] = True

@@ -115,6 +115,7 @@ class Tracker:
         the factors are.
         """
         step, known = self.problem.step, self.sets.known
+        # times relative to the grid time from which the pose is propagated
         later = replace(known, time=known.time - begin * step)
         until: Floats = np.asarray(step * np.arange(1, len(controls) + 1), dtype=float)
         ahead = Commands(self.problem.fleet.arcs, controls, step)
@@ -124,6 +125,7 @@ class Tracker:
         """Metres by which the robot may leave the segment between the places at grid times `k` and ``k + 1``."""
         step, commands, (a, b) = self.problem.step, self._commands, self.sets.known.most
         n = min(k, len(commands.v) - 1)
+        # sagitta of the arc, h^2/8 a b |v omega|, and a departure from both ends of the segment
         arc = step**2 / 8 * a * b * abs(commands.v[n] * commands.omega[n])
         here = Factors(k * step, np.array([-a, a]), np.array([-b, b]), (a, b))
         ends = np.array([k * step]), np.array([(k + 1) * step])
@@ -161,6 +163,7 @@ class Tracker:
             self.sets.restart(self.sets.assumed)
             return "the robot is where it can't have driven to: it was moved, or measured wrongly"
         self.widened += 1
+        # ranges WIDER times as wide about their middle, and above SLOWEST
         middle, half = self.sets.assumed.mean(axis=1), np.maximum(np.ptp(self.sets.assumed, axis=1) / 2, 0.01)
         wider = np.stack([np.maximum(middle - WIDER * half, SLOWEST), middle + WIDER * half], axis=1)
         self.sets.restart(wider)

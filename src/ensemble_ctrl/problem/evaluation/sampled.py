@@ -239,6 +239,7 @@ def replay(
     for c, chance in enumerate(problem.specification.chance):
         each = np.concatenate([some[c] for *_, some in results])
         random = each[corners:] if corners < len(each) else each
+        # robustness of share(p, f): the value that a share p of the members reaches, an order statistic
         fleet = np.sort(random)[len(random) - chance.share.rank(len(random))]
         np.minimum(robustness, fleet, out=robustness)
         shares.append(_seen(chance.share, random, corners < len(each)))
@@ -249,6 +250,7 @@ def replay(
 def _seen(part: Share, robustness: Floats, drawn: bool) -> ShareSeen:
     """The share of some members with a robustness of zero or more, and what it says of the fleet if they were drawn."""
     kept: NDArray[np.bool_] = robustness >= 0
+    # binomial confidence interval (Wilson 1927), for members that were drawn at random only
     low, high = wilson(kept) if drawn else (0.0, 1.0)
     return ShareSeen(str(part), part.p, float(kept.mean()), low, high)
 
@@ -324,6 +326,7 @@ def _run(
     robustness = _robustness(problem, specification.rest, whole[:, ::substeps])
     paths = whole[..., problem.fleet.place_columns]
     times = np.linspace(0.0, problem.duration, paths.shape[1])
+    # the block's bounding box at each time: far obstacles need no distances at all
     kept, box = specification.avoid, (paths.min(axis=0), paths.max(axis=0))
     inside = np.zeros((len(kept), len(parameters)), dtype=bool)
     found = []
@@ -363,6 +366,7 @@ def _approach(
     closest, at = np.full(len(paths), np.inf), np.zeros(len(paths), dtype=np.int64)
     members, moved = np.arange(len(paths)), avoid.offsets(times)
     for piece in avoid.pieces:
+        # branch and bound over time: no member is closer than the bounding box
         bound = _box_distance(box[0][when] - moved[when], box[1][when] - moved[when], piece) - avoid.radius
         for group in _nearest_first(bound):
             if bound[group[0]] > max(float(closest.max()), 0.0):
@@ -379,6 +383,7 @@ def _approach(
 def _box_distance(low: Floats, high: Floats, piece: Obstacle) -> Floats:
     """Distance between the block's bounding box and the piece's at each time: a lower bound of any member's."""
     corners = piece.vertices
+    # gap of two boxes along each axis, 0 where they overlap
     apart = np.maximum(np.maximum(low - corners.max(axis=0), corners.min(axis=0) - high), 0.0)
     return np.asarray(np.linalg.norm(apart, axis=1))
 
