@@ -67,7 +67,7 @@ def test_measured_robots_are_counted() -> None:
     rng = np.random.default_rng(4)
     mass = rng.uniform(0.9, 1.1, 40).round(3)
     cloud = {"mass": mass, "drag": (mass - 0.9 + rng.uniform(0, 0.02, 40)).round(3)}
-    fleet = ec.Fleet(PlanarQuadrotor(), {name: Samples(values) for name, values in cloud.items()}, cloud=cloud)
+    fleet = ec.Fleet(PlanarQuadrotor(), {name: Samples(values) for name, values in cloud.items()}, samples=cloud)
     controls = np.tile([10.5, 0.0], (10, 1))
     ends = fleet.trajectories(controls, np.column_stack(list(cloud.values())), 0.1)[:, -1, 1]
     height = float(np.sort(ends)[20] - 1e-4)

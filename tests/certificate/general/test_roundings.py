@@ -14,14 +14,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.clearance import Bound
+from ensemble_ctrl.certificate.bound import Bound
 from ensemble_ctrl.certificate.general import basis, boxes, clearance, enclosure, gradients, growth, models, task
 from ensemble_ctrl.certificate.general.basis import Basis, Doubled, restriction_error
 from ensemble_ctrl.certificate.general.boxes import Boxes
 from ensemble_ctrl.certificate.general.clearance import Prover
-from ensemble_ctrl.certificate.general.enclosure import Pieces, Start
+from ensemble_ctrl.certificate.general.enclosure import Pieces
 from ensemble_ctrl.certificate.general.gradients import Gradient
 from ensemble_ctrl.certificate.general.models import Model
+from ensemble_ctrl.certificate.general.start import Start
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl.leaves import Predicate
 from ensemble_ctrl.systems import OdeSystem
