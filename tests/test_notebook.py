@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import ensemble_ctrl
-from tests.examples import quick
 from tests.paths import ROOT
 
 PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if ">>>" in page.read_text(encoding="utf-8")]
@@ -32,7 +31,8 @@ def test_notebook_runs(path: Path, tmp_path: Path) -> None:
     assert any("image/png" in output.get("data", {}) for output in shown)
 
 
-@pytest.mark.parametrize("path", quick(TUTORIALS, TUTORIALS[0]), ids=lambda path: path.stem)
+@pytest.mark.slow
+@pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
 def test_tutorial_runs(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
     cells = re.findall(r"^# %%(.*)\n", path.read_text(encoding="utf-8"), re.MULTILINE)

@@ -368,6 +368,7 @@ def test_a_full_disk_does_not_lose_the_plan(place: Path) -> None:
     assert len(table.splitlines()) == 21
 
 
+@pytest.mark.slow
 def test_a_full_disk_with_json(place: Path) -> None:
     done = with_full_disk(place, 2000, *QUICK, "--json")
     assert done.code == 1

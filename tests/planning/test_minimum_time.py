@@ -15,6 +15,7 @@ from ensemble_ctrl.planning.minimum_time import TOLERANCE, Duration, Passage, _S
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks import findings
 from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
+from tests.examples import quick
 from tests.paths import CONFIGS
 
 FILES = CONFIGS / "time"
@@ -144,8 +145,9 @@ def passing(text: str = BLOCK) -> Problem:
     )
 
 
-def test_a_passage_is_as_early_as_can_be_and_the_task_goes_on() -> None:
-    problem = passing()
+@pytest.mark.parametrize("text", quick([STRAIGHT, BLOCK], STRAIGHT), ids=["straight", "block"])
+def test_a_passage_is_as_early_as_can_be_and_the_task_goes_on(text: str) -> None:
+    problem = passing(text)
     found, shortest = solve(problem)
     assert shortest is not None
     assert proven(found)

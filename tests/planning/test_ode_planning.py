@@ -257,6 +257,7 @@ def test_a_guess_that_runs_away_is_one_guess_less(guess: Floats) -> None:
     assert plan.verified
 
 
+@pytest.mark.slow
 def test_the_command_finds_no_plan_for_a_fleet_that_runs_away(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

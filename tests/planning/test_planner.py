@@ -185,6 +185,7 @@ def walled() -> Problem:
     )
 
 
+@pytest.mark.slow
 def test_without_a_plan_the_limit_of_iterations_is_named_as_a_limit() -> None:
     assert solve(options(walled(), max_iterations=1)).status == "limit"
     assert solve(options(small(), max_iterations=1)).status in ("planned", "limit")

@@ -7,6 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from tests.examples import quick
+
 from . import run
 from .configs import FILES
 from .controls import CONTROLS
@@ -19,7 +21,7 @@ QUICK = ("drift and actuators left out", "half the noise", "the past where the r
 """Margins whose lack shows in a few loops."""
 
 
-@pytest.mark.parametrize("chunk", [0, *(pytest.param(chunk, marks=pytest.mark.slow) for chunk in range(1, CHUNKS))])
+@pytest.mark.parametrize("chunk", quick(range(CHUNKS), 0))
 def test_what_loops_say_is_so(chunk: int) -> None:
     for index in range(chunk * SIZE, (chunk + 1) * SIZE):
         judged = run.one(7, index).judged
