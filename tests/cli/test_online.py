@@ -50,8 +50,8 @@ def test_a_run_is_printed_logged_and_drawn(command: Command, small: Path) -> Non
     assert len(steps[0]["commands"]) == 10
     assert {"solve_seconds", "iterations", "status", "ranges", "proof", "source", "events"} <= set(steps[1])
     assert (end["kind"], end["ending"]) == ("end", "success")
-    with Image.open(small / FOLDER / "online.gif") as film:
-        assert getattr(film, "n_frames", 1) > 20
+    with Image.open(small / FOLDER / "online.gif") as video:
+        assert getattr(video, "n_frames", 1) > 20
     facts = json.loads((small / FOLDER / "outcome.json").read_text())
     assert (facts["ending"], facts["assumptions_hold"], facts["plans"]["stopped"]) == ("success", True, 0)
 

@@ -14,10 +14,10 @@ from PIL import Image
 from ensemble_ctrl.files.folder import result_files
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.animation import WIDTH
-from ensemble_ctrl.report.film import FORMATS, AnimationError
-from ensemble_ctrl.report.scene import scenes
-from ensemble_ctrl.report.stage import HEAD
-from ensemble_ctrl.report.view import Canvas
+from ensemble_ctrl.report.map_content import map_contents
+from ensemble_ctrl.report.raster import HEAD
+from ensemble_ctrl.report.transform import Canvas
+from ensemble_ctrl.report.video import FORMATS, AnimationError
 
 from .plans import made
 
@@ -42,8 +42,8 @@ def test_robots_are_where_they_are_at_the_time(tmp_path: Path) -> None:
     plan = made("equal")
     path = plan.animate(tmp_path / "a.gif", seconds=4.0)
     way = trajectories(plan.problem, plan.controls, np.zeros((1, 0)), 2)
-    (scene,) = scenes(plan.problem, way)
-    canvas = scene.canvas(WIDTH["gif"], top=HEAD)
+    (content,) = map_contents(plan.problem, way)
+    canvas = content.canvas(WIDTH["gif"], top=HEAD)
     with Image.open(path) as picture:
         first = _map(picture, 0, canvas)
         for frame in (10, 25, 40):

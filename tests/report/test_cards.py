@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 import pytest
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.report.view import conflict_places
+from ensemble_ctrl.report.transform import conflict_places
 
 from .plans import PROBLEMS, made
 

@@ -17,7 +17,7 @@ from ensemble_ctrl.problem.evaluation import conflicts, sampled
 from ensemble_ctrl.report import series, tube
 from ensemble_ctrl.report.kinds.controls import POINTS, draw_controls
 from ensemble_ctrl.report.pagecharts import Axes, Curve, chart
-from ensemble_ctrl.report.view import telling
+from ensemble_ctrl.report.transform import telling
 
 LONG = ec.load_text("""
 name: long

@@ -14,10 +14,10 @@ from PIL import Image
 from ensemble_ctrl.problem.evaluation.sampled import states, trajectories
 from ensemble_ctrl.report.html import report_html
 from ensemble_ctrl.report.kinds.moments import moments
+from ensemble_ctrl.report.map_content import map_contents
 from ensemble_ctrl.report.plot import KINDS, write_plot
-from ensemble_ctrl.report.scene import scenes
+from ensemble_ctrl.report.raster import HEAD, NARROW, Raster
 from ensemble_ctrl.report.series import by_parameter, over_time
-from ensemble_ctrl.report.stage import HEAD, NARROW, Stage
 from tests.examples import quick
 
 from .plans import ODE_KINDS, ode_made
@@ -136,8 +136,8 @@ def test_a_gif(kind: str, tmp_path: Path) -> None:
 def test_a_robot_on_a_line_is_where_it_is_at_the_time(tmp_path: Path) -> None:
     """The foremost of what differs from the first picture is the robot, against half the force times time squared."""
     plan = ode_made("equal line")
-    (scene,) = scenes(plan.problem, trajectories(plan.problem, plan.controls, np.zeros((1, 0)), 2))
-    canvas = scene.canvas(NARROW, top=HEAD)
+    (content,) = map_contents(plan.problem, trajectories(plan.problem, plan.controls, np.zeros((1, 0)), 2))
+    canvas = content.canvas(NARROW, top=HEAD)
     with Image.open(plan.animate(tmp_path / "a.gif", seconds=2.0)) as picture:
         inside = slice(HEAD, HEAD + round(canvas.height))
         first = np.asarray(picture.convert("RGB")).astype(int)[inside]
@@ -155,9 +155,9 @@ def test_a_robot_on_a_line_is_where_it_is_at_the_time(tmp_path: Path) -> None:
 def test_what_lies_beside_the_way_is_only_outlined() -> None:
     """Seen from above the ground hides everything, from the side the wall beside the fleet does."""
     plan = ode_made("space")
-    above, side = scenes(plan.problem, trajectories(plan.problem, plan.controls, plan.problem.fleet.corners))
+    above, side = map_contents(plan.problem, trajectories(plan.problem, plan.controls, plan.problem.fleet.corners))
     assert [shape.beside for shape in above.obstacles] == [(False, False), (True,)]
     assert [shape.beside for shape in side.obstacles] == [(True, True), (False,)]
-    stage = Stage.of(plan.problem, trajectories(plan.problem, plan.controls, plan.problem.fleet.corners), NARROW)
-    upper, lower = (panel.canvas for panel in stage.panels)
+    raster = Raster.of(plan.problem, trajectories(plan.problem, plan.controls, plan.problem.fleet.corners), NARROW)
+    upper, lower = (panel.canvas for panel in raster.panels)
     assert lower.top == pytest.approx(upper.top + upper.height)

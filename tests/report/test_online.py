@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageColor
 
+from ensemble_ctrl.report.map_content import map_contents
 from ensemble_ctrl.report.online import DRIVEN, PLANNED, Run, Told, write_run
 from ensemble_ctrl.report.palette import LINES
-from ensemble_ctrl.report.scene import scenes
-from ensemble_ctrl.report.stage import HEAD, NARROW
+from ensemble_ctrl.report.raster import HEAD, NARROW
 
 from .plans import made
 
@@ -34,14 +34,14 @@ def test_the_robot_and_its_newest_plan(tmp_path: Path) -> None:
     done = run()
     assert write_run(done, tmp_path) == ["online.png", "online.gif"]
     driven = done.driven["robot"]
-    (scene,) = scenes(done.problem, driven[None])
-    canvas = scene.canvas(NARROW, top=HEAD, more=[path for step in done.told for path in step.paths.values()])
-    with Image.open(tmp_path / "online.gif") as film:
-        frames = film.n_frames  # type: ignore[attr-defined]
+    (content,) = map_contents(done.problem, driven[None])
+    canvas = content.canvas(NARROW, top=HEAD, more=[path for step in done.told for path in step.paths.values()])
+    with Image.open(tmp_path / "online.gif") as video:
+        frames = video.n_frames  # type: ignore[attr-defined]
         assert frames == 80
         for k in (10, 30, 60):
-            film.seek(k)
-            pixels = np.asarray(film.convert("RGB")).astype(int)
+            video.seek(k)
+            pixels = np.asarray(video.convert("RGB")).astype(int)
             x = canvas.at(driven[int(k * 80 / 79)])[0]
             dark = np.abs(pixels - ImageColor.getrgb(DRIVEN)).max(axis=2) < 30
             foremost = np.argwhere(dark[HEAD:-34])[:, 1].max()
@@ -58,9 +58,9 @@ def test_robots_have_colours_of_their_own_and_names(tmp_path: Path) -> None:
     driven = {"ada": alone.driven["robot"], "ben": alone.driven["robot"] + [0.0, 0.5]}
     told = [replace(step, paths=driven, ranges={"ada.traction": (0.9, 1.1)}) for step in alone.told]
     write_run(replace(alone, driven=driven, told=told), tmp_path)
-    with Image.open(tmp_path / "online.gif") as film:
-        film.seek(40)
-        pixels = np.asarray(film.convert("RGB")).astype(int)
+    with Image.open(tmp_path / "online.gif") as video:
+        video.seek(40)
+        pixels = np.asarray(video.convert("RGB")).astype(int)
     for colour in LINES[:2]:
         here = np.abs(pixels - ImageColor.getrgb(colour)).max(axis=2) < 30
         assert here[HEAD:-34].any()

@@ -162,7 +162,7 @@ class Plan(ReadOnlyArrays):
         Raises
         ------
         AnimationError
-            For another ending, a length that is none, and for a film without ffmpeg.
+            For another ending, a length that is none, and for a video without ffmpeg.
         """
         from ensemble_ctrl.report.animation import animate
 

@@ -13,6 +13,6 @@ from ensemble_ctrl.files.folder import require_free
 def animate_plan(path: Path, output: Path | None, seconds: float, overwrite: bool = False) -> None:
     """Write the animation and say where it is."""
     file = planfile.path_of(path)
-    film = output or (file.with_name("animation.gif") if file.name == "plan.npz" else file.with_suffix(".gif"))
-    require_free(film, overwrite)
-    say(str(Plan.load(path).animate(film, seconds)))
+    video = output or (file.with_name("animation.gif") if file.name == "plan.npz" else file.with_suffix(".gif"))
+    require_free(video, overwrite)
+    say(str(Plan.load(path).animate(video, seconds)))

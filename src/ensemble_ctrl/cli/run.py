@@ -56,7 +56,7 @@ def run(options: RunOptions) -> int:
     """Plan, write the results folder, print the summary; returns the exit code."""
     progress = Progress(options.quiet, options.verbose)
     if options.animation is not None:
-        from ensemble_ctrl.report.film import require
+        from ensemble_ctrl.report.video import require
 
         require(f"--animate {options.animation}", options.animation)
     progress("check", None)

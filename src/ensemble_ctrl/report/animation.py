@@ -1,4 +1,4 @@
-"""The fleet on its way, as a GIF or a film."""
+"""The fleet on its way, as a GIF or a video."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
-from ensemble_ctrl.report.film import RATES, AnimationError, require, write_film, write_gif
 from ensemble_ctrl.report.palette import shades, viridis
-from ensemble_ctrl.report.stage import FINE, NARROW, Stage
+from ensemble_ctrl.report.raster import FINE, NARROW, Raster
+from ensemble_ctrl.report.video import RATES, AnimationError, require, write_gif, write_video
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -47,7 +47,7 @@ def animate(problem: Problem, controls: Floats, path: Path, seconds: float = SEC
     Raises
     ------
     AnimationError
-        For another ending, a length that is none, and for a film where there is no ``ffmpeg``.
+        For another ending, a length that is none, and for a video where there is no ``ffmpeg``.
     """
     path = Path(path)
     kind = path.suffix[1:].lower()
@@ -57,7 +57,7 @@ def animate(problem: Problem, controls: Floats, path: Path, seconds: float = SEC
     times = np.linspace(0.0, problem.duration, max(2, round(seconds * RATES[kind]) + 1))
     frames = _frames(problem, controls, times, WIDTH[kind])
     with whole_file(path) as file:
-        (write_gif if kind == "gif" else write_film)(frames, file)
+        (write_gif if kind == "gif" else write_video)(frames, file)
     return path
 
 
@@ -67,11 +67,11 @@ def _frames(problem: Problem, controls: Floats, times: Floats, width: int) -> It
 
     fleet = problem.fleet
     members = fleet.spread(MEMBERS if fleet.names else 1)
-    stage = Stage.of(problem, trajectories(problem, controls, members, 2), width)
+    raster = Raster.of(problem, trajectories(problem, controls, members, 2), width)
     colours = [tuple(colour) for colour in viridis(shades(fleet, members)).tolist()]
-    ground = stage.ground()
-    grid = np.linspace(0.0, problem.duration, stage.panels[0].scene.paths.shape[1])
-    along = [(panel, panel.scene.paths, _along(panel.scene.paths, grid, times)) for panel in stage.panels]
+    ground = raster.ground()
+    grid = np.linspace(0.0, problem.duration, raster.panels[0].content.paths.shape[1])
+    along = [(panel, panel.content.paths, _along(panel.content.paths, grid, times)) for panel in raster.panels]
     seen = 0
     for k, time in enumerate(times):
         upto = int(np.searchsorted(grid, time, side="right"))
@@ -83,7 +83,7 @@ def _frames(problem: Problem, controls: Floats, times: Floats, width: int) -> It
         seen = upto
         frame = ground.copy()
         pen = ImageDraw.Draw(frame)
-        stage.draw_now(pen, float(time))
+        raster.draw_now(pen, float(time))
         for panel, _, places in along:
             for place, colour in zip(places[:, k], colours, strict=True):
                 panel.robot(pen, place, colour)

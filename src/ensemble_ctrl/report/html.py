@@ -26,8 +26,8 @@ from ensemble_ctrl.report.pagemap import map_and_motion
 from ensemble_ctrl.report.palette import hexadecimal, viridis
 from ensemble_ctrl.report.series import by_parameter, distance_label, over_time
 from ensemble_ctrl.report.text import PlanLike, parameter_label, summary_rows, unit_of, verdict
+from ensemble_ctrl.report.transform import conflict_places
 from ensemble_ctrl.report.tube import tubes
-from ensemble_ctrl.report.view import conflict_places
 from ensemble_ctrl.report.words import certificate_words
 
 Floats = NDArray[np.float64]

@@ -15,10 +15,10 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save
 from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
-from ensemble_ctrl.report.film import write_gif
 from ensemble_ctrl.report.palette import CONTRAST, LINES
-from ensemble_ctrl.report.stage import FINE, NARROW, Stage
+from ensemble_ctrl.report.raster import FINE, NARROW, Raster
 from ensemble_ctrl.report.text import literal
+from ensemble_ctrl.report.video import write_gif
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -209,11 +209,11 @@ def _frames(run: Run) -> Iterator[Image.Image]:
     count = min(len(path) for path in shown.values())
     driven = np.stack([path[:count] for path in shown.values()])
     planned = [path for step in run.told for path in step.paths.values()]
-    stage = Stage.of(run.problem, driven, NARROW, False, planned)
-    (panel,) = stage.panels
-    ground = stage.ground()
+    raster = Raster.of(run.problem, driven, NARROW, False, planned)
+    (panel,) = raster.panels
+    ground = raster.ground()
     if len(shown) > 1:
-        _draw_names(stage, ImageDraw.Draw(ground), _colours(run))
+        _draw_names(raster, ImageDraw.Draw(ground), _colours(run))
     starts = np.array([step.time for step in run.told])
     thick = round(1.5 * FINE)
     before = 0
@@ -227,16 +227,16 @@ def _frames(run: Run) -> Iterator[Image.Image]:
         pen = ImageDraw.Draw(frame)
         for plan in run.told[newest].paths.values() if newest >= 0 else ():
             pen.line(panel.points(plan), PLANNED, thick, "curve")
-        stage.draw_now(pen, now)
+        raster.draw_now(pen, now)
         for path, colour in zip(driven, colours, strict=True):
             panel.robot(pen, path[k], colour)
         yield frame.reduce(FINE)
 
 
-def _draw_names(stage: Stage, pen: ImageDraw.ImageDraw, colours: Mapping[str, str]) -> None:
+def _draw_names(raster: Raster, pen: ImageDraw.ImageDraw, colours: Mapping[str, str]) -> None:
     """Whose colour is which, below the map."""
-    panel = stage.panels[0]
-    x, y = 8 * panel.unit, stage.size[1] - 12 * panel.unit
+    panel = raster.panels[0]
+    x, y = 8 * panel.unit, raster.size[1] - 12 * panel.unit
     for name, colour in colours.items():
         pen.text((x, y), name, colour, panel.font, anchor="lm")
         x += pen.textlength(f"{name}  ", panel.font)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.report.text import short
-from ensemble_ctrl.report.view import telling
+from ensemble_ctrl.report.transform import telling
 
 Floats = NDArray[np.float64]
 

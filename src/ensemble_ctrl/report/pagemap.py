@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.report.map_content import MapContent, View, map_contents
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
-from ensemble_ctrl.report.scene import Scene, View, scenes
 from ensemble_ctrl.report.text import conflict_text
+from ensemble_ctrl.report.transform import Canvas, some
 from ensemble_ctrl.report.tube import Ribbon
-from ensemble_ctrl.report.view import Canvas, some
 
 Floats = NDArray[np.float64]
 
@@ -60,14 +60,14 @@ def map_and_motion(
     colours = [hexadecimal(c) for c in viridis(shades(problem.fleet, members))]
     drawings, tracks, offsets = [], [], dict[str, Any]()
     keep = some(len(shown), FRAMES)
-    for scene in scenes(problem, paths):
-        ribbons = tubes.get(scene.view, ())
+    for content in map_contents(problem, paths):
+        ribbons = tubes.get(content.view, ())
         areas = [outline for ribbon in ribbons for outline in ribbon.outlines]
-        canvas = scene.canvas(WIDTH - MARGIN[0], MARGIN[0], more=areas)
-        ways = scene.paths[:, shown]
-        drawings.append(_svg(scene, canvas, ways, colours, ribbons, marks))
+        canvas = content.canvas(WIDTH - MARGIN[0], MARGIN[0], more=areas)
+        ways = content.paths[:, shown]
+        drawings.append(_svg(content, canvas, ways, colours, ribbons, marks))
         tracks += np.rint(10 * canvas.at(ways[:, keep])).astype(int).tolist()
-        for shape in scene.obstacles:
+        for shape in content.obstacles:
             if shape.motion is not None:
                 moved = 10 * canvas.scale * shape.motion.at(times[keep]) * [1, -1]
                 offsets[shape.name] = np.rint(moved).astype(int).tolist()
@@ -77,7 +77,7 @@ def map_and_motion(
 
 
 def _svg(
-    scene: Scene,
+    content: MapContent,
     canvas: Canvas,
     paths: Floats,
     colours: Sequence[str],
@@ -85,24 +85,24 @@ def _svg(
     marks: Sequence[tuple[Conflict, Floats]],
 ) -> str:
     """One view of the map."""
-    parts = [*_grid(scene, canvas), *_places(scene, canvas), *_tube(ribbons, canvas)]
+    parts = [*_grid(content, canvas), *_places(content, canvas), *_tube(ribbons, canvas)]
     parts += [
         f'<polyline class="path" points="{_text(canvas, path)}" stroke="{colour}"/>'
         for path, colour in zip(paths, colours, strict=True)
     ]
-    parts += [*_obstacles(scene, canvas), *_names(scene, canvas), *_start(scene, canvas)]
-    radius = max(4.0, scene.radius * canvas.scale)
+    parts += [*_obstacles(content, canvas), *_names(content, canvas), *_start(content, canvas)]
+    radius = max(4.0, content.radius * canvas.scale)
     kind = "member" if radius < 8 else "member large"
     for path, colour in zip(paths, colours, strict=True):
         x, y = canvas.at(path[-1]).tolist()
         parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{colour}"/>')
     for conflict, place in marks:
-        x, y = canvas.at(scene.at(place, conflict.time)).tolist()
+        x, y = canvas.at(content.at(place, conflict.time)).tolist()
         title = f"<title>{escape(conflict_text(conflict))}</title>"
         parts.append(f'<circle class="mark" cx="{x:.1f}" cy="{y:.1f}" r="9">{title}</circle>')
     size = f'viewBox="0 0 {WIDTH} {canvas.height + MARGIN[1]:.0f}"'
-    seen = f", seen along {scene.hidden}" if scene.hidden else ""
-    label = escape(f"Map of {scene.problem.name} with the ways of {len(paths)} robots{seen}")
+    seen = f", seen along {content.hidden}" if content.hidden else ""
+    label = escape(f"Map of {content.problem.name} with the ways of {len(paths)} robots{seen}")
     return f'<svg class="map" {size} role="img" aria-label="{label}">{"".join(parts)}</svg>'
 
 
@@ -111,7 +111,7 @@ def _text(canvas: Canvas, points: Floats) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in canvas.at(points).tolist())
 
 
-def _grid(scene: Scene, canvas: Canvas) -> list[str]:
+def _grid(content: MapContent, canvas: Canvas) -> list[str]:
     """Lines every so many metres or seconds, with their numbers and labels."""
     high = canvas.low + np.array([(WIDTH - MARGIN[0]) / canvas.across, canvas.height / canvas.scale])
     parts = []
@@ -123,31 +123,31 @@ def _grid(scene: Scene, canvas: Canvas) -> list[str]:
         y = canvas.at(np.array([0.0, value]))[1]
         parts.append(f'<line class="grid" x1="{MARGIN[0]}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>')
         parts.append(f'<text class="end" x="{MARGIN[0] - 6}" y="{y + 4:.1f}">{value:g}</text>')
-    across, up = map(escape, scene.labels)
+    across, up = map(escape, content.labels)
     parts.append(f'<text class="mid" x="{(WIDTH + MARGIN[0]) / 2}" y="{canvas.height + 34:.1f}">{across}</text>')
     parts.append(f'<text class="mid" transform="translate(12 {canvas.height / 2:.1f}) rotate(-90)">{up}</text>')
     return parts
 
 
-def _places(scene: Scene, canvas: Canvas) -> list[str]:
+def _places(content: MapContent, canvas: Canvas) -> list[str]:
     """Regions and the target."""
     parts = []
-    for name, corners in scene.regions.items():
+    for name, corners in content.regions.items():
         points = _text(canvas, corners)
         parts.append(f'<polygon class="region" points="{points}"><title>{escape(name)}</title></polygon>')
-    parts += [f'<polyline class="target" points="{_text(canvas, line)}"/>' for line in scene.lines]
-    if scene.target is not None:
-        x, y = canvas.at(scene.target).tolist()
+    parts += [f'<polyline class="target" points="{_text(canvas, line)}"/>' for line in content.lines]
+    if content.target is not None:
+        x, y = canvas.at(content.target).tolist()
         parts.append(
             f'<path class="target" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"><title>target</title></path>'
         )
     return parts
 
 
-def _names(scene: Scene, canvas: Canvas) -> list[str]:
+def _names(content: MapContent, canvas: Canvas) -> list[str]:
     """Names of regions above them, drawn over everything that lies still."""
     parts = []
-    for name, place in scene.tags.items():
+    for name, place in content.tags.items():
         x, y = canvas.at(place).tolist()
         parts.append(f'<text class="mid name" x="{x:.1f}" y="{max(y - 4, 12):.1f}">{escape(name)}</text>')
     return parts
@@ -163,13 +163,13 @@ def _tube(ribbons: Sequence[Ribbon], canvas: Canvas) -> list[str]:
     ]
 
 
-def _obstacles(scene: Scene, canvas: Canvas) -> list[str]:
+def _obstacles(content: MapContent, canvas: Canvas) -> list[str]:
     """Obstacles with their names; those that move are groups that the script moves, with their way dotted."""
     parts = []
-    for shape in scene.obstacles:
+    for shape in content.obstacles:
         name, moves = escape(shape.name), ""
         if shape.motion is not None:
-            times = np.linspace(0.0, scene.problem.duration, 61)
+            times = np.linspace(0.0, content.problem.duration, 61)
             way = shape.pieces[0].mean(axis=0) + shape.motion.at(times)
             parts.append(f'<polyline class="way" points="{_text(canvas, way)}"/>')
             moves = f' data-moves="{name}"'
@@ -185,10 +185,10 @@ def _obstacles(scene: Scene, canvas: Canvas) -> list[str]:
     return parts
 
 
-def _start(scene: Scene, canvas: Canvas) -> list[str]:
+def _start(content: MapContent, canvas: Canvas) -> list[str]:
     """An arrow head at the start, in the direction of the heading; a disk where there is none."""
-    x, y = canvas.at(scene.start).tolist()
-    if scene.heading is None:
+    x, y = canvas.at(content.start).tolist()
+    if content.heading is None:
         return [f'<circle class="start" cx="{x:.1f}" cy="{y:.1f}" r="5"><title>start</title></circle>']
-    turn = f'transform="translate({x:.1f} {y:.1f}) rotate({-np.degrees(scene.heading):.1f})"'
+    turn = f'transform="translate({x:.1f} {y:.1f}) rotate({-np.degrees(content.heading):.1f})"'
     return [f'<path class="start" {turn} d="M9 0L-6 6L-3 0L-6 -6Z"><title>start</title></path>']

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, placed_axes
+from ensemble_ctrl.report.map_content import OVER_TIME, MapContent, map_contents
 from ensemble_ctrl.report.palette import CONTRAST, OBSTACLE, OBSTACLE_EDGE, REGION, shades, viridis
-from ensemble_ctrl.report.scene import OVER_TIME, Scene, scenes
 from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
@@ -41,54 +41,54 @@ def draw_paths(
     problem : Problem
     controls : ndarray, shape (steps, n_u)
     axes : sequence of matplotlib Axes
-        One for each of `ensemble_ctrl.report.scene.scenes`; where fewer are given, so many views are drawn.
+        One for each of `ensemble_ctrl.report.map_content.map_contents`; where fewer are given, so many views are drawn.
     baseline_controls : ndarray, shape (steps, n_u), optional
         Commands of the unconstrained baseline, whose trajectories are drawn thin and dashed.
     """
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
     colours = viridis(shades(fleet, members)) / 255
-    for ax, scene in zip(axes, scenes(problem, trajectories(problem, controls, members, LOOKS)), strict=False):
-        _draw_shapes(scene, ax)
-        for colour, path in zip(colours, scene.paths, strict=True):
+    for ax, content in zip(axes, map_contents(problem, trajectories(problem, controls, members, LOOKS)), strict=False):
+        _draw_shapes(content, ax)
+        for colour, path in zip(colours, content.paths, strict=True):
             ax.plot(*path.T, color=colour, linewidth=0.9, alpha=0.9)
             ax.plot(*path[-1:].T, "o", color=colour, markersize=3, zorder=4)
         ax.margins(0.06, 0.16)
     if baseline_controls is not None:
         whole = trajectories(problem, baseline_controls, members[::2], LOOKS)
-        for ax, scene in zip(axes, scenes(problem, whole), strict=False):
-            for path in scene.paths:
+        for ax, content in zip(axes, map_contents(problem, whole), strict=False):
+            for path in content.paths:
                 ax.plot(*path.T, "--", color=CONTRAST, linewidth=0.6, alpha=0.7, zorder=1.9)
     for ax in axes:
         draw_scale(problem, ax)
 
 
-def _draw_shapes(scene: Scene, ax: Axes) -> None:
+def _draw_shapes(content: MapContent, ax: Axes) -> None:
     """Obstacles, regions and the start of one view; what lies beside the fleet's way is outlined only."""
     from matplotlib.patches import Polygon
 
-    for shape in scene.obstacles:
+    for shape in content.obstacles:
         for corners, beside in zip(shape.pieces, shape.beside, strict=True):
             look: dict[str, Any] = (
                 {"fill": False, "linestyle": ":", "zorder": 0.5} if beside else {"facecolor": OBSTACLE}
             )
             ax.add_patch(Polygon(corners, closed=True, edgecolor=OBSTACLE_EDGE, linewidth=0.9, **look))
         if shape.motion is not None:
-            for k, offset in enumerate(shape.motion.at(np.linspace(0.0, scene.problem.duration, GHOSTS))):
+            for k, offset in enumerate(shape.motion.at(np.linspace(0.0, content.problem.duration, GHOSTS))):
                 for corners in shape.pieces:
                     ghost = Polygon(corners + offset, closed=True, fill=False, edgecolor=OBSTACLE, linestyle="--")
                     ghost.set(linewidth=0.8, alpha=1.0 - 0.8 * k / GHOSTS)
                     ax.add_patch(ghost)
-    for corners in scene.regions.values():
+    for corners in content.regions.values():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
-    for name, (x, y) in scene.tags.items():
+    for name, (x, y) in content.tags.items():
         ax.annotate(literal(name), (x, y), (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
-    ax.plot(*scene.start, "ko", markersize=5, zorder=5)
-    if scene.view is not None:
+    ax.plot(*content.start, "ko", markersize=5, zorder=5)
+    if content.view is not None:
         ax.set_aspect("equal")
-        ax.annotate("start", tuple(scene.start), (0, -12), textcoords="offset points", fontsize=8, ha="center")
-    across, up = scene.labels
-    seen = f" (seen along {scene.hidden}; dotted: beside the way)" if scene.hidden else ""
+        ax.annotate("start", tuple(content.start), (0, -12), textcoords="offset points", fontsize=8, ha="center")
+    across, up = content.labels
+    seen = f" (seen along {content.hidden}; dotted: beside the way)" if content.hidden else ""
     ax.set(xlabel=literal(f"{across}{seen}"), ylabel=literal(up))
 
 
@@ -139,12 +139,12 @@ def sheet(
 def _ratios(problem: Problem, controls: Floats) -> list[float]:
     """Heights of all views, in widths."""
     found = []
-    for scene in scenes(problem, trajectories(problem, controls, problem.fleet.corners)):
-        across, up = np.ptp(np.concatenate([*scene.paths, *_shapes(scene)]), axis=0)
-        found.append(float(np.clip(up / max(across, 1e-9), 0.3, 1.3)) if scene.view else OVER_TIME)
+    for content in map_contents(problem, trajectories(problem, controls, problem.fleet.corners)):
+        across, up = np.ptp(np.concatenate([*content.paths, *_shapes(content)]), axis=0)
+        found.append(float(np.clip(up / max(across, 1e-9), 0.3, 1.3)) if content.view else OVER_TIME)
     return found
 
 
-def _shapes(scene: Scene) -> list[Floats]:
+def _shapes(content: MapContent) -> list[Floats]:
     """Corners of everything that is drawn."""
-    return [*scene.regions.values(), *(corners for shape in scene.obstacles for corners in shape.pieces)]
+    return [*content.regions.values(), *(corners for shape in content.obstacles for corners in shape.pieces)]

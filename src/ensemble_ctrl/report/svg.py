@@ -6,7 +6,7 @@ from ensemble_ctrl.problem.drawing import card_html, map_svg
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
 from ensemble_ctrl.report.text import PlanLike, summary_rows, verdict
-from ensemble_ctrl.report.view import conflict_places, some
+from ensemble_ctrl.report.transform import conflict_places, some
 
 MEMBERS = 9
 """Members drawn, spread over the parameter's range."""

@@ -12,7 +12,7 @@ from ensemble_ctrl.certificate.enclosure import Flow
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.tube import enclosed, general
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.report.scene import VIEWS, View
+from ensemble_ctrl.report.map_content import VIEWS, View
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def tubes(problem: Problem, controls: Floats) -> dict[View | None, tuple[Ribbon,
     Returns
     -------
     dict of (int, int) or None to tuple of Ribbon
-        By the views of `ensemble_ctrl.report.scene.VIEWS`; empty for systems of which there is no enclosure.
+        By the views of `ensemble_ctrl.report.map_content.VIEWS`; empty for systems of which there is no enclosure.
 
     Notes
     -----

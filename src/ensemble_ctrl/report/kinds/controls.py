@@ -12,7 +12,7 @@ from ensemble_ctrl.report.figures import line_style
 from ensemble_ctrl.report.kinds.panels import panels
 from ensemble_ctrl.report.palette import CONTRAST
 from ensemble_ctrl.report.text import literal
-from ensemble_ctrl.report.view import telling
+from ensemble_ctrl.report.transform import telling
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

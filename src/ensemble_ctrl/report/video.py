@@ -1,4 +1,4 @@
-"""Pictures one after the other as a GIF or a film."""
+"""Pictures one after the other as a GIF or a video."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def require(what: str, kind: str) -> None:
     Raises
     ------
     AnimationError
-        For others than `FORMATS`, and for a film without ``ffmpeg``; `what` was asked for.
+        For others than `FORMATS`, and for a video without ``ffmpeg``; `what` was asked for.
     """
     if kind not in FORMATS:
         raise AnimationError(f"{what}: expected an animation as .gif or .mp4")
     if kind == "mp4" and shutil.which("ffmpeg") is None:
-        raise AnimationError(f"{what}: a film needs the program ffmpeg, which was not found; a .gif needs nothing")
+        raise AnimationError(f"{what}: a video needs the program ffmpeg, which was not found; a .gif needs nothing")
 
 
 def write_gif(frames: Iterator[Image.Image], file: IO[bytes], colours: Iterable[str] = ()) -> None:
@@ -67,7 +67,7 @@ def _colours(more: Iterable[str]) -> list[tuple[int, ...]]:
     return [(255, 255, 255), *far]
 
 
-def write_film(frames: Iterator[Image.Image], file: IO[bytes]) -> None:
+def write_video(frames: Iterator[Image.Image], file: IO[bytes]) -> None:
     """Frames into ffmpeg as they are drawn; the last for a moment longer. It writes by the file's name."""
     frame = next(frames)
     rate = RATES["mp4"]
@@ -90,4 +90,4 @@ def write_film(frames: Iterator[Image.Image], file: IO[bytes]) -> None:
         if ffmpeg.wait():
             said.seek(0)
             lines = said.read().decode(errors="replace").strip().splitlines()
-            raise AnimationError(f"ffmpeg could not write the film: {lines[-1] if lines else ffmpeg.returncode}")
+            raise AnimationError(f"ffmpeg could not write the video: {lines[-1] if lines else ffmpeg.returncode}")

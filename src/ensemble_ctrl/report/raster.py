@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.report.map_content import MapContent, map_contents
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import (
     GRID,
@@ -23,9 +24,8 @@ from ensemble_ctrl.report.palette import (
     SOFT,
     viridis,
 )
-from ensemble_ctrl.report.scene import Scene, scenes
 from ensemble_ctrl.report.text import short, unit_of
-from ensemble_ctrl.report.view import Canvas
+from ensemble_ctrl.report.transform import Canvas
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont
@@ -49,7 +49,7 @@ class Panel:
 
     Attributes
     ----------
-    scene : Scene
+    content : MapContent
     canvas : Canvas
         From metres to fine pixels.
     unit : float
@@ -57,7 +57,7 @@ class Panel:
     font : font of Pillow
     """
 
-    scene: Scene
+    content: MapContent
     canvas: Canvas
     unit: float
     font: ImageFont.FreeTypeFont | ImageFont.ImageFont
@@ -69,12 +69,12 @@ class Panel:
     def robot(self, pen: ImageDraw.ImageDraw, place: Floats, colour: Colour) -> None:
         """A robot as a disk of its size, or larger, where else it would not be seen."""
         ((x, y),) = self.points(place[None])
-        radius = max(4.0 * self.unit, self.scene.radius * self.canvas.scale)
+        radius = max(4.0 * self.unit, self.content.radius * self.canvas.scale)
         pen.ellipse((x - radius, y - radius, x + radius, y + radius), colour, OUTLINE, 1)
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class Raster:
     """All views of a map below each other, with room for name and time above and for scales below."""
 
     problem: Problem
@@ -83,10 +83,12 @@ class Stage:
     scaled: bool = True
 
     @classmethod
-    def of(cls, problem: Problem, paths: Floats, width: int, scaled: bool = True, more: Sequence[Floats] = ()) -> Stage:
+    def of(
+        cls, problem: Problem, paths: Floats, width: int, scaled: bool = True, more: Sequence[Floats] = ()
+    ) -> Raster:
         """The layout for ways of shape (members, times, d), `width` pixels wide.
 
-        Film and GIF need even sizes. Where colours stand for no parameter, it is not `scaled`. It has room for `more`
+        Video and GIF need even sizes. Where colours stand for no parameter, it is not `scaled`. It has room for `more`
         lines of shape (points, 2).
         """
         from PIL import ImageFont
@@ -94,9 +96,9 @@ class Stage:
         unit = FINE * width / NARROW
         font = ImageFont.load_default(13 * unit)
         panels, top = [], HEAD * unit
-        for scene in scenes(problem, paths):
-            canvas = scene.canvas(FINE * width, top=top, more=more)
-            panels.append(Panel(scene, canvas, unit, font))
+        for content in map_contents(problem, paths):
+            canvas = content.canvas(FINE * width, top=top, more=more)
+            panels.append(Panel(content, canvas, unit, font))
             top += canvas.height
         return cls(problem, tuple(panels), (FINE * width, FINE * 2 * ceil((top + FOOT * unit) / FINE / 2)), scaled)
 
@@ -122,35 +124,35 @@ class Stage:
 
 def _draw_map(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
     """Regions, obstacles that stay, targets and the start."""
-    scene, unit = panel.scene, panel.unit
-    for corners in sorted(scene.regions.values(), key=lambda corners: -float(np.ptp(corners, axis=0).prod())):
+    content, unit = panel.content, panel.unit
+    for corners in sorted(content.regions.values(), key=lambda corners: -float(np.ptp(corners, axis=0).prod())):
         pen.polygon(panel.points(corners), INSIDE, REGION, FINE)
-    if scene.view is None:
+    if content.view is None:
         _draw_numbers(panel, pen)
-    for shape in scene.obstacles:
+    for shape in content.obstacles:
         for corners, beside in zip(shape.pieces, shape.beside, strict=True):
             if beside:
                 pen.polygon(panel.points(corners), None, OBSTACLE, 1)
             elif shape.motion is None:
                 pen.polygon(panel.points(corners), OBSTACLE, OBSTACLE_EDGE, FINE)
     top = panel.canvas.top
-    for name, tag in scene.tags.items():
+    for name, tag in content.tags.items():
         ((x, y),) = panel.points(tag[None])
         low = y - 3 * unit > top + 10 * unit
         place, anchor = ((x, y - 3 * unit), "mb") if low else ((x, y + 3 * unit), "mt")
         pen.text(place, name, REGION, panel.font, anchor, stroke_width=FINE, stroke_fill="white")
-    for line in scene.lines:
+    for line in content.lines:
         pen.line(panel.points(line), "black", FINE)
     _draw_start(panel, pen)
-    if scene.hidden:
-        names = " and ".join(label.split()[0] for label in scene.labels)
+    if content.hidden:
+        names = " and ".join(label.split()[0] for label in content.labels)
         pen.text((8 * unit, top + 4 * unit), names, SOFT, panel.font, anchor="la")
 
 
 def _draw_numbers(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
     """Lines at round positions of a line over time, with their numbers."""
     canvas = panel.canvas
-    width = panel.scene.problem.duration * canvas.across
+    width = panel.content.problem.duration * canvas.across
     for value in ticks(float(canvas.low[1]), float(canvas.low[1]) + canvas.height / canvas.scale):
         ((x, y),) = panel.points(np.array([[0.0, value]]))
         pen.line((x, y, x + width, y), GRID, 1)
@@ -159,8 +161,8 @@ def _draw_numbers(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
 
 def _draw_start(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
     """An arrow head in the direction of the heading; a disk where there is none."""
-    heading, unit = panel.scene.heading, panel.unit
-    ((x, y),) = panel.points(panel.scene.start[None])
+    heading, unit = panel.content.heading, panel.unit
+    ((x, y),) = panel.points(panel.content.start[None])
     if heading is None:
         pen.ellipse((x - 4 * unit, y - 4 * unit, x + 4 * unit, y + 4 * unit), "black")
         return
@@ -169,27 +171,27 @@ def _draw_start(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
     pen.polygon([(x + dx, y - dy) for dx, dy in head.tolist()], "black")
 
 
-def _draw_frame(stage: Stage, pen: ImageDraw.ImageDraw) -> None:
+def _draw_frame(raster: Raster, pen: ImageDraw.ImageDraw) -> None:
     """The name above, and below the colours of the first parameter and a length, or a time."""
-    panel, (width, height) = stage.panels[0], stage.size
+    panel, (width, height) = raster.panels[0], raster.size
     unit, font = panel.unit, panel.font
     pen.rectangle((0, 0, width, (HEAD - 1) * unit), "white")
     pen.rectangle((0, height - (FOOT - 1) * unit, width, height), "white")
-    pen.text((8 * unit, 5 * unit), short(stage.problem.name, LONGEST), "black", font, anchor="la")
+    pen.text((8 * unit, 5 * unit), short(raster.problem.name, LONGEST), "black", font, anchor="la")
     y = height - 12 * unit
     length = _round_length(0.25 * width / panel.canvas.across)
     x = width - 10 * unit
     pen.line((x - length * panel.canvas.across, y, x, y), "black", 2 * FINE)
-    text = f"{length:g} {'s' if panel.scene.view is None else 'm'}"
+    text = f"{length:g} {'s' if panel.content.view is None else 'm'}"
     pen.text((x - length * panel.canvas.across - 6 * unit, y), text, "black", font, anchor="rm")
-    _draw_scale(stage, pen, y)
+    _draw_scale(raster, pen, y)
 
 
-def _draw_scale(stage: Stage, pen: ImageDraw.ImageDraw, y: float) -> None:
+def _draw_scale(raster: Raster, pen: ImageDraw.ImageDraw, y: float) -> None:
     """Which colour is which value of the first parameter."""
-    panel, fleet = stage.panels[0], stage.problem.fleet
+    panel, fleet = raster.panels[0], raster.problem.fleet
     unit, font = panel.unit, panel.font
-    if not stage.scaled or not fleet.names or fleet.upper[0] <= fleet.lower[0]:
+    if not raster.scaled or not fleet.names or fleet.upper[0] <= fleet.lower[0]:
         return
     name, post = fleet.names[0], unit_of(fleet.names[0])
     pen.text((8 * unit, y), f"{name} {fleet.lower[0]:.3g}", "black", font, anchor="lm")
@@ -204,7 +206,7 @@ def _draw_scale(stage: Stage, pen: ImageDraw.ImageDraw, y: float) -> None:
 
 def _draw_moving(panel: Panel, pen: ImageDraw.ImageDraw, time: float) -> None:
     """Obstacles that move, where they are, and the names of all."""
-    for shape in panel.scene.obstacles:
+    for shape in panel.content.obstacles:
         offset = np.zeros(2) if shape.motion is None else shape.motion.at(time)
         for corners in shape.pieces if shape.motion is not None else ():
             pen.polygon(panel.points(corners + offset), OBSTACLE, OBSTACLE_EDGE, FINE)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.drawing import frame, highest, outlines, shadow, target_lines
-from ensemble_ctrl.report.view import Canvas
+from ensemble_ctrl.report.transform import Canvas
 
 Floats = NDArray[np.float64]
 View = tuple[int, int]
@@ -53,7 +53,7 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class MapContent:
     """One drawing of a map.
 
     Attributes
@@ -142,7 +142,7 @@ class Scene:
         return Canvas.around(low - border, size + 2 * border, width, left, top, OVER_TIME)
 
 
-def scenes(problem: Problem, paths: Floats) -> tuple[Scene, ...]:
+def map_contents(problem: Problem, paths: Floats) -> tuple[MapContent, ...]:
     """The drawings that show all of a map.
 
     Parameters
@@ -151,14 +151,14 @@ def scenes(problem: Problem, paths: Floats) -> tuple[Scene, ...]:
     paths : ndarray, shape (members, times, d)
         Positions of members at times that are evenly spread over the horizon, or in the plane at any.
     """
-    return tuple(_scene(problem, paths, view) for view in VIEWS.get(len(problem.fleet.places), (None,)))
+    return tuple(_content(problem, paths, view) for view in VIEWS.get(len(problem.fleet.places), (None,)))
 
 
-def _scene(problem: Problem, paths: Floats, view: View | None) -> Scene:
+def _content(problem: Problem, paths: Floats, view: View | None) -> MapContent:
     """One of them."""
     if view is None:
         times = np.broadcast_to(np.linspace(0.0, problem.duration, paths.shape[1]), paths.shape[:2])
-        return Scene(problem, None, np.stack([times, paths[..., 0]], axis=-1), (), dict(_bands(problem)))
+        return MapContent(problem, None, np.stack([times, paths[..., 0]], axis=-1), (), dict(_bands(problem)))
     obstacles = []
     for name, pieces in problem.obstacles.items():
         shadows = tuple(shadow(piece.vertices, view) for piece in pieces)
@@ -168,7 +168,7 @@ def _scene(problem: Problem, paths: Floats, view: View | None) -> Scene:
             motion, beside = Motion(motion.times, motion.offsets[:, list(view)]), (False,) * len(pieces)
         obstacles.append(Shape(name, shadows, beside, motion))
     regions = {name: shadow(corners, view) for name, corners in outlines(problem, list(paths)).items()}
-    return Scene(problem, view, paths[..., list(view)], tuple(obstacles), regions)
+    return MapContent(problem, view, paths[..., list(view)], tuple(obstacles), regions)
 
 
 def _bands(problem: Problem) -> Iterator[tuple[str, Floats]]:
