@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ConfigError
 from ensemble_ctrl.files import config
-from ensemble_ctrl.files.config.wrong import Wrong
+from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.problem import Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.problem.arguments.units import quantity
 from tests.examples import examples

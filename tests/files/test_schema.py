@@ -12,7 +12,7 @@ import yaml
 
 from ensemble_ctrl.cli.init import schema_text
 from ensemble_ctrl.files.config import load, schema
-from ensemble_ctrl.files.config.wrong import Wrong
+from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.problem.arguments.units import WANTED, pattern, quantity
 from tests.paths import ROOT
 

@@ -11,7 +11,7 @@ from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.files import planfile
-from ensemble_ctrl.files.config.wrong import suggestion
+from ensemble_ctrl.files.config.errors import suggestion
 from ensemble_ctrl.files.folder import require_free
 from ensemble_ctrl.report.canvas import FORMATS
 from ensemble_ctrl.report.plot import KINDS, write_plot

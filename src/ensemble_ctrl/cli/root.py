@@ -81,7 +81,7 @@ Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.",
 def _consent(given: bool) -> bool:
     """Let the Python file of a user's own system run, for this call of the command."""
     if given:
-        from ensemble_ctrl.files.config.own import CONSENT
+        from ensemble_ctrl.files.config.user_system import CONSENT
 
         CONSENT.set(True)
     return given

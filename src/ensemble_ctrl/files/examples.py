@@ -12,7 +12,7 @@ from pathlib import Path
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect
 from ensemble_ctrl.files.config import load
-from ensemble_ctrl.files.config.wrong import suggestion
+from ensemble_ctrl.files.config.errors import suggestion
 from ensemble_ctrl.problem import Problem
 
 EDITOR_LINE = "# yaml-language-server: $schema="

@@ -15,7 +15,7 @@ from ensemble_ctrl.files.config.distributions import LawSection, OffsetSection, 
 from ensemble_ctrl.files.config.fields import Model
 from ensemble_ctrl.files.config.joint_samples import JointSamples, read_joint_samples
 from ensemble_ctrl.files.config.samples import Columns
-from ensemble_ctrl.files.config.wrong import Wrong
+from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.moments import Law, Samples
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle

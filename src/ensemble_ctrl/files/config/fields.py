@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Wit
 
 from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
-from ensemble_ctrl.files.config.wrong import Wrong, only, show, suggestion
+from ensemble_ctrl.files.config.errors import Wrong, only, show, suggestion
 from ensemble_ctrl.moments import MAX_ORDER
 from ensemble_ctrl.problem.arguments.units import pattern, quantity
 from ensemble_ctrl.problem.checks import ALL_OBSTACLES

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from ensemble_ctrl.files.config.degrees import check_system
 from ensemble_ctrl.files.config.tree import Place, TextError
-from ensemble_ctrl.files.config.wrong import is_number, show
+from ensemble_ctrl.files.config.errors import is_number, show
 
 Ring = list[tuple[float, float]]
 

@@ -19,7 +19,7 @@ from ensemble_ctrl.files.config.occupancy import Unknown, read_occupancy
 from ensemble_ctrl.files.config.source import MAX_MAP_BYTES, read_bytes, text_of
 from ensemble_ctrl.files.config.tree import TextError
 from ensemble_ctrl.files.config.wkt import shapes_of_wkt
-from ensemble_ctrl.files.config.wrong import Wrong
+from ensemble_ctrl.files.config.errors import Wrong
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, WithJsonSchema, model_validator
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.wrong import Wrong, show
+from ensemble_ctrl.files.config.errors import Wrong, show
 from ensemble_ctrl.problem.arguments.units import quantity
 
 Entry = tuple[float, tuple[float, ...]]

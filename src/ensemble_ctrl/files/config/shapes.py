@@ -26,7 +26,7 @@ from ensemble_ctrl.files.config.maps import Area, MapContent, area_of_polygon, a
 from ensemble_ctrl.files.config.occupancy import Unknown
 from ensemble_ctrl.files.config.source import checked_path
 from ensemble_ctrl.files.config.tree import TextError
-from ensemble_ctrl.files.config.wrong import Wrong, show, suggestion
+from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.problem.checks import STATES
 
 Pieces = tuple[Obstacle, ...]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.files.config.wrong import Wrong, only, show
+from ensemble_ctrl.files.config.errors import Wrong, only, show
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import STATES
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ensemble_ctrl.constraints.stl._tokens import TIME_UNITS
-from ensemble_ctrl.problem.arguments.wrong import Wrong, show
+from ensemble_ctrl.problem.arguments.errors import Wrong, show
 
 UNITS: dict[str, tuple[str, float, float]] = {
     "m": ("length", 1, 1),

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from ensemble_ctrl.core.errors import MOST_LETTERS
-from ensemble_ctrl.problem.arguments.wrong import Wrong, is_number, show
+from ensemble_ctrl.problem.arguments.errors import Wrong, is_number, show
 
 
 def only(keys: Iterable[Any], known: Iterable[str], path: tuple[str | int, ...] = ()) -> None:

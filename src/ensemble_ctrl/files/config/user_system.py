@@ -11,7 +11,7 @@ from typing import Any
 
 from ensemble_ctrl.files.config.source import read_bytes, text_of
 from ensemble_ctrl.files.config.tree import TextError, Tree
-from ensemble_ctrl.files.config.wrong import Wrong, show, suggestion
+from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.systems import SYSTEMS, System
 
 CONSENT: ContextVar[bool] = ContextVar("CONSENT", default=False)
