@@ -8,9 +8,9 @@ from typing import cast, get_args
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.core.errors import EnsembleError, shortened
 from ensemble_ctrl.files.config import import_map
+from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.files.config.map_formats import counted_pieces
 from ensemble_ctrl.files.config.occupancy import Unknown
-from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.files.folder import write_text
 from ensemble_ctrl.problem.arguments.units import quantity
 

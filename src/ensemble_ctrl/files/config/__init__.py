@@ -6,8 +6,8 @@ The fields are in `schema`, each with its meaning, which `describe` reads; a tex
 
 from ensemble_ctrl.files.config.describe import meanings, schema
 from ensemble_ctrl.files.config.dump import dump, to_data
-from ensemble_ctrl.files.config.map_formats import Imported, import_map
 from ensemble_ctrl.files.config.load import Loaded, load, load_text, read, read_text
+from ensemble_ctrl.files.config.map_formats import Imported, import_map
 from ensemble_ctrl.files.config.messages import Diagnostic, layout
 from ensemble_ctrl.files.config.user_system import named_source
 

@@ -12,10 +12,10 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.distributions import LawSection, OffsetSection, TurnSection, law_data, law_of
+from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.files.config.fields import Model
 from ensemble_ctrl.files.config.joint_samples import JointSamples, read_joint_samples
 from ensemble_ctrl.files.config.samples import Columns
-from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.moments import Law, Samples
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle

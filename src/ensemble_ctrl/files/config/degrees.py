@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from ensemble_ctrl.files.config.tree import TextError
 from ensemble_ctrl.files.config.errors import show
+from ensemble_ctrl.files.config.tree import TextError
 
 GEOGRAPHIC = frozenset((
     4148, 4171, 4202, 4203, 4230, 4258, 4267, 4269, 4277, 4283, 4289, 4291, 4312, 4313, 4314, 4322, 4326, 4490, 4612,

@@ -11,8 +11,8 @@ from pydantic import AfterValidator, BeforeValidator, PrivateAttr, ValidationInf
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.samples import Columns, Values, columns_of, samples
 from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
+from ensemble_ctrl.files.config.samples import Columns, Values, columns_of, samples
 from ensemble_ctrl.moments import DISTRIBUTIONS, Law, Mixture, Samples
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import Finding

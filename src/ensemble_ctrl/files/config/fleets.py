@@ -8,8 +8,8 @@ from pydantic import Discriminator, Tag
 
 from ensemble_ctrl.files.config.arc_section import FleetSection, arc_fleet_data
 from ensemble_ctrl.files.config.fields import Model
-from ensemble_ctrl.files.config.user_system import by_ode
 from ensemble_ctrl.files.config.system_section import SystemFleetSection, system_fleet_data
+from ensemble_ctrl.files.config.user_system import by_ode
 from ensemble_ctrl.problem.fleet import Fleet
 
 ARCS, STATES = "by arcs", "by states"

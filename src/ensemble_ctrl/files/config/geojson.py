@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple, NoReturn
 
 from ensemble_ctrl.files.config.degrees import check_system
-from ensemble_ctrl.files.config.tree import Place, TextError
 from ensemble_ctrl.files.config.errors import is_number, show
+from ensemble_ctrl.files.config.tree import Place, TextError
 
 Ring = list[tuple[float, float]]
 

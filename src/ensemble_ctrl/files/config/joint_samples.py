@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from ensemble_ctrl.files.config.samples import Columns, columns_of, samples
 from ensemble_ctrl.files.config.errors import Wrong, show
+from ensemble_ctrl.files.config.samples import Columns, columns_of, samples
 from ensemble_ctrl.problem.arguments.units import quantity
 
 KNOWN = ("traction", "linear_traction", "angular_traction", "start_heading")

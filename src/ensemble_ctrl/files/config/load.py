@@ -14,16 +14,16 @@ from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.core.values import expect, shown
 from ensemble_ctrl.files.config.build import build
 from ensemble_ctrl.files.config.dump import to_data
+from ensemble_ctrl.files.config.errors import Wrong, show
 from ensemble_ctrl.files.config.locate import Locator
 from ensemble_ctrl.files.config.mapped import edge_findings, map_notes
 from ensemble_ctrl.files.config.messages import Diagnostic, findings_of, layout
 from ensemble_ctrl.files.config.overrides import Given, Override, apply, name_of_override, parse_override
-from ensemble_ctrl.files.config.user_system import CONSENT, by_ode, system_class
 from ensemble_ctrl.files.config.renamed_keys import renamed_keys, renamed_overrides
 from ensemble_ctrl.files.config.schema import ProblemFile
 from ensemble_ctrl.files.config.source import Source, Text, name_of, read_source
 from ensemble_ctrl.files.config.tree import TextError, Tree
-from ensemble_ctrl.files.config.errors import Wrong, show
+from ensemble_ctrl.files.config.user_system import CONSENT, by_ode, system_class
 from ensemble_ctrl.planning.online.remaining import loop_findings
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks import Finding, findings, path_text

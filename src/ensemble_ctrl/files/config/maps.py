@@ -14,12 +14,12 @@ from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.polygon import LARGEST
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config.degrees import check_places
+from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.files.config.geojson import Shape, shapes_of
 from ensemble_ctrl.files.config.occupancy import Unknown, read_occupancy
 from ensemble_ctrl.files.config.source import MAX_MAP_BYTES, read_bytes, text_of
 from ensemble_ctrl.files.config.tree import TextError
 from ensemble_ctrl.files.config.wkt import shapes_of_wkt
-from ensemble_ctrl.files.config.errors import Wrong
 
 Floats = NDArray[np.float64]
 

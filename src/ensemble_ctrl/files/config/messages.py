@@ -11,9 +11,9 @@ from pydantic import BaseModel, ValidationError
 
 from ensemble_ctrl.constraints.stl import FormulaError
 from ensemble_ctrl.core.errors import MOST_LISTED, first_of, with_short_words
+from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.files.config.fleets import SECTIONS
 from ensemble_ctrl.files.config.schema import ProblemFile
-from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.problem.checks import Finding, Path, Severity
 
 EXAMPLES: dict[Path, str] = {

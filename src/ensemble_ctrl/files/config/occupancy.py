@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.core.storage import read_regular
+from ensemble_ctrl.files.config.errors import Wrong, is_number, show
 from ensemble_ctrl.files.config.source import checked_path
 from ensemble_ctrl.files.config.tree import TextError, Tree, start
-from ensemble_ctrl.files.config.errors import Wrong, is_number, show
 
 MAX_CELLS = 16_000_000
 LARGEST = 1e6

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from ensemble_ctrl.files.config import fields as f
+from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.files.config.fields import Model, whole
 from ensemble_ctrl.files.config.shapes import RegionShape
-from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.planning.online.options import MAX_ORDER, OnlineOptions
 from ensemble_ctrl.planning.online.propagation import Errors
 from ensemble_ctrl.planning.online.settings import OnlineSettings, RobotSettings

@@ -9,8 +9,8 @@ from typing import Any
 
 from ensemble_ctrl.core.errors import shortened
 from ensemble_ctrl.core.values import expect
-from ensemble_ctrl.files.config.tree import Path, TextError, Tree
 from ensemble_ctrl.files.config.errors import show
+from ensemble_ctrl.files.config.tree import Path, TextError, Tree
 
 _KEY = re.compile(r"[^\s.\[\]]+(?:\.[^\s.\[\]]+|\[\d+\])*")
 

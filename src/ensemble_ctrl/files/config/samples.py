@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ensemble_ctrl.files.config.errors import Wrong, show
 from ensemble_ctrl.files.config.source import MAX_MAP_BYTES, checked_path, read_bytes, text_of
 from ensemble_ctrl.files.config.tree import TextError
-from ensemble_ctrl.files.config.errors import Wrong, show
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import MAX_SAMPLES
 

@@ -22,11 +22,11 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.files.config import fields as f
+from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.files.config.maps import Area, MapContent, area_of_polygon, areas_from_wkt, read_map, wrong
 from ensemble_ctrl.files.config.occupancy import Unknown
 from ensemble_ctrl.files.config.source import checked_path
 from ensemble_ctrl.files.config.tree import TextError
-from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.problem.checks import STATES
 
 Pieces = tuple[Obstacle, ...]

@@ -12,8 +12,8 @@ from typing import IO
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.storage import NotRegular, read_regular
 from ensemble_ctrl.core.values import shown
-from ensemble_ctrl.files.config.tree import Place, TextError
 from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
+from ensemble_ctrl.files.config.tree import Place, TextError
 
 MAX_BYTES = 1_000_000
 MAX_MAP_BYTES = 5_000_000

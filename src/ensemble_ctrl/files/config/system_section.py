@@ -13,8 +13,8 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, WithJs
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.distributions import PlainSection, law_data, law_of
-from ensemble_ctrl.files.config.user_system import BY_ODE, system_class
 from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
+from ensemble_ctrl.files.config.user_system import BY_ODE, system_class
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import Finding
 from ensemble_ctrl.problem.fleet import START_PREFIX, Fleet

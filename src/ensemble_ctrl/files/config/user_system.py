@@ -9,9 +9,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.files.config.source import read_bytes, text_of
 from ensemble_ctrl.files.config.tree import TextError, Tree
-from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.systems import SYSTEMS, System
 
 CONSENT: ContextVar[bool] = ContextVar("CONSENT", default=False)

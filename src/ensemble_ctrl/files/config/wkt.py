@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ensemble_ctrl.files.config.degrees import check_system
+from ensemble_ctrl.files.config.errors import show
 from ensemble_ctrl.files.config.geojson import NAMES, Shape, name_among
 from ensemble_ctrl.files.config.tree import Place, TextError
-from ensemble_ctrl.files.config.errors import show
 
 MAX_NESTING = 20
 COLUMNS = ("wkt", "wkt_geom", "geom", "geometry", "the_geom")

@@ -13,8 +13,8 @@ from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect, numbers, shown
 from ensemble_ctrl.moments import Law
-from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.arguments.errors import Wrong
+from ensemble_ctrl.problem.arguments.units import quantity
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
