@@ -91,7 +91,7 @@ def test_targets_of_the_whole_fleet(target: str) -> None:
 def test_what_is_not_for_a_system_is_refused_with_the_reason() -> None:
     problem = masses()
     refused = {name for name in FEATURES if not supports(problem, name)}
-    assert refused == {"moment", "minlp", "online", "risk", "suggest"}
+    assert refused == {"moment", "minlp", "online", "risk"}
     for name in refused:
         found = supports(problem, name)
         assert not found
@@ -134,3 +134,16 @@ def test_compare_has_the_rows_that_are_for_the_system() -> None:
     assert [row.name for row in ec.compare(problem)] == ["nodes", "hull"]
     assert set(left_out(problem)) == {"moment", "moment, minlp", "hull, minlp"}
     assert "not for the double_integrator" in left_out(problem)["moment"]
+
+
+@pytest.mark.slow
+def test_what_would_help_where_there_is_no_plan() -> None:
+    """The goal is too far for the time: a longer horizon helps, and its change makes a problem with a proof."""
+    problem = masses(duration="1 s", visit="F[0.8, 1]")
+    plan = ec.plan(problem, check=False)
+    assert plan.status == "infeasible"
+    found = plan.suggest(30.0)
+    assert found.helps
+    first = found.helps[0]
+    assert first.problem.duration > problem.duration or first.problem.fleet.input_upper[0] > 2
+    assert first.certificate.proven == "yes"

@@ -17,7 +17,6 @@ from ensemble_ctrl.core.errors import RunawayError, SolveError
 from ensemble_ctrl.core.values import called, numbers, path_of
 from ensemble_ctrl.files.config import load
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.capabilities import supports
 from ensemble_ctrl.problem.evaluation.arrival import arrival, risk
 from ensemble_ctrl.problem.evaluation.sampled import replay
 
@@ -149,7 +148,7 @@ def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
 
     left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())
     over = plan.verified or plan.status not in ("infeasible", "limit") or left < 1
-    if over or not supports(plan.problem, "suggest"):
+    if over:
         return plan
     found = plan.suggest(min(SECONDS, left), progress=progress)
     helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]

@@ -117,7 +117,7 @@ FEATURES: Mapping[str, Feature] = {
         ("fleet", "model"),
         "use unicycle or bicycle",
     ),
-    "suggest": Feature("a search for what would help", "arcs", "its first changes turn and slow robots on arcs"),
+    "suggest": Feature("a search for what would help"),
     "moving obstacles": Feature("moving obstacles", plural=True),
     "cells": Feature("cells", plural=True),
     "baseline": Feature("the unconstrained baseline"),

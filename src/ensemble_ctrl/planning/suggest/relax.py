@@ -91,17 +91,24 @@ def relaxations(problem: Problem, conflicts: Sequence[Conflict], spread: bool) -
     narrow = [Relaxation("range", SHARES, lambda s: narrower(problem, s))] if any(_narrows(fleet)) else []
     yield from narrow if spread else longer or [higher]
     yield from (longer or [higher]) if spread else narrow
-    if fleet.input_lower[0] >= 0 < fleet.input_upper[0]:
-        yield Relaxation("reversing", BACKWARDS, lambda s: reversing(problem, s))
-    if not (fleet.arcs.turns_in_place and fleet.input_lower[0] <= 0 <= fleet.input_upper[0]):
-        for turn in TURNS:
-            yield Relaxation("start heading", (turn,), lambda angle: turned(problem, angle))
+    if fleet.system.on_arcs:
+        yield from _driving(problem)
     if fleet.radius > 0:
         yield Relaxation("radius", SMALLER, lambda s: smaller_robots(problem, s))
     if problem.solve.margin > 0:
         yield Relaxation("margin", (0.0,), lambda s: less_margin(problem))
     for name in _in_the_way(problem, conflicts):
         yield Relaxation("obstacle", (0.0,), lambda s, name=name: without(problem, name))  # type: ignore[misc]
+
+
+def _driving(problem: Problem) -> Iterator[Relaxation]:
+    """What helps robots on arcs: driving backwards, and another heading at the start."""
+    fleet = problem.fleet
+    if fleet.input_lower[0] >= 0 < fleet.input_upper[0]:
+        yield Relaxation("reversing", BACKWARDS, lambda s: reversing(problem, s))
+    if not (fleet.arcs.turns_in_place and fleet.input_lower[0] <= 0 <= fleet.input_upper[0]):
+        for turn in TURNS:
+            yield Relaxation("start heading", (turn,), lambda angle: turned(problem, angle))
 
 
 def longer_horizon(problem: Problem, factor: float) -> Relaxed:
@@ -122,11 +129,13 @@ def longer_horizon(problem: Problem, factor: float) -> Relaxed:
 
 
 def wider_bounds(problem: Problem, factor: float) -> Relaxed:
-    """Bounds of speeds and rates of turning widened by a factor; those of angles stay."""
+    """Bounds widened by a factor: of robots on arcs those of speeds and rates of turning, not those of angles."""
     fleet, system = problem.fleet, problem.fleet.system
-    rates = np.array([unit.endswith("/s") for unit in system.control_units])
+    rates = np.array([not system.on_arcs or unit.endswith("/s") for unit in system.control_units])
     scale = np.where(rates, factor, 1.0)
     lower, upper = (np.round(bound * scale, 6) for bound in (fleet.input_lower, fleet.input_upper))
+    if not system.on_arcs:  # a bound that a larger factor would tighten stays
+        lower, upper = np.minimum(lower, fleet.input_lower), np.maximum(upper, fleet.input_upper)
     rows = [
         (name, f"{low:g} to {high:g} {unit}", [float(low), float(high)])
         for name, unit, low, high, rate in zip(system.controls, system.control_units, lower, upper, rates, strict=True)

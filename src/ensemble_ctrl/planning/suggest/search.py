@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
-from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError, RunawayError
 from ensemble_ctrl.ocp.solvers import Iteration
 from ensemble_ctrl.planning.planner import Progress, screen, solve
 from ensemble_ctrl.planning.suggest.relax import Relaxation, Relaxed, relaxations, wider_bounds
 from ensemble_ctrl.problem import Problem, ReportOptions
-from ensemble_ctrl.problem.capabilities import require
 from ensemble_ctrl.problem.evaluation.conflicts import conflicts
 from ensemble_ctrl.problem.evaluation.sampled import replay
 
@@ -98,13 +97,16 @@ def suggest(
     Suggestions
         The first kind of change that helps, as small as a bisection over a few strengths finds it.
     """
-    require(problem, "suggest")
     search = _Search(time.perf_counter() + seconds, seconds, progress)
     if progress is not None:
         search.stopped = progress("suggest", None)
     failed: list[str] = []
     helps: list[Suggestion] = []
-    for way in relaxations(problem, conflicts(problem, controls), _spread(problem, controls)):
+    try:
+        ways = relaxations(problem, conflicts(problem, controls), _spread(problem, controls))
+    except RunawayError:  # nothing is known of what fails
+        ways = relaxations(problem, (), False)
+    for way in ways:
         if search.over():
             break
         found = search.smallest(way)
@@ -182,7 +184,8 @@ class _Search:
         except ProblemError:
             return []
         rates = [unit.endswith("/s") for unit in problem.fleet.system.control_units]
-        found = None if self.over() else self._certified(changed, longer.controls * np.where(rates, factor, 1.0))
+        guess = longer.controls * np.where(rates, factor, 1.0) if problem.fleet.system.on_arcs else None
+        found = None if self.over() else self._certified(changed, guess)
         return [] if found is None else [found]
 
     def _certified(self, changed: Relaxed, guess: Floats | None) -> Suggestion | None:
