@@ -50,6 +50,8 @@ EMPTY = {"core", "files", "planning"}
 """Packages that offer nothing themselves."""
 TOP = 12
 """How many names may lie at the top of the package."""
+LINES = 400
+"""The most lines of one file: a longer one has more than one idea."""
 LEVEL = {room: level for level, layer in enumerate(LAYERS) for room in layer}
 FILES = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT or not path.stem.startswith("__"))
 
@@ -107,6 +109,11 @@ def test_few_names_lie_at_the_top() -> None:
     names = [path.stem for path in ROOT.iterdir() if path.suffix in ("", ".py") and not path.stem.startswith("__")]
     assert len(names) <= TOP
     assert {name.partition(".")[0] for name in LEVEL} == set(names)
+
+
+def test_no_file_is_long() -> None:
+    lengths = {str(path.relative_to(ROOT)): len(path.read_text(encoding="utf-8").splitlines()) for path in FILES}
+    assert {name: length for name, length in lengths.items() if length > LINES} == {}
 
 
 def test_no_two_packages_import_each_other() -> None:

@@ -11,7 +11,8 @@ from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses
 from ensemble_ctrl.planning import planner
-from ensemble_ctrl.planning.minimum_time import TOLERANCE, Duration, Passage, _Search, bound, goal_of, solve
+from ensemble_ctrl.planning.minimum_time import TOLERANCE, _Search, solve
+from ensemble_ctrl.planning.minimum_time.goals import Duration, Passage, bound, goal_of
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks import findings
 from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories

@@ -11,7 +11,7 @@ from ensemble_ctrl.constraints.stl import Always, Inside
 from ensemble_ctrl.core.errors import ConfigError
 from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.planning.baseline import unconstrained
-from ensemble_ctrl.planning.minimum_time import bound, goal_of
+from ensemble_ctrl.planning.minimum_time.goals import bound, goal_of
 from ensemble_ctrl.report.figures import draw_map
 
 TEXT = """

@@ -22,23 +22,20 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, log, sqrt
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import And, Eventually, Inside, conjuncts, kept_out, resolve
-from ensemble_ctrl.constraints.stl.robustness import fits_grid
-from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.guesses import Request, first_guesses
 from ensemble_ctrl.ocp.rounds import Attempt, improve
 from ensemble_ctrl.ocp.solvers import Iteration, SolverOptions
 from ensemble_ctrl.ocp.truncation import coarse
 from ensemble_ctrl.planning import planner
+from ensemble_ctrl.planning.minimum_time.goals import Goal, is_sound, bound, goal_of
 from ensemble_ctrl.planning.planner import Progress, Solution, coarse_steps
 from ensemble_ctrl.planning.planner.coarse_fine import COARSE_ROUNDS
-from ensemble_ctrl.planning.planner.grids import given, windows
+from ensemble_ctrl.planning.planner.grids import given
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -51,10 +48,6 @@ RUNG = 1.35
 """Factor between the values of the ladder, which are its whole powers in seconds."""
 LADDER = 0.5
 """Share of the time that smaller values may take before the largest is tried."""
-BEYOND = 2.0
-"""Plans up to so many times as long as allowed are looked for, to be driven faster."""
-EVEN = 200
-"""Durations spread evenly among those where the task's windows hold the end of a step."""
 SCREEN = 0.1
 """Share of the time limit that one short search takes at most, where there is no coarse grid."""
 STEP = 0.03
@@ -86,145 +79,6 @@ class MinimumTime:
     tried: int
 
 
-class Goal(Protocol):
-    """One number to make least."""
-
-    @property
-    def problem(self) -> Problem:
-        """What was asked."""
-
-    @property
-    def of(self) -> str:
-        """What it is called."""
-
-    @property
-    def most(self) -> float:
-        """The largest value allowed."""
-
-    @property
-    def beyond(self) -> Goal:
-        """The same with larger values, at which a solution may lead to one that is allowed."""
-
-    @property
-    def least(self) -> float:
-        """The smallest value allowed."""
-
-    def at(self, value: float) -> Problem:
-        """The problem with this value."""
-
-    def nearest(self, value: float, above: float, below: float) -> float | None:
-        """The value that can be planned, between two others (neither of them), nearest to another; None without any."""
-
-    def carried(self, controls: Floats, value: float, to: float) -> Floats:
-        """Controls of a plan for one value as a guess for another."""
-
-
-@dataclass(frozen=True, eq=False)
-class Duration:
-    """The plan's duration, between the bounds that its problem allows."""
-
-    problem: Problem
-    of: str = "duration"
-
-    @property
-    def most(self) -> float:
-        """The longest."""
-        return self.problem.duration
-
-    @property
-    def beyond(self) -> Goal:
-        """Slower plans are driven faster."""
-        return replace(self, problem=self.problem.with_(duration=BEYOND * self.problem.duration))
-
-    @property
-    def least(self) -> float:
-        """The shortest."""
-        return self.problem.least_duration or 0.0
-
-    def at(self, value: float) -> Problem:
-        """As it is, in a given time."""
-        return self.problem.with_(duration=value, least_duration=None)
-
-    def nearest(self, value: float, above: float, below: float) -> float | None:
-        """A duration in milliseconds, or one at which a window of the task begins or ends with a step."""
-        low, high = max(above, self.least), min(below, self.most)
-        even = [round(t, 3) for t in (value, *np.linspace(low, high, EVEN).tolist())]
-        tried = sorted({*even, *self._with_windows(), self.most}, key=lambda t: abs(t - value))
-        return next((t for t in tried if above < t < below and low <= t <= high and self._fits(t)), None)
-
-    def _fits(self, value: float) -> bool:
-        """Whether each window of the task holds the end of a step, so that it can be planned."""
-        parts = [part for part in conjuncts(self.problem.task) if not kept_out(part)]
-        return all(fits_grid(resolve(part, value), value / self.problem.steps) for part in parts)
-
-    def _with_windows(self) -> Iterator[float]:
-        """Durations at which a window's begin, middle or end is the end of a step; windows in seconds only."""
-        n = self.problem.steps
-        for a, b in windows(self.problem.task):
-            for t in (a, (a + b) / 2, b):
-                yield from (t * n / k for k in range(1, n + 1))
-
-    def carried(self, controls: Floats, value: float, to: float) -> Floats:
-        """The same arcs in another time, as far as the input bounds allow; the same commands for other systems."""
-        fleet = self.problem.fleet
-        if not fleet.system.on_arcs:
-            return controls
-        return np.clip(controls * (value / to), fleet.input_lower, fleet.input_upper)
-
-
-@dataclass(frozen=True, eq=False)
-class Passage:
-    """The time by which every member has been in a region; the task goes on to hold."""
-
-    problem: Problem
-    region: str
-
-    @property
-    def of(self) -> str:
-        """With the region's name."""
-        return f"passage of {self.region}"
-
-    @property
-    def most(self) -> float:
-        """Any time of the plan."""
-        return self.problem.duration
-
-    @property
-    def beyond(self) -> Goal:
-        """No time is after the plan."""
-        return self
-
-    @property
-    def least(self) -> float:
-        """Any time of the plan."""
-        return 0.0
-
-    def at(self, value: float) -> Problem:
-        """The task with a visit up to a deadline."""
-        visit = Eventually(Inside(self.region), 0.0, round(value, 9))  # 0.6, not the rounded sum of steps
-        objective = replace(self.problem.objective, earliest=None)
-        return self.problem.with_(task=And((*conjuncts(self.problem.task), visit)), objective=objective)
-
-    def nearest(self, value: float, above: float, below: float) -> float | None:
-        """The end of a step."""
-        step = self.problem.step
-        multiple = min(round(value / step), ceil(min(below, self.most + step) / step - 1e-6) - 1)
-        return multiple * step if multiple * step > above else None
-
-    def carried(self, controls: Floats, value: float, to: float) -> Floats:
-        """The same."""
-        return controls
-
-
-def goal_of(problem: Problem) -> Goal | None:
-    """What a problem asks to make least, if anything."""
-    if problem.least_duration is not None:
-        return Duration(problem)
-    if problem.objective.earliest is not None:
-        return Passage(problem, problem.objective.earliest)
-    return None
-
-
 def solve(
     problem: Problem,
     *,
@@ -245,31 +99,6 @@ def solve(
     if goal is None:
         return planner.solve(problem, progress=progress, guess=guess, log=log), None
     return _Search(goal, progress, log).run(guess)
-
-
-def bound(goal: Goal) -> float:
-    """The least value whose problem passes its checks, rounded down by a millionth.
-
-    Where the largest value passes, every one between it and another that does passes, too: windows begin and end at
-    linear functions of the duration, and a region's deadline is the least of some. Whether a window holds the end of a
-    step is no such matter, and no check: `Goal.nearest` sees to it.
-    """
-    low, high = goal.least, goal.most
-    if low > 0 and _sound(goal, low):
-        return low
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (low, middle) if middle > 0 and _sound(goal, middle) else (middle, high)
-    return low * (1 - 1e-6)
-
-
-def _sound(goal: Goal, value: float) -> bool:
-    """Whether the problem of a value passes its checks."""
-    try:
-        goal.at(value)
-    except ProblemError:
-        return False
-    return True
 
 
 @dataclass(eq=False)
@@ -338,7 +167,7 @@ class _Search:
         yield most
         for k in range(last, end):
             value = goal.nearest(RUNG**k, most, np.inf)
-            if value is not None and _sound(self.goal, value):
+            if value is not None and is_sound(self.goal, value):
                 yield value
 
     def _between(self, low: float, high: float) -> float | None:
