@@ -32,7 +32,7 @@ from ensemble_ctrl.ocp.rounds import Attempt, improve
 from ensemble_ctrl.ocp.solvers import Iteration, SolverOptions
 from ensemble_ctrl.ocp.truncation import coarse
 from ensemble_ctrl.planning import planner
-from ensemble_ctrl.planning.minimum_time.goals import Goal, is_sound, bound, goal_of
+from ensemble_ctrl.planning.minimum_time.goals import Goal, bound, goal_of, is_sound
 from ensemble_ctrl.planning.planner import Progress, Solution, coarse_steps
 from ensemble_ctrl.planning.planner.coarse_fine import COARSE_ROUNDS
 from ensemble_ctrl.planning.planner.grids import given
