@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import chain
@@ -19,12 +19,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import ExactOps, Share, StateSignals, member_robustness, reads_fleet
 from ensemble_ctrl.core.values import expect, whole
+from ensemble_ctrl.problem.evaluation.approach import approach
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
-from ensemble_ctrl.problem.specification import NOTHING_ASKED, NOTHING_AVOIDED, AvoidConstraint, TaskPart
+from ensemble_ctrl.problem.specification import NOTHING_ASKED, NOTHING_AVOIDED, TaskPart
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -331,7 +331,7 @@ def _run(
     inside = np.zeros((len(kept), len(parameters)), dtype=bool)
     found = []
     for o, avoid in enumerate(kept):
-        closest, at = _approach(paths, box, times, avoid)
+        closest, at = approach(paths, box, times, avoid)
         member = int(closest.argmin())
         found.append((float(closest[member]), float(times[at[member]]), problem.fleet.named(parameters[member])))
         inside[o] = closest < 0
@@ -340,7 +340,7 @@ def _run(
     for chance in specification.chance:
         least = _robustness(problem, chance.rest, whole[:, ::substeps])
         for avoid in chance.avoid:
-            np.minimum(least, _approach(paths, box, times, avoid)[0], out=least)
+            np.minimum(least, approach(paths, box, times, avoid)[0], out=least)
         each.append(least)
     return robustness, inside, found, each
 
@@ -352,47 +352,6 @@ def _robustness(problem: Problem, parts: Sequence[TaskPart], whole: Floats) -> F
     for part in parts:
         np.minimum(least, member_robustness(part.formula, signals, ExactOps())[:, 0], out=least)
     return least
-
-
-def _approach(
-    paths: Floats, box: tuple[Floats, Floats], times: Floats, avoid: AvoidConstraint
-) -> tuple[Floats, NDArray[np.int64]]:
-    """Each member's smallest distance from the pieces of what is avoided, and the time index of it.
-
-    Of the times of its window, only those are looked at where the block's bounding box is as close as some member's
-    smallest distance so far, or overlaps.
-    """
-    when = np.flatnonzero(avoid.during(times))
-    closest, at = np.full(len(paths), np.inf), np.zeros(len(paths), dtype=np.int64)
-    members, moved = np.arange(len(paths)), avoid.offsets(times)
-    for piece in avoid.pieces:
-        # branch and bound over time: no member is closer than the bounding box
-        bound = _box_distance(box[0][when] - moved[when], box[1][when] - moved[when], piece) - avoid.radius
-        for group in _nearest_first(bound):
-            if bound[group[0]] > max(float(closest.max()), 0.0):
-                break
-            seen = paths[:, when[group]]
-            distance = piece.distance(seen if avoid.motion is None else seen - moved[when[group]]) - avoid.radius
-            k = distance.argmin(axis=1)
-            least = distance[members, k]
-            at = np.where(least < closest, when[group][k], at)
-            closest = np.minimum(least, closest)
-    return closest, at
-
-
-def _box_distance(low: Floats, high: Floats, piece: Obstacle) -> Floats:
-    """Distance between the block's bounding box and the piece's at each time: a lower bound of any member's."""
-    corners = piece.vertices
-    # gap of two boxes along each axis, 0 where they overlap
-    apart = np.maximum(np.maximum(low - corners.max(axis=0), corners.min(axis=0) - high), 0.0)
-    return np.asarray(np.linalg.norm(apart, axis=1))
-
-
-def _nearest_first(bound: Floats) -> Iterator[NDArray[np.int64]]:
-    """Time indices in groups of 16, nearest first."""
-    order = np.argsort(bound, kind="stable")
-    for i in range(0, len(order), 16):
-        yield order[i : i + 16]
 
 
 def _closest(name: str, found: Sequence[_Closest], inside: int) -> Clearance:
