@@ -26,21 +26,30 @@ INFINITE = 1e6
 """Metres of shortfall where a state is not finite."""
 
 
-def evaluate(problem: Problem, controls: Floats, members: Floats | None = None) -> Value:
-    """Evaluate `controls` of shape (steps, n_u) for the whole fleet, or for some members alone."""
-    fleet, aim, step = problem.fleet, problem.objective, problem.duration / len(controls)
+def evaluate(problem: Problem, controls: Floats) -> Value:
+    """Evaluate `controls` of shape (steps, n_u) for the whole fleet."""
+    return with_middle(problem, controls)[0]
+
+
+def with_middle(problem: Problem, controls: Floats) -> tuple[Value, Value]:
+    """Evaluate `controls` for the whole fleet, and for the middle member alone."""
+    fleet, step = problem.fleet, problem.duration / len(controls)
+    members = np.concatenate([fleet.bent_members(_spread(len(fleet.names))), fleet.center[None]])
+    # all trajectories at once, sampled SUBSTEPS times per step; the middle member's is the last
+    states = fleet.integrated(np.repeat(controls, SUBSTEPS, axis=0), members, step / SUBSTEPS, 1)
     scale = scale_of(problem)
-    effort = CommandCost.of(aim, scale, step).total(scale.scaled(controls))
+    effort = CommandCost.of(problem.objective, scale, step).total(scale.scaled(controls))
     excess = rate_excess(fleet.rate_bounds, controls, step)
-    sampled = fleet.bent_members(_spread(len(fleet.names))) if members is None else members
-    fine = np.repeat(controls, SUBSTEPS, axis=0)
-    states = fleet.integrated(fine, sampled, step / SUBSTEPS, 1)
-    if not np.isfinite(states).all():
-        return Value(INFINITE, -INFINITE, 0.0, effort, -INFINITE, excess)
-    worst = _robustness(problem, states[:, ::SUBSTEPS], controls, members is None)
-    gap = _gap(problem, states[..., fleet.place_columns])
-    terminal = _terminal(problem, controls)
-    return Value(cost(aim, effort, terminal, worst), worst, terminal, effort, gap, excess)
+    terminal = _terminal(problem, controls) if np.isfinite(states[-1]).all() else 0.0
+
+    def value(seen: Floats, draws: bool) -> Value:
+        if not np.isfinite(seen).all():
+            return Value(INFINITE, -INFINITE, 0.0, effort, -INFINITE, excess)
+        worst = _robustness(problem, seen[:, ::SUBSTEPS], controls, draws)
+        gap = _gap(problem, seen[..., fleet.place_columns])
+        return Value(cost(problem.objective, effort, terminal, worst), worst, terminal, effort, gap, excess)
+
+    return value(states[:-1], draws=True), value(states[-1:], draws=False)
 
 
 def _spread(parameters: int) -> Floats:

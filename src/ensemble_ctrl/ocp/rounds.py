@@ -26,7 +26,7 @@ TIGHT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """Controls with what they are worth and what it took to find them."""
+    """Controls with what they are worth, to the middle member alone if that is known, and what it took to find them."""
 
     controls: Floats
     value: Value
@@ -37,6 +37,7 @@ class Attempt:
     build_seconds: float
     solve_seconds: float
     pairs: int
+    middle: Value | None = None
 
 
 def improve(

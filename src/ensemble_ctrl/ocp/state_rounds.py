@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.ocp.evaluate_sampled import INFINITE, evaluate
+from ensemble_ctrl.ocp.evaluate_sampled import INFINITE, with_middle
 from ensemble_ctrl.ocp.guesses.registry import Guess
 from ensemble_ctrl.ocp.guesses.restarts import Restart
 from ensemble_ctrl.ocp.hyperplanes import separate
@@ -99,7 +99,7 @@ def first(problem: Problem, guess: Guess, clock: Clock, watch: Watch | None) -> 
     stage = Stage(problem, nominal(problem), _substeps(problem, guess.iterate.controls))
     iterate = replace(guess.iterate, substeps=stage.substeps)
     found, states = _rounds(stage, iterate, NOMINAL_ROUNDS, clock, watch, 1e-1)
-    if stage.substeps >= MOST_SUBSTEPS or clock.over() or middle_does(problem, found.controls):
+    if stage.substeps >= MOST_SUBSTEPS or clock.over() or middle_does(found):
         return found, states
     stage = replace(stage, substeps=MOST_SUBSTEPS)
     iterate = replace(guess.iterate, substeps=stage.substeps)
@@ -124,9 +124,9 @@ def again(problem: Problem, restart: Restart, clock: Clock, watch: Watch | None)
     return _rounds(stage, iterate, FLEET_ROUNDS, clock, watch, restart.barrier)[0]
 
 
-def middle_does(problem: Problem, controls: Floats) -> bool:
-    """Whether the middle member, alone, does the task under these controls, or nearly."""
-    value = evaluate(problem, controls, problem.fleet.center[None])
+def middle_does(attempt: Attempt) -> bool:
+    """Whether the middle member, alone, does the task under an attempt's controls, or nearly."""
+    value = attempt.middle or attempt.value
     return value.keeps(-NEARLY) and value.excess <= NEARLY
 
 
@@ -152,8 +152,8 @@ def _substeps(problem: Problem, controls: Floats) -> int:
 
 def _start(stage: Stage, controls: Floats) -> Attempt:
     """The guess as an attempt that cost nothing."""
-    value = evaluate(stage.problem, controls)
-    return Attempt(controls, value, stage.truncation, "failed", "not solved", 0, 0.0, 0.0, 0)
+    value, middle = with_middle(stage.problem, controls)
+    return Attempt(controls, value, stage.truncation, "failed", "not solved", 0, 0.0, 0.0, 0, middle)
 
 
 def _rounds(
@@ -161,10 +161,12 @@ def _rounds(
 ) -> tuple[Attempt, Floats]:
     """Solve, choose the hyperplanes anew at the solution, keep to spare what was missing, and solve again."""
     best, found, spare = _start(stage, iterate.controls), iterate, (0.0, 0.0)
-    before = best
+    before, standing = best, _stands(stage, best)
     for k in range(rounds):
         solved, iterate = _round(stage, iterate, spare, clock.options(barrier if k == 0 else 1e-3, 1e-4), watch)
-        better = _stands(stage, solved) < _stands(stage, best) or (best.iterations == 0 and solved.value.keeps(0.0))
+        place = _stands(stage, solved)
+        better = place < standing or (best.iterations == 0 and solved.value.keeps(0.0))
+        standing = place if better else standing
         gain = best.value.cost - solved.value.cost
         settled = solved.value.keeps(0.0) and best.value.keeps(0.0) and gain < GAIN
         stuck = k > 0 and not solved.value.keeps(0.0) and _as_short(solved, before)
@@ -210,13 +212,12 @@ def _round(
 
 def _attempt(stage: Stage, controls: Floats, outcome: Outcome, built: float, solved: float, pairs: int) -> Attempt:
     """A solution with what it is worth."""
-    value = evaluate(stage.problem, controls)
-    return Attempt(
-        controls, value, stage.truncation, outcome.status, outcome.message, outcome.iterations, built, solved, pairs
-    )
+    value, middle = with_middle(stage.problem, controls)
+    how = outcome.status, outcome.message, outcome.iterations
+    return Attempt(controls, value, stage.truncation, *how, built, solved, pairs, middle)
 
 
 def _stands(stage: Stage, attempt: Attempt) -> tuple[bool, bool, float, float]:
     """Sorting key: controls of the middle member under which it does not do the task come last."""
     alone = len(stage.truncation.nodes) == 1
-    return (alone and not middle_does(stage.problem, attempt.controls), *rank(attempt))
+    return (alone and not middle_does(attempt), *rank(attempt))

@@ -42,7 +42,7 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
     seconds = {"guess": time.perf_counter() - search.began}
     search.tell("solve")
     found = _for_middle(search, problem, starts) if starts else [] if first is None else [first]
-    if starts and not any(shooting.middle_does(problem, one.controls) for one, _ in found):
+    if starts and not any(shooting.middle_does(one) for one, _ in found):
         more = wandering(problem, starts[0])
         starts, found = [*starts, *more], [*found, *_for_middle(search, problem, more)]
     chosen = _for_fleet(search, problem, starts, found)
@@ -104,7 +104,7 @@ class _Chosen:
 
 def _for_fleet(search: Search, problem: Problem, starts: list[Guess], found: list[tuple[Attempt, Floats]]) -> _Chosen:
     """The whole fleet from the best plans of the middle member, then from other starts if that one has a plan."""
-    ranked = sorted(range(len(found)), key=lambda k: _middle_rank(problem, found[k][0]))
+    ranked = sorted(range(len(found)), key=lambda k: _middle_rank(found[k][0]))
     from_ = {k: (starts[k] if starts else None, partial(_made_good, *found[k])) for k in ranked[:FINALISTS]}
     chosen = _Chosen(found[ranked[0]][0], *from_[ranked[0]])
     for origin, solver in from_.values():
@@ -115,7 +115,7 @@ def _for_fleet(search: Search, problem: Problem, starts: list[Guess], found: lis
             return chosen
         chosen.take(solved, origin, solver)
     middle, states = found[ranked[0]]
-    if not starts or chosen.attempt.value.keeps(0.0) or not shooting.middle_does(problem, middle.controls):
+    if not starts or chosen.attempt.value.keeps(0.0) or not shooting.middle_does(middle):
         return chosen
     for batch in restarts(problem, starts[ranked[0]].iterate, Iterate(middle.controls, states)):
         for restart, attempt in _again(search, problem, batch):
@@ -126,9 +126,9 @@ def _for_fleet(search: Search, problem: Problem, starts: list[Guess], found: lis
     return chosen
 
 
-def _middle_rank(problem: Problem, found: Attempt) -> tuple[bool, tuple[bool, float, float]]:
+def _middle_rank(found: Attempt) -> tuple[bool, tuple[bool, float, float]]:
     """Sorting key: controls under which not even the middle member does the task come last."""
-    return not shooting.middle_does(problem, found.controls), rank(found)
+    return not shooting.middle_does(found), rank(found)
 
 
 def _again(search: Search, problem: Problem, batch: list[Restart]) -> list[tuple[Restart, Attempt]]:
