@@ -34,6 +34,7 @@ times: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/run.py
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/online.py
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/maps.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/proofs.py
 	$(BIN)/python docs/make_tables.py --write
 
 lint: $(VENV)/.installed-dev

@@ -85,10 +85,20 @@ def map_lines(rows: Rows, machine: str) -> Iterator[str]:
     yield from ("", f"(`python benchmarks/maps.py`; {machine}.)")
 
 
+def proof_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Plans and proofs of systems that are defined by an ODE."""
+    yield from header("problem", "proven", "plan and proof", "proof alone", "radius of the position")
+    for row in rows:
+        times = f"{seconds(row['plan'])} | {seconds(row['proof'])}"
+        yield f"| `{row['name']}` | {row['proven']} | {times} | {row['radius']:.0e} m |"
+    yield from ("", f"Processor's time, children included, on {machine} (`python benchmarks/proofs.py`).")
+
+
 TABLES = {
     "programs": Timed("docs/benchmarks.md", "programs", programs_lines),
     "loop": Timed("docs/online.md", "online", loop_lines),
     "several": Timed("docs/online.md", "online", several_lines),
     "replanning": Timed("README.md", "online", front_lines),
+    "proofs": Timed("docs/proof_systems.md", "proofs", proof_lines),
     "maps": Timed("docs/maps.md", "maps", map_lines),
 }

@@ -13,7 +13,9 @@ from scipy.integrate import solve_ivp
 
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.general import enclose
+from ensemble_ctrl.certificate.general import enclosure as module
 from ensemble_ctrl.certificate.general.enclosure import Enclosure
+from ensemble_ctrl.certificate.general.picard import approximate
 from ensemble_ctrl.certificate.general.start import Start
 from ensemble_ctrl.systems import DoubleIntegrator, OdeSystem, Quadrotor
 from ensemble_ctrl.systems.arrays import arctan, cos, exp, log, sin, sqrt, tanh
@@ -179,6 +181,36 @@ def test_a_member_of_other_commands_is_seen_outside() -> None:
     found = enclose(system, begin, controls, duration)
     path = states(system, begin, np.array([1.0]), controls * (1 + 1e-6), duration / 12, SHARES)
     assert beyond(found, begin, np.array([1.0]), path, SHARES) > 1e-8
+
+
+@pytest.mark.parametrize(("part", "by", "term"), [
+    (slice(0, 1), 1e-6, "_jump"), (slice(1, 2), 1e-6, ""), (slice(2, None), 1e-8, "_defect"),
+])  # fmt: skip
+def test_the_radius_holds_for_any_polynomials(
+    part: slice, by: float, term: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of a piece, its slope, or its bend is moved a little; without jumps or defects the radius would not hold."""
+    system, ranges, origin, duration, size, _ = CASES["planar"]
+    rng = np.random.default_rng(5)
+    begin, controls = start(system, ranges, origin), drawn(system, size, 12, rng)
+
+    def moved(*args: Any) -> Floats:
+        c = approximate(*args)
+        c[..., part, 0] += by * rng.choice([-1.0, 1.0], (*c.shape[:3], 1))
+        return c
+
+    def outside() -> float:
+        found = enclose(system, begin, controls, duration)
+        return max(beyond(found, begin, member, path, SHARES) for member, path in paths)
+
+    members = [np.array([value]) for value in (0.9, 0.97, 1.1)]
+    paths = [(member, states(system, begin, member, controls, duration / 12, SHARES)) for member in members]
+    monkeypatch.setattr(module, "approximate", moved)
+    assert outside() <= 0
+    if term:
+        whole = getattr(module.Pieces, term)
+        monkeypatch.setattr(module.Pieces, term, lambda *args: 0.0 * whole(*args))
+        assert outside() > 0
 
 
 class Runaway(OdeSystem):
