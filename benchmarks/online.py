@@ -75,8 +75,8 @@ def one(problem: Problem, plan: Floats, loop: Receding, traction: float, seed: i
     goal = problem.regions["goal"]
     end = track[problem.steps * FINE]
     window = track[round(14.0 / problem.step) * FINE :: FINE]
-    drives = fleet.drives(np.array([[traction]]))
-    blind = fleet.arcs.paths(plan, drives, problem.step)[0, -1]
+    coefficients = fleet.coefficients(np.array([[traction]]))
+    blind = fleet.arcs.paths(plan, coefficients, problem.step)[0, -1]
     return Run(
         traction,
         outcome.ending,

@@ -104,7 +104,7 @@ def test_no_member_is_ever_closer_than_proven(
     seen = piece.distance(trajectories(problem, controls, members, 20)).min()
     assert bound.proven <= seen + 1e-12
     assert bound.proven <= bound.sampled
-    if len(problem.fleet.bent) < 3 and (bound.sampled > 0 or not problem.fleet.shift.any()):
+    if len(problem.fleet.dynamic) < 3 and (bound.sampled > 0 or not problem.fleet.shift.any()):
         assert bound.sampled - bound.proven < 2e-3
     witness = trajectories(problem, controls, problem.fleet.members([bound.parameters]), 1024)
     assert piece.distance(witness).min() <= bound.sampled + 1e-3
@@ -333,11 +333,11 @@ def test_taylor_remainder_and_bulge_bound_the_truth(seed: int, half: float, kind
     remainder = np.linalg.norm(truth - track.position[0] - offset[0] @ track.slope[0], axis=1)
     assert (remainder <= flow.remainder(np.abs(offset))[0] + 1e-12).all()
     n, share = np.arange(steps), rng.random(steps)
-    drives = np.repeat(flow.drives(centre), steps, axis=0)
-    inside, slope = flow.moved(n, share, drives)
-    ends, slope_end = flow.moved(n, np.ones(steps), drives)
+    coefficients = np.repeat(flow.coefficients(centre), steps, axis=0)
+    inside, slope = flow.moved(n, share, coefficients)
+    ends, slope_end = flow.moved(n, np.ones(steps), coefficients)
     reach = np.repeat(np.abs(offset), steps, axis=0)
-    bulge = flow.growth(n, np.full(steps, flow.step), drives, reach)
+    bulge = flow.growth(n, np.full(steps, flow.step), coefficients, reach)
     chord = share[:, None] * (ends + (offset[:, None] @ slope_end)[:, 0])
     assert (np.linalg.norm(inside + (offset[:, None] @ slope)[:, 0] - chord, axis=1) <= bulge + 1e-12).all()
 

@@ -29,8 +29,8 @@ def commands(steps: int) -> Floats:
 def nodal_moments(system: Unicycle, basis: LegendreBasis, controls: Floats) -> Floats:
     """Moments of the robots at the Gauss nodes, moved on exact arcs, shape (steps + 1, order + 1, 4)."""
     parameters = INTERVAL.to_parameter(basis.nodes)
-    drives = np.array([[p, p, 0.3, 1.0, -2.0] for p in parameters])
-    paths = system.paths(controls, drives, STEP)
+    coefficients = np.array([[p, p, 0.3, 1.0, -2.0] for p in parameters])
+    paths = system.paths(controls, coefficients, STEP)
     turned = np.concatenate([[0.0], STEP * np.cumsum(controls[:, 1])])
     lifted = system.lift(paths, 0.3 + parameters[:, None] * turned)
     return np.asarray(np.einsum("kj,jtn->tkn", nodes_to_moments(basis), lifted))

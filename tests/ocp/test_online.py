@@ -32,13 +32,13 @@ TWO = {"linear_traction": Interval(0.95, 1.05), "angular_traction": Interval(0.9
 def present_at(program: OnlineProgram, controls: Floats, at: int, free: int, growth: float = 0.0) -> InitialCondition:
     """The fleet where the commands before `at` lead its middle member, from there on."""
     problem, fleet = program.problem, program.problem.fleet
-    middle = fleet.drives(fleet.center[None])
+    middle = fleet.coefficients(fleet.center[None])
     path = fleet.arcs.paths(controls, middle, problem.step)[0]
     _, omega = fleet.arcs.rates(*controls.T)
-    drives = fleet.drives(fleet.bent_members(program.truncation.nodes))
-    drives[:, 2] += problem.step * omega[:at].sum()
-    drives[:, 3:] = path[at]
-    return InitialCondition(at, free, drives, path[: at + 1, None], np.full(problem.steps + 1, growth), controls)
+    coefficients = fleet.coefficients(fleet.dynamic_members(program.truncation.nodes))
+    coefficients[:, 2] += problem.step * omega[:at].sum()
+    coefficients[:, 3:] = path[at]
+    return InitialCondition(at, free, coefficients, path[: at + 1, None], np.full(problem.steps + 1, growth), controls)
 
 
 @pytest.mark.parametrize(
@@ -92,10 +92,12 @@ def test_several_robots_are_each_of_them_and_cost_their_mean() -> None:
     problem, controls = five(), planned().controls
     program = OnlineProgram.of(problem, controls, 2)
     first = present_at(program, controls, 30, 40)
-    second = replace(first, drives=first.drives + np.array([0.02, 0.02, 0.05, 0.1, -0.1]), path=first.path + 0.1)
+    second = replace(
+        first, coefficients=first.coefficients + np.array([0.02, 0.02, 0.05, 0.1, -0.1]), path=first.path + 0.1
+    )
     both = replace(
         first,
-        drives=np.concatenate([first.drives, second.drives]),
+        coefficients=np.concatenate([first.coefficients, second.coefficients]),
         path=np.concatenate([first.path, second.path], axis=1),
     )
     alone = [Point(program, present, controls) for present in (first, second)]

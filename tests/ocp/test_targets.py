@@ -57,7 +57,7 @@ def controls_of(seed: int) -> NDArray[np.float64]:
 @given(st.integers(0, 2**31))
 def test_the_programs_price_is_the_exact_one(name: str, seed: int) -> None:
     problem = aiming(TARGETS[name], start_x=Interval(-0.1, 0.1))
-    controls, truncation = controls_of(seed), Truncation((8,), (8,), True, problem.fleet.bent_laws)
+    controls, truncation = controls_of(seed), Truncation((8,), (8,), True, problem.fleet.dynamic_laws)
     layout = Layout(32, truncation.count)
     program = assemble(layout.size, [], terminal_blocks(problem, truncation, layout.points[-1]))
     x = np.zeros(layout.size)

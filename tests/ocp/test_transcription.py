@@ -57,8 +57,8 @@ def cost_of_the_program(problem: Problem, controls: Floats, truncation: Truncati
 def cost_online(problem: Problem, controls: Floats, order: int) -> float:
     """What the program for loops minimises before the first step, at the controls."""
     program, fleet = OnlineProgram.of(problem, controls, order), problem.fleet
-    drives = fleet.drives(fleet.bent_members(program.truncation.nodes))
-    present = InitialCondition(0, 0, drives, fleet.start_place[None, None], np.zeros(STEPS + 1), controls)
+    coefficients = fleet.coefficients(fleet.dynamic_members(program.truncation.nodes))
+    present = InitialCondition(0, 0, coefficients, fleet.start_place[None, None], np.zeros(STEPS + 1), controls)
     point = Point(program, present, controls)
     cost, short = point.cost(point.hyperplanes())
     assert short == 0
@@ -125,7 +125,7 @@ def test_rows_that_hold_keep_every_member_out_through_whole_steps(seed: int, hal
     g = np.array(program.program.functions["g"](at_the_guess(program), program.program.parameters)).ravel()
     (rows,) = [g[first:last] for name, first, last in program.program.rows if name == "avoiding"]
     left = rows.reshape(len(side), -1).min(axis=1)
-    members = problem.fleet.bent_members(np.linspace(-1, 1, 9)[:, None])
+    members = problem.fleet.dynamic_members(np.linspace(-1, 1, 9)[:, None])
     fine = positions(problem, np.repeat(controls, 8, axis=0), members)
     within = np.stack([fine[:, 8 * n : 8 * n + 9] for n in range(STEPS)])
     along = np.einsum("kmtd,kd->kmt", within[step], hyperplanes.normal[side, step]).min(axis=(1, 2))

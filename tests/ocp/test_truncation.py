@@ -92,7 +92,7 @@ def test_members_are_in_the_hull_of_the_points_up_to_the_tail(truncation: Trunca
 
 def test_the_points_of_the_nodes_are_members() -> None:
     problem, controls, truncation = five(), planned().controls, Truncation((4,), (4,), False)
-    exact = positions(problem, controls, problem.fleet.bent_members(truncation.nodes))
+    exact = positions(problem, controls, problem.fleet.dynamic_members(truncation.nodes))
     np.testing.assert_allclose(points(problem, controls, truncation), exact.transpose(1, 0, 2), atol=1e-15)
 
 

@@ -112,8 +112,8 @@ def test_five_obstacles() -> None:
 def cost_by_hand(solution: Solution) -> float:
     """``-robustness of the visit + 10 |m(T) - m_F|^2 + 0.1 integral v^2 + omega^2``, members spread evenly."""
     problem, controls = solution.problem, solution.controls
-    drives = np.array([[p, p, np.pi / 4, 1.0, 1.0] for p in np.linspace(0.9, 1.1, 401)])
-    paths = problem.fleet.arcs.paths(controls, drives, 0.1)
+    coefficients = np.array([[p, p, np.pi / 4, 1.0, 1.0] for p in np.linspace(0.9, 1.1, 401)])
+    paths = problem.fleet.arcs.paths(controls, coefficients, 0.1)
     margin = problem.regions["goal"].margin(paths[:, 140:]).max(axis=1).min()
     off = ((paths[:, -1] - [6.5, 5.5]) ** 2).sum(axis=1)
     return float(-margin + 10 * 2 * off.mean() + 0.1 * 0.1 * (controls**2).sum())
@@ -133,7 +133,7 @@ def test_five_obstacles_with_other_orders_and_guarantees(order: int | None, guar
         check_good(solution)
         assert 2 <= truncation.orders[0] <= 5
     else:
-        at_nodes = five().fleet.bent_members(truncation.nodes)
+        at_nodes = five().fleet.dynamic_members(truncation.nodes)
         run = replay(five(), solution.controls, parameters=at_nodes)
         assert not run.violating.any(), run
 
@@ -169,7 +169,7 @@ def test_a_region_can_be_kept_out_of(task: str) -> None:
 def path_distance(solution: Solution, piece: Obstacle) -> float:
     """Smallest distance of some members from a piece."""
     fleet, problem = solution.problem.fleet, solution.problem
-    paths = fleet.arcs.paths(solution.controls, fleet.drives(fleet.grid(21)), problem.step)
+    paths = fleet.arcs.paths(solution.controls, fleet.coefficients(fleet.grid(21)), problem.step)
     return float(piece.distance(paths).min())
 
 

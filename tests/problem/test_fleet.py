@@ -26,15 +26,15 @@ def fleet(axis: Any = "x", **parameters: tuple[float, float]) -> Fleet:
 
 def test_one_traction_scales_both() -> None:
     one = fleet(traction=(0.9, 1.1))
-    np.testing.assert_allclose(one.drives(np.array([[0.9]])), [[0.9, 0.9, 0.5, 1.0, 2.0]])
-    assert (one.fastest, one.slowest, one.bent) == ((1.1, 1.1), 0.9, (0,))
+    np.testing.assert_allclose(one.coefficients(np.array([[0.9]])), [[0.9, 0.9, 0.5, 1.0, 2.0]])
+    assert (one.fastest, one.slowest, one.dynamic) == ((1.1, 1.1), 0.9, (0,))
 
 
 def test_each_parameter_has_its_place_in_a_drive() -> None:
     whole = fleet("y", angular_traction=(0.9, 1.1), start_heading=(-0.1, 0.1), start_x=(0.0, 0.2), start_y=(-1, 1))
-    drive = whole.drives(np.array([[1.05, 0.1, 0.2, -1.0]]))[0]
+    drive = whole.coefficients(np.array([[1.05, 0.1, 0.2, -1.0]]))[0]
     np.testing.assert_allclose(drive, [1.0, 1.05, np.pi / 2 - 0.5 - 0.1, 1.2, 1.0])
-    assert whole.bent == (0, 1)
+    assert whole.dynamic == (0, 1)
     np.testing.assert_allclose(whole.shift, [0.1, 1.0])
     np.testing.assert_allclose(whole.start_place, [1.1, 2.0])
 
@@ -42,7 +42,7 @@ def test_each_parameter_has_its_place_in_a_drive() -> None:
 def test_equal_robots_need_no_parameter() -> None:
     same = fleet()
     assert same.names == ()
-    np.testing.assert_allclose(same.drives(same.corners), [[1.0, 1.0, 0.5, 1.0, 2.0]])
+    np.testing.assert_allclose(same.coefficients(same.corners), [[1.0, 1.0, 0.5, 1.0, 2.0]])
     assert same.grid(10).shape == (1, 0)
 
 
@@ -112,7 +112,7 @@ def measured(robots: int = 40) -> tuple[Fleet, NDArray[np.float64]]:
 def test_joint_samples_are_integrated_robot_by_robot() -> None:
     fleet, values = measured()
     scaled, weights = fleet.rule(3)
-    members = fleet.bent_members(scaled)
+    members = fleet.dynamic_members(scaled)
     assert weights.sum() == pytest.approx(2.0)
     assert len(members) == 40 * 3
     product = weights @ (members[:, 0] * members[:, 1] * members[:, 2] ** 2) / 2

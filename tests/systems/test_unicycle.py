@@ -37,8 +37,8 @@ def integrated(heading_from: Heading, pose: Floats, v: float, omega: float, trac
     return np.asarray(run.y)
 
 
-def drives(tractions: Floats, heading: float, start: tuple[float, float] = (0.0, 0.0)) -> Floats:
-    """Drives of members of one heading and place."""
+def coefficients(tractions: Floats, heading: float, start: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """Coefficients of members of one heading and place."""
     return np.array([[t, t, heading, *start] for t in tractions])
 
 
@@ -60,7 +60,7 @@ def test_positions_accumulate_over_steps(heading_from: Heading) -> None:
     controls = rng.uniform(-2, 2, (6, 2))
     controls[2, 1] = 0.0
     tractions = np.array([0.5, 1.0, 1.4])
-    paths = Unicycle(heading_from).paths(controls, drives(tractions, 0.4, (3.0, -1.0)), 0.25)
+    paths = Unicycle(heading_from).paths(controls, coefficients(tractions, 0.4, (3.0, -1.0)), 0.25)
     assert paths.shape == (3, 7, 2)
     for traction, path in zip(tractions, paths, strict=True):
         pose = np.array([3.0, -1.0, 0.4])
@@ -74,8 +74,8 @@ def test_the_conventions_are_mirror_images_at_the_diagonal() -> None:
     """From +y counts clockwise: the same robot has heading pi/2 - theta and the opposite turn rate."""
     controls = np.random.default_rng(0).uniform(-2, 2, (20, 2))
     traction = np.array([0.9, 1.1])
-    by_x = Unicycle("x").paths(controls, drives(traction, 0.7), 0.1)
-    by_y = Unicycle("y").paths(controls * [1, -1], drives(traction, np.pi / 2 - 0.7), 0.1)
+    by_x = Unicycle("x").paths(controls, coefficients(traction, 0.7), 0.1)
+    by_y = Unicycle("y").paths(controls * [1, -1], coefficients(traction, np.pi / 2 - 0.7), 0.1)
     np.testing.assert_allclose(by_x, by_y, atol=1e-13)
 
 

@@ -126,10 +126,10 @@ class Prover:
         arms = np.abs(self.half)[:, None, :] * np.linalg.norm(self.track.slope[:count], axis=-1)
         width = arms.sum(axis=-1)
         half = np.broadcast_to(self.half[:, None], (count, self.flow.steps, self.half.shape[1]))
-        drives = np.broadcast_to(self.flow.drives(self.centres[:count])[:, None], (count, self.flow.steps, 5))
+        coeffs = np.broadcast_to(self.flow.coefficients(self.centres[:count])[:, None], (count, self.flow.steps, 5))
         span = np.broadcast_to(self.flow.step, (count, self.flow.steps))
         # what the linear picture misses: the remainder, and the curve's distance from its chord
-        radius = self.flow.remainder_at(half, n + 1) + self.flow.growth(n, span, drives, half)
+        radius = self.flow.remainder_at(half, n + 1) + self.flow.growth(n, span, coeffs, half)
         # a step stays within the larger of its two ends' reaches, plus that
         moved = np.linalg.norm(np.diff(place, axis=1), axis=2) + width[:, 1:]
         return np.asarray(np.maximum(width[:, :-1], moved) + radius)
@@ -205,7 +205,7 @@ class Prover:
         late, seen = boxes.begin > 0, distance.copy()
         some = boxes.where(late)
         if len(some):
-            here, _ = self._at(some, some.begin, self.flow.drives(self.centres[some.centre]))
+            here, _ = self._at(some, some.begin, self.flow.coefficients(self.centres[some.centre]))
             seen[late] = piece.distance(here - _moved(motion, self._times(some, some.begin)))
             seen[late] -= 0.0 if self.growth is None else self.growth[some.step]
         return seen
@@ -236,9 +236,9 @@ class Prover:
         )
         members = np.empty((len(shifts), len(bends)))
         members[:, bends], members[:, ~bends] = self.centres[centre], shifts
-        move, _ = self.flow.moved(np.array([n]), np.array([share]), self.flow.drives(self.centres[[centre]]))
+        move, _ = self.flow.moved(np.array([n]), np.array([share]), self.flow.coefficients(self.centres[[centre]]))
         middle = self.track.position[centre, n] + move[0]
-        offset = flow.drives(members)[:, START] - self.flow.origin[START]
+        offset = flow.coefficients(members)[:, START] - self.flow.origin[START]
         distance = obstacle.distance(middle + offset - _moved(motion, np.array(self._time(best))))
         distance = distance - (0.0 if self.growth is None else self.growth[n])
         k = int(distance.argmin())
@@ -248,8 +248,8 @@ class Prover:
         self, boxes: Boxes, piece: Obstacle, motion: Motion | None, best: Sample
     ) -> tuple[Floats, Sample, Floats]:
         """Lower bounds, the best sample so far, and what time and each parameter add to every box's size."""
-        drives = self.flow.drives(self.centres[boxes.centre])
-        (here, slope), (there, slope_there) = (self._at(boxes, share, drives) for share in (boxes.begin, boxes.end))
+        coeffs = self.flow.coefficients(self.centres[boxes.centre])
+        (here, slope), (there, slope_there) = (self._at(boxes, share, coeffs) for share in (boxes.begin, boxes.end))
         begin, end = (self._times(boxes, share) for share in (boxes.begin, boxes.end))
         here, there = here - _moved(motion, begin), there - _moved(motion, end)
         distance = piece.distance(here)
@@ -258,7 +258,7 @@ class Prover:
         # all that is not in the hull: growth, remainder, the chords of the curve and of the obstacle's way
         curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)
         span = (boxes.end - boxes.begin) * self.flow.step[boxes.step]
-        growth = self.flow.growth(boxes.step, span, drives, boxes.half)
+        growth = self.flow.growth(boxes.step, span, coeffs, boxes.half)
         radius = grown + curvature + growth + (0.0 if motion is None else motion.bend(begin, end))
         # corners of the parallelograms p + sum_k +-half_k dp/dq_k at both ends of the box
         arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
@@ -274,7 +274,7 @@ class Prover:
         )
         low[near] = np.maximum(low[near], separation(corners[near], sides, piece.vertices) - radius[near])
         # sizes that decide which side is split: half of the way in time, and each parameter's width
-        way = np.abs(drives[:, 0] * self.flow.v[boxes.step]) * span  # an arc of a full circle has no chord
+        way = np.abs(coeffs[:, 0] * self.flow.v[boxes.step]) * span  # an arc of a full circle has no chord
         long = np.maximum(way, np.linalg.norm(there - here, axis=1)) / 2
         return lowered(low), best, np.column_stack([long, self._widths(boxes, arms, curvature)])
 
@@ -288,9 +288,9 @@ class Prover:
             widths[:, k] += curvature - self.flow.remainder_at(without, boxes.step + 1)
         return np.asarray(widths)
 
-    def _at(self, boxes: Boxes, share: Floats, drives: Floats) -> tuple[Floats, Floats]:
+    def _at(self, boxes: Boxes, share: Floats, coeffs: Floats) -> tuple[Floats, Floats]:
         """Position and slope at a share of each box's step."""
-        move, slope = self.flow.moved(boxes.step, share, drives)
+        move, slope = self.flow.moved(boxes.step, share, coeffs)
         at = boxes.centre, boxes.step
         return self.track.position[at] + move, self.track.slope[at] + slope
 

@@ -1,11 +1,11 @@
 r"""Where every member of a cell of parameters is, at every instant of a step, for fixed controls.
 
-A member is given by its *drive*: the factors ``a`` and ``b`` on speed and turn rate, its heading ``g`` and its place at
-the start.  With ``u(x) = (cos x, sin x)`` (or sine first, when headings count from +y), its position is
+A member is given by its *coefficients*: the factors ``a`` and ``b`` on speed and turn rate, its heading ``g`` and its
+place at the start.  With ``u(x) = (cos x, sin x)`` (or sine first, when headings count from +y), its position is
 
 .. math:: p(t) = p_0 + \int_0^t a\, v\, u(g + b\, \Omega)\, d\tau, \quad \Omega(t) = \int_0^t \omega\, d\tau
 
-Drives are linear in the parameters.  On a cell, the parameters differ from its centre's by at most ``h``, so that
+Coefficients are affine in the parameters.  On a cell, the parameters differ from its centre's by at most ``h``, so that
 ``a``, ``b`` and ``g`` differ by at most ``A``, ``B`` and ``G``.
 
 1. *In the parameters*: ``p = p(centre) + sum_k (q_k - c_k) dp/dq_k + r`` with
@@ -39,7 +39,7 @@ Ints = NDArray[np.int64]
 UNIT = float(np.finfo(float).eps)
 """Twice the unit roundoff of double precision."""
 START = slice(3, 5)
-"""The place at the start, in a drive."""
+"""The place at the start, among the coefficients."""
 
 
 class Ranged(Protocol):
@@ -71,7 +71,7 @@ class Flow:
     lower, upper : ndarray, shape (parameters,)
         Ranges of the parameters.
     origin, directions : ndarray, shapes (5,) and (parameters, 5)
-        The drive of parameters ``q`` is ``origin + q @ directions``.
+        The coefficients of parameters ``q`` is ``origin + q @ directions``.
     swapped : bool
         True when headings count from +y, so that sine comes first.
     step, begin : ndarray, shape (steps,)
@@ -112,8 +112,8 @@ class Flow:
         # Omega_n = sum_{m<n} h_m omega_m: the turn up to each piece for a member of factor b = 1
         turned = np.concatenate([[0.0], np.cumsum(mesh.length * omega)[:-1]])
         swapped = fleet.arcs.heading_from == "y"
-        drive = lower, upper, fleet.origin, fleet.directions, swapped
-        return cls(*drive, mesh.length, mesh.begin, v, omega, turned, _extent(problem))
+        affine = lower, upper, fleet.origin, fleet.directions, swapped
+        return cls(*affine, mesh.length, mesh.begin, v, omega, turned, _extent(problem))
 
     def bent(self) -> Flow:
         """The flow of the members that start in the middle of their box: only parameters that bend the curve remain."""
@@ -138,24 +138,24 @@ class Flow:
     @cached_property
     def fastest(self) -> float:
         """Largest absolute factor on the speed."""
-        return float(np.abs(self.drives(self._ends()))[:, 0].max())
+        return float(np.abs(self.coefficients(self._ends()))[:, 0].max())
 
     @cached_property
     def sharpest(self) -> float:
         """Largest absolute factor on the turn rate."""
-        return float(np.abs(self.drives(self._ends()))[:, 1].max())
+        return float(np.abs(self.coefficients(self._ends()))[:, 1].max())
 
-    def drives(self, members: Floats) -> Floats:
-        """Drives of members of shape (..., parameters), shape (..., 5)."""
+    def coefficients(self, members: Floats) -> Floats:
+        """Coefficients of members of shape (..., parameters), shape (..., 5)."""
         return np.asarray(self.origin + members @ self.directions)
 
-    def moved(self, n: Ints, share: Floats, drives: Floats) -> tuple[Floats, Floats]:
+    def moved(self, n: Ints, share: Floats, coeffs: Floats) -> tuple[Floats, Floats]:
         """Displacement from the start of step `n` to a share of it, (..., 2), and its derivatives by the parameters.
 
         The derivatives have shape (..., parameters, 2); those by the place at the start are zero.
         """
         # an arc is its chord: v span sinc(b omega span / 2) along the heading g + b Omega at its middle
-        a, b, g = drives[..., 0], drives[..., 1], drives[..., 2]
+        a, b, g = coeffs[..., 0], coeffs[..., 1], coeffs[..., 2]
         span = share * self.step[n]
         half = self.omega[n] * span / 2
         turned = self.turned[n] + half
@@ -194,7 +194,7 @@ class Flow:
         quadratic = B**2 * I2 + 2 * B * G * I1 + G**2 * I0
         return np.asarray((A * (B * I1 + G * I0) + self.fastest / 2 * quadratic) * (1 + 64 * UNIT * self.steps))
 
-    def growth(self, n: Ints, span: Floats, drives: Floats, half: Floats) -> Floats:
+    def growth(self, n: Ints, span: Floats, coeffs: Floats, half: Floats) -> Floats:
         """How far the hull's curves leave their chords on a piece of `span` seconds of step `n`, metres, rounded up.
 
         Parameters
@@ -203,14 +203,14 @@ class Flow:
             Steps.
         span : ndarray, shape S
             Seconds.
-        drives : ndarray, shape (*S, 5)
-            Drives of the centres.
+        coeffs : ndarray, shape (*S, 5)
+            Coefficients of the centres.
         half : ndarray, shape (*S, parameters)
             Half widths of the cells.
         """
         A, B, G = self._reach(half)
         # a curve leaves its chord by at most span^2/8 sup |p''|, |p''| = |v omega| a b, and what the cell adds to it
-        a, b = np.abs(drives[..., 0]), np.abs(drives[..., 1])
+        a, b = np.abs(coeffs[..., 0]), np.abs(coeffs[..., 1])
         largest = self._largest[n]
         size = a * b + A * b + a * B + a * b * (B * largest + G)
         return np.asarray(span**2 / 8 * np.abs(self.v[n] * self.omega[n]) * size * (1 + 64 * UNIT))
@@ -225,7 +225,7 @@ class Flow:
         way. Coordinates are not in that sum. They come in where the start is added to it, and in a distance or level
         of what is then a place beside a shape: fewer than 32 roundings, however many steps there are.
         """
-        # |origin| + sum |q| |direction|: what the terms of a drive come to, also where they cancel
+        # |origin| + sum |q| |direction|: what the terms of a coefficient come to, also where they cancel
         ends = np.abs(self.origin) + np.maximum(np.abs(self.lower), np.abs(self.upper)) @ np.abs(self.directions)
         way = float(np.abs(self.v) @ self.step) * float(ends[0])
         angle = float(ends[2]) + float(ends[1]) * float(self._largest.max())
@@ -282,10 +282,10 @@ class Track:
     @classmethod
     def of(cls, flow: Flow, centres: Floats) -> Track:
         """The track of the members at `centres`, shape (centres, parameters)."""
-        drives = flow.drives(centres)[:, None]
+        coeffs = flow.coefficients(centres)[:, None]
         # positions and slopes at the grid times: the start and the running sum of the steps' displacements
-        move, slope = flow.moved(np.arange(flow.steps)[None, :], np.ones(1), drives)
-        position = np.concatenate([drives[..., START], drives[..., START] + np.cumsum(move, axis=1)], axis=1)
+        move, slope = flow.moved(np.arange(flow.steps)[None, :], np.ones(1), coeffs)
+        position = np.concatenate([coeffs[..., START], coeffs[..., START] + np.cumsum(move, axis=1)], axis=1)
         start = np.broadcast_to(flow.directions[:, START], (len(centres), 1, *flow.directions[:, START].shape))
         return cls(position, np.concatenate([start, start + np.cumsum(slope, axis=1)], axis=1))
 

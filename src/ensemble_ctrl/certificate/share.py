@@ -41,7 +41,7 @@ def boxes(
 
     Only those with the mass that the part asks for.
     """
-    axes = [_values(law, k in fleet.bent, len(fleet.bent)) for k, law in enumerate(fleet.parameters.values())]
+    axes = [_values(law, k in fleet.dynamic, len(fleet.dynamic)) for k, law in enumerate(fleet.parameters.values())]
     shape = tuple(map(len, axes))
     members = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
     value = _value(problem, controls, fleet, chance, members).reshape(shape) - float(np.linalg.norm(fleet.shift))
@@ -65,11 +65,11 @@ def _certain(fleet: Fleet, low: Floats, high: Floats) -> float:
     return fleet.mass(low, high) if counted else max(0.0, fleet.mass(low, high) - MASS_ERROR)
 
 
-def _values(law: Law, bends: bool, bent: int) -> Floats:
+def _values(law: Law, bends: bool, dynamic: int) -> Floats:
     """Values of one parameter, even in its range and in its law; only the middle for one that shifts the start."""
     if not bends:
         return np.array([law.center])
-    share = np.linspace(0.0, 1.0, MEMBERS.get(bent, 16) // 2 + 1)
+    share = np.linspace(0.0, 1.0, MEMBERS.get(dynamic, 16) // 2 + 1)
     # evenly in the range and evenly in mass: good boxes end near either
     even = law.lower + share * (law.upper - law.lower)
     return np.unique(np.concatenate([even, law.quantile(share), [law.lower, law.upper]]))
@@ -79,7 +79,7 @@ def _ends(fleet: Fleet, axes: list[Floats], box: tuple[tuple[int, int], ...]) ->
     """A box as numbers; all of the range of a parameter that shifts the start."""
     low, high = np.array(fleet.lower), np.array(fleet.upper)
     for k, (axis, (first, last)) in enumerate(zip(axes, box, strict=True)):
-        if k in fleet.bent:
+        if k in fleet.dynamic:
             low[k], high[k] = axis[first], axis[last]
     return low, high
 

@@ -99,7 +99,7 @@ class CellSignals:
         """Enclosures of the cells ``centres +- half``, both of shape (cells, parameters); `masses` if all are there."""
         track = Track.of(flow, centres)
         n = np.arange(flow.steps)[None, :]
-        bulge = flow.growth(n, flow.step[None], flow.drives(centres)[:, None], half[:, None])
+        bulge = flow.growth(n, flow.step[None], flow.coefficients(centres)[:, None], half[:, None])
         curvature = flow.remainder(half)
         return cls(centres, half, track.position, track.slope, curvature, bulge, flow.rounding(), upper, masses)
 

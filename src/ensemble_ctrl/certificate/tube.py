@@ -89,8 +89,8 @@ def enclosed(flow: Flow, each: int | Ints) -> Tube:
     arms = signs_of(half.shape[1]) @ (half[:, None, :, None] * track.slope)
     ends = track.position[:, :, None] + arms
     points = np.concatenate([ends[:, :-1], ends[:, 1:]], axis=2)
-    drives = np.broadcast_to(flow.drives(centres)[:, None], (len(centres), flow.steps, 5))
+    coeffs = np.broadcast_to(flow.coefficients(centres)[:, None], (len(centres), flow.steps, 5))
     halves = np.broadcast_to(half[:, None], (len(centres), flow.steps, half.shape[1]))
     span = np.broadcast_to(flow.step, (len(centres), flow.steps))
-    radius = flow.remainder_at(halves, steps + 1) + flow.growth(steps, span, drives, halves)
+    radius = flow.remainder_at(halves, steps + 1) + flow.growth(steps, span, coeffs, halves)
     return Tube(points.swapaxes(0, 1), radius.T)

@@ -27,18 +27,18 @@ SPARE = 0.03
 
 
 def ranges(problem: Problem) -> tuple[Range | None, ...]:
-    """The boxes to try, in scaled bent parameters; only None where the whole fleet has to do everything."""
+    """The boxes to try, in scaled dynamic parameters; only None where the whole fleet has to do everything."""
     found = problem.specification.chance
-    if not found or problem.solve.guarantee == "moment" or problem.solve.method == "minlp" or not problem.fleet.bent:
+    if not found or problem.solve.guarantee == "moment" or problem.solve.method == "minlp" or not problem.fleet.dynamic:
         return (None,)
     share = max(chance.share.p for chance in found)
     share += SPARE * (1 - share)
-    boxes = (_box(problem, sides, share) for sides in _choices(len(problem.fleet.bent)))
+    boxes = (_box(problem, sides, share) for sides in _choices(len(problem.fleet.dynamic)))
     return tuple(dict.fromkeys(boxes))
 
 
-def _choices(bent: int) -> Iterator[Sides]:
-    """For each bent parameter which part of its law is kept, as shares below its ends."""
+def _choices(dynamic: int) -> Iterator[Sides]:
+    """For each dynamic parameter which part of its law is kept, as shares below its ends."""
 
     def low(mass: float) -> tuple[float, float]:
         return 0.0, mass
@@ -52,11 +52,11 @@ def _choices(bent: int) -> Iterator[Sides]:
     def whole(mass: float) -> tuple[float, float]:
         return 0.0, 1.0
 
-    if bent > 1:
-        yield (middle,) * bent
-    for k in range(bent):
+    if dynamic > 1:
+        yield (middle,) * dynamic
+    for k in range(dynamic):
         for side in (middle, low, high):
-            yield tuple(side if k == other else whole for other in range(bent))
+            yield tuple(side if k == other else whole for other in range(dynamic))
 
 
 def _box(problem: Problem, sides: Sides, share: float) -> Range:
@@ -65,7 +65,7 @@ def _box(problem: Problem, sides: Sides, share: float) -> Range:
     lower, upper = np.array(fleet.lower), np.array(fleet.upper)
 
     def ends(mass: float) -> tuple[Floats, Floats]:
-        for k, law, side in zip(fleet.bent, fleet.bent_laws, sides, strict=True):
+        for k, law, side in zip(fleet.dynamic, fleet.dynamic_laws, sides, strict=True):
             a, b = side(mass)
             lower[k] = law.lower if a <= 0 else float(law.quantile(a))
             upper[k] = law.upper if b >= 1 else float(law.quantile(b))
@@ -78,13 +78,13 @@ def _box(problem: Problem, sides: Sides, share: float) -> Range:
         mass = (few + many) / 2
         few, many = (few, mass) if fleet.mass(*ends(mass)) >= share else (mass, many)
     ends(many)
-    pairs = zip(fleet.bent, fleet.bent_laws, strict=True)
+    pairs = zip(fleet.dynamic, fleet.dynamic_laws, strict=True)
     scaled = ([float(np.clip(law.to_scaled(end[k]), -1.0, 1.0)) for end in (lower, upper)] for k, law in pairs)
     return tuple((low, high) for low, high in scaled)
 
 
 def members_within(scaled: Floats, within: Range) -> Floats:
-    """Scaled points of the bent parameters moved from all of their ranges into a box."""
+    """Scaled points of the dynamic parameters moved from all of their ranges into a box."""
     low, high = np.array(within).T
     return np.asarray(low + (scaled + 1) / 2 * (high - low))
 

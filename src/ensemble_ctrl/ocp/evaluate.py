@@ -61,12 +61,12 @@ class Value:
 def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Value:
     """Evaluate `controls` of shape (steps, 2)."""
     aim, step = problem.objective, problem.duration / len(controls)
-    fleet, bent = problem.fleet, len(problem.fleet.bent)
-    order = QUADRATURE.get(bent, 2)
+    fleet, dynamic = problem.fleet, len(problem.fleet.dynamic)
+    order = QUADRATURE.get(dynamic, 2)
     in_moments, ops = problem.solve.guarantee == "moment", ExactOps()
     if in_moments:
         nodes, weights = fleet.rule(order + 1)
-        spread = positions(problem, controls, fleet.bent_members(nodes))
+        spread = positions(problem, controls, fleet.dynamic_members(nodes))
         # the mean path by the distribution's Gauss rule, whose weights sum to 2
         average = np.einsum("j,jtd->td", weights / 2, spread)
         signals = StateSignals(average[None], ("x", "y"), step)
@@ -104,15 +104,15 @@ def rate_excess(bounds: Floats | None, controls: Floats, step: float) -> float:
 
 
 def _worst(problem: Problem, controls: Floats, order: int, within: Range | None) -> StateSignals:
-    """Members of a Gauss rule and the corners of the ranges, or those of a box in scaled bent parameters."""
-    fleet, bent = problem.fleet, len(problem.fleet.bent)
+    """Members of a Gauss rule and the corners of the ranges, or those of a box in scaled dynamic parameters."""
+    fleet, dynamic = problem.fleet, len(problem.fleet.dynamic)
     shifts = fleet.shift * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]] if fleet.shift.any() else [[0, 0]])
-    nodes = TensorBasis((LegendreBasis(order),) * bent).nodes
+    nodes = TensorBasis((LegendreBasis(order),) * dynamic).nodes
     ends = positions(problem, controls, fleet.corners)
     if within is not None:
-        nodes = members_within(np.concatenate([nodes, list(product(*[(-1.0, 1.0)] * bent))]), within)
+        nodes = members_within(np.concatenate([nodes, list(product(*[(-1.0, 1.0)] * dynamic))]), within)
         ends = ends[:0]
-    inner = positions(problem, controls, fleet.bent_members(nodes))
+    inner = positions(problem, controls, fleet.dynamic_members(nodes))
     paths = np.concatenate([ends, *(inner + shift for shift in shifts)])
     return StateSignals(paths, ("x", "y"), problem.duration / len(controls))
 

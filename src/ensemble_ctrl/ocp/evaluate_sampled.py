@@ -34,7 +34,7 @@ def evaluate(problem: Problem, controls: Floats) -> Value:
 def with_middle(problem: Problem, controls: Floats) -> tuple[Value, Value]:
     """Evaluate `controls` for the whole fleet, and for the middle member alone."""
     fleet, step = problem.fleet, problem.duration / len(controls)
-    members = np.concatenate([fleet.bent_members(_spread(len(fleet.names))), fleet.center[None]])
+    members = np.concatenate([fleet.dynamic_members(_spread(len(fleet.names))), fleet.center[None]])
     # all trajectories at once, sampled SUBSTEPS times per step; the middle member's is the last
     states = fleet.integrated(np.repeat(controls, SUBSTEPS, axis=0), members, step / SUBSTEPS, 1)
     scale = scale_of(problem)
@@ -84,5 +84,5 @@ def _terminal(problem: Problem, controls: Floats) -> float:
     if problem.objective.target is None:
         return 0.0
     nodes, weights = fleet.rule(8 if len(fleet.names) < 2 else 4)
-    final = fleet.integrated(controls, fleet.bent_members(nodes), problem.duration / len(controls), 1)[:, -1]
+    final = fleet.integrated(controls, fleet.dynamic_members(nodes), problem.duration / len(controls), 1)[:, -1]
     return terminal_of(problem, nodes, weights, final[:, fleet.place_columns])

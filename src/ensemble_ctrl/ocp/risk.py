@@ -81,7 +81,7 @@ def risk_rows(
     members = problem.fleet.representatives(MEMBERS[risk.of])
     seen = truncation.evaluation(_scaled(problem, members))
     seen = seen if places is None else seen @ places
-    offset = problem.fleet.drives(members)[:, 3:] - problem.fleet.start_place
+    offset = problem.fleet.coefficients(members)[:, 3:] - problem.fleet.start_place
     level, excess = layout.more(1), layout.more(len(members))
     if risk.of == "terminal":
         offset = offset - problem.objective.places(problem.fleet, members)
@@ -122,9 +122,9 @@ def risk_cost(problem: Problem, controls: Floats) -> float:
 
 
 def _scaled(problem: Problem, members: Floats) -> Floats:
-    """The bent parameters of members, scaled."""
+    """The dynamic parameters of members, scaled."""
     fleet = problem.fleet
-    columns = [law.to_scaled(members[:, k]) for k, law in zip(fleet.bent, fleet.bent_laws, strict=True)]
+    columns = [law.to_scaled(members[:, k]) for k, law in zip(fleet.dynamic, fleet.dynamic_laws, strict=True)]
     return np.column_stack(columns) if columns else np.zeros((len(members), 0))
 
 

@@ -61,7 +61,7 @@ class Stage:
     def simulated(self, controls: Floats) -> Iterate:
         """The node robots under `controls`."""
         fleet = self.problem.fleet
-        members = fleet.bent_members(self.truncation.nodes)
+        members = fleet.dynamic_members(self.truncation.nodes)
         states = fleet.integrated(controls, members, self.problem.duration / len(controls), self.substeps, rk4)
         return Iterate(controls, states.transpose(1, 2, 0), self.substeps)
 
@@ -91,7 +91,7 @@ def whole(problem: Problem, order: int | None = None) -> Truncation:
     if order is None:
         order = ORDERS.get(count, 1) if problem.order is None else problem.order
     degrees, cells = (order,) * count, problem.solve.cells
-    return Truncation(degrees, degrees, problem.solve.guarantee == "hull", problem.fleet.bent_laws, cells)
+    return Truncation(degrees, degrees, problem.solve.guarantee == "hull", problem.fleet.dynamic_laws, cells)
 
 
 def first(problem: Problem, guess: Guess, clock: Clock, watch: Watch | None) -> tuple[Attempt, Floats]:

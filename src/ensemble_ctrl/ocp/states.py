@@ -54,7 +54,7 @@ class States:
         """States under the guess, shape (steps + 1, n_x, nodes)."""
         if self.guess.states.size:
             return self.guess.states
-        members = self.problem.fleet.bent_members(self.truncation.nodes)
+        members = self.problem.fleet.dynamic_members(self.truncation.nodes)
         step = self.problem.duration / len(self.guess.controls)
         return self.problem.fleet.trajectories(self.guess.controls, members, step).transpose(1, 2, 0)
 
@@ -117,7 +117,7 @@ class States:
     def dynamics(self) -> list[Block]:
         """Each node robot's state follows from its last one."""
         fleet, layout = self.problem.fleet, self.layout
-        psi = fleet.psi(fleet.bent_members(self.truncation.nodes))
+        psi = fleet.psi(fleet.dynamic_members(self.truncation.nodes))
         names, n_u, n_x = list(psi), layout.n_u, layout.n_x
         middle, half = self.scale.middle.tolist(), self.scale.half.tolist()
         step, substeps = self.problem.duration / layout.steps, self.guess.substeps
@@ -143,7 +143,7 @@ class States:
         free = np.where(np.asarray(fleet.input_lower) == np.asarray(fleet.input_upper), 0.0, 1.0)
         lower[layout.controls], upper[layout.controls] = -free, free
         lower[layout.states[0]] = upper[layout.states[0]] = fleet.start_states(
-            fleet.bent_members(self.truncation.nodes)
+            fleet.dynamic_members(self.truncation.nodes)
         )
 
     def start(self, x: Floats) -> None:

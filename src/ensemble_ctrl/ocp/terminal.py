@@ -76,17 +76,17 @@ def terminal_cost(problem: Problem, controls: Floats, order: int) -> float:
     if problem.objective.target is None:
         return 0.0
     nodes, weights = problem.fleet.rule(order + 1)
-    final = positions(problem, controls, problem.fleet.bent_members(nodes))[:, -1]
+    final = positions(problem, controls, problem.fleet.dynamic_members(nodes))[:, -1]
     return terminal_of(problem, nodes, weights, final)
 
 
 def terminal_of(problem: Problem, nodes: Floats, weights: Floats, final: Floats) -> float:
     """The terminal term where the members at the nodes of a rule end at `final`, shape (members, d), metres."""
     aim, fleet = problem.objective, problem.fleet
-    members = fleet.bent_members(nodes)
+    members = fleet.dynamic_members(nodes)
     match aim.target:
         case MomentTarget() as target:
-            basis = fleet.bent_laws[0].basis(len(target.moments) - 1)
+            basis = fleet.dynamic_laws[0].basis(len(target.moments) - 1)
             # m_k - m_F,k by the Gauss rule
             off = (weights[:, None] * basis.evaluate(nodes[:, 0])).T @ final - target.moments
             cost = float(target.weights @ (off**2).sum(axis=1))
@@ -107,7 +107,7 @@ def _places(problem: Problem, truncation: Truncation) -> Floats:
     nodes, weights = problem.fleet.rule(FINE)
     root = np.sqrt(weights)[:, None]
     fleet = problem.fleet
-    wanted = problem.objective.places(fleet, fleet.bent_members(nodes))
+    wanted = problem.objective.places(fleet, fleet.dynamic_members(nodes))
     return np.asarray(np.linalg.lstsq(root * truncation.evaluation(nodes), root * wanted, rcond=None)[0])
 
 

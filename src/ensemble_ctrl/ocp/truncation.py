@@ -46,7 +46,7 @@ DENSE = {0: 1, 1: 41, 2: 15, 3: 9}
 TAIL_TOLERANCE = 1e-4
 """Metres of truncation error allowed when the order, or the carried degree, is chosen automatically."""
 Range = tuple[tuple[float, float], ...]
-"""A range of each scaled bent parameter."""
+"""A range of each scaled dynamic parameter."""
 UNIFORM = Interval(-1.0, 1.0)
 """The law of a scaled parameter unless another is given."""
 
@@ -58,20 +58,20 @@ class Truncation:
     Parameters
     ----------
     orders : tuple of int
-        Truncation order N of the moment system in each bent parameter.
+        Truncation order N of the moment system in each dynamic parameter.
     degrees : tuple of int
         The points carry the moments 0..degree of the position; the rest is a tail that becomes margin.
     hull : bool
         True for Bernstein coefficients, whose convex hull contains the curve; False for the Gauss-node robots.
     laws : tuple of Law, optional
-        What moments are taken against, one law for each bent parameter; all uniform if not given.
+        What moments are taken against, one law for each dynamic parameter; all uniform if not given.
     cells : int
-        Equal parts of the first bent parameter's range that have separating hyperplanes of their own.
+        Equal parts of the first dynamic parameter's range that have separating hyperplanes of their own.
     joint : pair of ndarray, optional
-        Scaled members, shape (members, bent parameters), and weights that sum to 2, of a law that is no product; means
-        and squares are over it in place of `laws`.
+        Scaled members, shape (members, dynamic parameters), and weights that sum to 2, of a law that is no product;
+        means and squares are over it in place of `laws`.
     within : tuple of (float, float), optional
-        A range of each scaled bent parameter: the members that do what a share of the fleet has to do
+        A range of each scaled dynamic parameter: the members that do what a share of the fleet has to do
         (`ensemble_ctrl.ocp.chance`).
     """
 
@@ -96,7 +96,7 @@ class Truncation:
 
     @property
     def nodes(self) -> Floats:
-        """Gauss nodes, shape (nodes, bent parameters), scaled."""
+        """Gauss nodes, shape (nodes, dynamic parameters), scaled."""
         return self.collocation.nodes
 
     @cached_property
@@ -180,7 +180,7 @@ class Truncation:
 
     @property
     def _laws(self) -> tuple[Law, ...]:
-        """One law for each bent parameter."""
+        """One law for each dynamic parameter."""
         return (UNIFORM,) * len(self.orders) if self.laws is None else self.laws
 
     @property
@@ -191,18 +191,18 @@ class Truncation:
 
 def node_drives(problem: Problem, truncation: Truncation) -> Floats:
     """Drives of the Gauss-node robots, shape (nodes, 5)."""
-    return problem.fleet.drives(problem.fleet.bent_members(truncation.nodes))
+    return problem.fleet.coefficients(problem.fleet.dynamic_members(truncation.nodes))
 
 
 def positions(problem: Problem, controls: Floats, members: Floats) -> Floats:
     """Exact positions of `members` of shape (members, parameters), shape (members, steps + 1, 2), metres."""
     fleet = problem.fleet
-    return fleet.arcs.paths(controls, fleet.drives(members), problem.duration / len(controls))
+    return fleet.arcs.paths(controls, fleet.coefficients(members), problem.duration / len(controls))
 
 
 def points(problem: Problem, controls: Floats, truncation: Truncation) -> Floats:
     """The representing points under `controls`, shape (steps + 1, points, 2), metres."""
-    nodal = positions(problem, controls, problem.fleet.bent_members(truncation.nodes))
+    nodal = positions(problem, controls, problem.fleet.dynamic_members(truncation.nodes))
     return np.asarray(np.einsum("ij,jtd->tid", truncation.to_points, nodal))
 
 
@@ -215,7 +215,7 @@ def tail(problem: Problem, controls: Floats, truncation: Truncation) -> float:
     """
     s = _dense(len(truncation.orders))
     # max |p(s) - sum of the carried moments' polynomials| on a tensor grid of Chebyshev points
-    exact = positions(problem, controls, problem.fleet.bent_members(s))
+    exact = positions(problem, controls, problem.fleet.dynamic_members(s))
     curve = np.einsum("ij,tjd->itd", truncation.evaluation(s), points(problem, controls, truncation))
     return float(np.linalg.norm(exact - curve, axis=-1).max())
 
@@ -229,11 +229,11 @@ def choose(problem: Problem, controls: Floats) -> Truncation:
     `TAIL_TOLERANCE`; in hull form the points carry no more moments than that either, since the tail of a smooth curve
     falls geometrically.
     """
-    hull, bent = problem.solve.guarantee == "hull", len(problem.fleet.bent)
+    hull, dynamic = problem.solve.guarantee == "hull", len(problem.fleet.dynamic)
     if not hull and problem.order is not None:
-        return _whole(problem, (problem.order,) * bent, hull)
+        return _whole(problem, (problem.order,) * dynamic, hull)
     degrees = _degrees(problem, controls, hull, problem.order or MAX_ORDER)
-    orders = degrees if problem.order is None else (problem.order,) * bent
+    orders = degrees if problem.order is None else (problem.order,) * dynamic
     return replace(_whole(problem, orders, hull), degrees=degrees)
 
 
@@ -246,12 +246,12 @@ def _whole(problem: Problem, orders: tuple[int, ...], hull: bool) -> Truncation:
     """A truncation of a problem's fleet that carries all its moments."""
     fleet = problem.fleet
     joint = None if fleet.samples is None else fleet.rule(max(orders, default=0) + 1)
-    return Truncation(orders, orders, hull, fleet.bent_laws, problem.solve.cells, joint)
+    return Truncation(orders, orders, hull, fleet.dynamic_laws, problem.solve.cells, joint)
 
 
 def coarse(problem: Problem) -> Truncation:
     """A low truncation for first solves: parabolas, or straight lines where there are many parameters."""
-    laws, hull = problem.fleet.bent_laws, problem.solve.guarantee != "moment"
+    laws, hull = problem.fleet.dynamic_laws, problem.solve.guarantee != "moment"
     target = problem.objective.target
     least = len(target.moments) - 1 if isinstance(target, MomentTarget) else 0
     return _whole(problem, (max(2 if len(laws) < 3 else 1, least),) * len(laws), hull)
@@ -268,7 +268,7 @@ def _degrees(problem: Problem, controls: Floats, hull: bool, ceiling: int) -> tu
     """The lowest degrees whose tail is small enough."""
     target = problem.objective.target
     least = max(1, len(target.moments) - 1) if isinstance(target, MomentTarget) else 1
-    degrees = (min(least, ceiling),) * len(problem.fleet.bent)
+    degrees = (min(least, ceiling),) * len(problem.fleet.dynamic)
     error = tail(problem, controls, plain(degrees, hull))
     while error >= TAIL_TOLERANCE and min(degrees, default=ceiling) < ceiling:
         tried = [(tail(problem, controls, plain(d, hull)), d) for d in _one_more(degrees, ceiling)]
@@ -288,7 +288,7 @@ def _basis(orders: tuple[int, ...]) -> TensorBasis:
     return TensorBasis(tuple(LegendreBasis(order) for order in orders))
 
 
-def _dense(bent: int) -> Floats:
+def _dense(dynamic: int) -> Floats:
     """A tensor grid of Chebyshev points."""
-    axis = np.cos(np.linspace(0.0, np.pi, DENSE.get(bent, 5)))
-    return np.array(list(product(*[axis] * bent)), dtype=float).reshape(len(axis) ** bent, bent)
+    axis = np.cos(np.linspace(0.0, np.pi, DENSE.get(dynamic, 5)))
+    return np.array(list(product(*[axis] * dynamic)), dtype=float).reshape(len(axis) ** dynamic, dynamic)

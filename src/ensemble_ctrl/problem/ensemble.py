@@ -51,7 +51,7 @@ class Ensemble(ReadOnlyArrays):
         lengths = {column.shape for column in columns.values()}
         if len(lengths) != 1 or any(len(shape) != 1 for shape in lengths):
             raise ProblemError(f"fleet.samples: expected columns of one length, got shapes {sorted(lengths)}")
-        bending = [self.names[k] for k in self.bent]
+        bending = [self.names[k] for k in self.dynamic]
         for name, column in columns.items():
             if name not in bending:
                 raise ProblemError(f"fleet.samples: expected parameters that bend trajectories, got {name!r}")
@@ -61,7 +61,7 @@ class Ensemble(ReadOnlyArrays):
         return columns
 
     @cached_property
-    def bent(self) -> tuple[int, ...]:
+    def dynamic(self) -> tuple[int, ...]:
         """Columns of the parameters that bend the position curve."""
         return tuple(range(len(self.parameters)))
 
@@ -77,7 +77,7 @@ class Ensemble(ReadOnlyArrays):
         return drawn
 
     def rule(self, count: int) -> tuple[Floats, Floats]:
-        """Points and weights that integrate over the laws of the bent parameters.
+        """Points and weights that integrate over the laws of the dynamic parameters.
 
         Parameters
         ----------
@@ -86,17 +86,19 @@ class Ensemble(ReadOnlyArrays):
 
         Returns
         -------
-        scaled, weights : ndarray, shapes (points, bent parameters) and (points,)
+        scaled, weights : ndarray, shapes (points, dynamic parameters) and (points,)
             Weights sum to 2; measured robots are their own points, each with the same weight.
         """
         if self.samples is None:
-            return tensor_rule(self.bent_laws, count)
-        own = [self.names[k] in self.samples for k in self.bent]
-        others, weights = tensor_rule([law for law, mine in zip(self.bent_laws, own, strict=True) if not mine], count)
+            return tensor_rule(self.dynamic_laws, count)
+        own = [self.names[k] in self.samples for k in self.dynamic]
+        others, weights = tensor_rule(
+            [law for law, mine in zip(self.dynamic_laws, own, strict=True) if not mine], count
+        )
         robots = len(next(iter(self.samples.values())))
         scaled = np.empty((robots, len(others), len(own)))
         scaled[:, :, [not mine for mine in own]] = others
-        for column, (k, law) in enumerate(zip(self.bent, self.bent_laws, strict=True)):
+        for column, (k, law) in enumerate(zip(self.dynamic, self.dynamic_laws, strict=True)):
             if own[column]:
                 scaled[:, :, column] = law.to_scaled(self.samples[self.names[k]])[:, None]
         return scaled.reshape(-1, len(own)), np.tile(weights / robots, robots)
@@ -122,10 +124,10 @@ class Ensemble(ReadOnlyArrays):
         return np.array([law.center for law in self.parameters.values()])
 
     @property
-    def bent_laws(self) -> tuple[Law, ...]:
-        """Laws of the bent parameters."""
+    def dynamic_laws(self) -> tuple[Law, ...]:
+        """Laws of the dynamic parameters."""
         laws = list(self.parameters.values())
-        return tuple(laws[k] for k in self.bent)
+        return tuple(laws[k] for k in self.dynamic)
 
     @property
     def corners(self) -> Floats:
@@ -133,19 +135,19 @@ class Ensemble(ReadOnlyArrays):
         ends = [(law.lower, law.upper) for law in self.parameters.values()]
         return np.array(list(product(*ends)), dtype=float).reshape(2 ** len(ends), len(ends))
 
-    def bent_members(self, scaled: Floats) -> Floats:
-        """Members at scaled points in [-1, 1] of the bent parameters, the start in the middle of its box.
+    def dynamic_members(self, scaled: Floats) -> Floats:
+        """Members at scaled points in [-1, 1] of the dynamic parameters, the start in the middle of its box.
 
         Parameters
         ----------
-        scaled : ndarray, shape (members, bent parameters)
+        scaled : ndarray, shape (members, dynamic parameters)
 
         Returns
         -------
         ndarray, shape (members, parameters)
         """
         members = np.tile(self.center, (len(scaled), 1))
-        for column, (k, law) in enumerate(zip(self.bent, self.bent_laws, strict=True)):
+        for column, (k, law) in enumerate(zip(self.dynamic, self.dynamic_laws, strict=True)):
             members[:, k] = law.to_parameter(scaled[:, column])
         return members
 

@@ -231,7 +231,7 @@ class Fleet(Ensemble):
         return np.asarray(self.start_states(self.center[None])[columns, 0])
 
     @cached_property
-    def bent(self) -> tuple[int, ...]:
+    def dynamic(self) -> tuple[int, ...]:
         """Columns of the parameters that bend the position curve; the others only shift the start."""
         shifts = {START_PREFIX + name for name in self.system.shifts}
         return tuple(k for k, name in enumerate(self.names) if name not in shifts)
@@ -240,7 +240,7 @@ class Fleet(Ensemble):
     def _shifting(self) -> Floats:
         """How much each parameter shifts the whole position curve, shape (parameters, d)."""
         rows = np.zeros((len(self.names), len(self.places)))
-        for k in set(range(len(self.names))) - set(self.bent):
+        for k in set(range(len(self.names))) - set(self.dynamic):
             rows[k, self.places.index(self.names[k].removeprefix(START_PREFIX))] = 1.0
         return rows
 
@@ -316,7 +316,7 @@ class Fleet(Ensemble):
 
     @cached_property
     def directions(self) -> Floats:
-        """How much each parameter adds to a drive, shape (parameters, 5)."""
+        """How much each parameter adds to the coefficients, shape (parameters, 5)."""
         rows = np.zeros((len(self.parameters), 5))
         for row, name in zip(rows, self.names, strict=True):
             if name in START_COLUMNS:
@@ -334,16 +334,16 @@ class Fleet(Ensemble):
     @cached_property
     def fastest(self) -> tuple[float, float]:
         """Largest linear and angular factor of any member."""
-        corners = self.drives(self.corners)
+        corners = self.coefficients(self.corners)
         return float(np.abs(corners[:, 0]).max()), float(np.abs(corners[:, 1]).max())
 
     @cached_property
     def slowest(self) -> float:
         """Smallest linear factor of any member."""
-        return float(self.drives(self.corners)[:, 0].min())
+        return float(self.coefficients(self.corners)[:, 0].min())
 
-    def drives(self, members: Floats) -> Floats:
-        """The drives of members of shape (members, parameters), shape (members, 5)."""
+    def coefficients(self, members: Floats) -> Floats:
+        """The coefficients of members of shape (members, parameters), shape (members, 5)."""
         return np.asarray(self.origin + members @ self.directions)
 
     def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:
@@ -366,7 +366,7 @@ class Fleet(Ensemble):
             If a state is not finite, or the system is too stiff for the rule.
         """
         if self.system.on_arcs:
-            return self.arcs.paths(controls, self.drives(members), step)
+            return self.arcs.paths(controls, self.coefficients(members), step)
         return accurate(self, controls, members, step)
 
     def full_states(self, controls: Floats, members: Floats, step: float) -> Floats:
@@ -374,7 +374,7 @@ class Fleet(Ensemble):
         found = self.trajectories(controls, members, step)
         if not self.system.on_arcs:
             return found
-        turns = self.arcs.headings(controls, self.drives(members), step)
+        turns = self.arcs.headings(controls, self.coefficients(members), step)
         return np.concatenate([found, turns[..., None]], axis=2)
 
     @cached_property

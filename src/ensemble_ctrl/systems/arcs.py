@@ -1,7 +1,7 @@
 r"""Robots that move on arcs: what the unicycle and the bicycle have in common.
 
-Every member is given by its *drive*, five numbers ``(linear, angular, heading, x, y)``: the factors on its speed and on
-its turn rate, and its pose at the start.  Under commands that are constant over a step it moves on an exact arc.
+Every member is given by its *coefficients*, five numbers ``(linear, angular, heading, x, y)``: the factors on its speed
+and its turn rate, and its pose at the start.  Under commands that are constant over a step it moves on an exact arc.
 """
 
 from __future__ import annotations
@@ -161,14 +161,14 @@ class ArcSystem(System):
         along, across = chord * arrays.cos(angle), chord * arrays.sin(angle)
         return (along, across) if self.heading_from == "x" else (across, along)
 
-    def paths(self, controls: Floats, drives: Floats, step: float) -> Floats:
+    def paths(self, controls: Floats, coefficients: Floats, step: float) -> Floats:
         """Positions of members at the ends of all steps, by exact arcs.
 
         Parameters
         ----------
         controls : ndarray, shape (steps, 2)
             Commands of every step.
-        drives : ndarray, shape (members, 5)
+        coefficients : ndarray, shape (members, 5)
             The drive of every member.
         step : float
             Length of a step in seconds.
@@ -179,20 +179,20 @@ class ArcSystem(System):
             Metres.
         """
         v, omega = self.rates(*np.asarray(controls, dtype=float).T)
-        linear, angular, heading = (column[:, None] for column in drives[:, :3].T)
+        linear, angular, heading = (column[:, None] for column in coefficients[:, :3].T)
         moves = self.displacement(v, omega, self.turned(omega, step), linear, angular, heading, step)
-        path = np.empty((len(drives), len(controls) + 1, 2))
-        path[:, 0] = drives[:, 3:]
+        path = np.empty((len(coefficients), len(controls) + 1, 2))
+        path[:, 0] = coefficients[:, 3:]
         for axis, move in enumerate(moves):
             np.cumsum(move, axis=1, out=path[:, 1:, axis])
-            path[:, 1:, axis] += drives[:, 3 + axis, None]
+            path[:, 1:, axis] += coefficients[:, 3 + axis, None]
         return path
 
-    def headings(self, controls: Floats, drives: Floats, step: float) -> Floats:
+    def headings(self, controls: Floats, coefficients: Floats, step: float) -> Floats:
         """Headings of members at the ends of all steps, from +x, not wrapped, shape (members, steps + 1), radians."""
         _, omega = self.rates(*np.asarray(controls, dtype=float).T)
         turned = np.concatenate([[0.0], step * np.cumsum(omega)])
-        own = drives[:, 2, None] + drives[:, 1, None] * turned
+        own = coefficients[:, 2, None] + coefficients[:, 1, None] * turned
         return np.asarray(own if self.heading_from == "x" else np.pi / 2 - own)
 
     def sagitta(self, v: Any, omega: Any, linear: Any, angular: Any, step: float) -> Any:

@@ -74,7 +74,7 @@ def test_it_does_the_task_and_learns_the_traction(traction: float, seed: int) ->
 def test_robots_end_closer_together_than_under_the_first_plan() -> None:
     tractions = [0.87, 1.13]
     ends = [np.array(robot_end(traction)) for traction in tractions]
-    blind = SHORT.fleet.arcs.paths(plan(), SHORT.fleet.drives(np.array(tractions)[:, None]), SHORT.step)[:, -1]
+    blind = SHORT.fleet.arcs.paths(plan(), SHORT.fleet.coefficients(np.array(tractions)[:, None]), SHORT.step)[:, -1]
     assert spread(np.array(ends)) < 0.5 * spread(blind)
 
 

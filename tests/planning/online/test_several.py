@@ -164,11 +164,11 @@ def test_plans_are_for_the_members_of_all() -> None:
     loop.trackers["blue"].sets.ranges = np.array([[1.05, 1.1]])
     start = loop._present(loop.plan)
     for k, name in enumerate(TRACTIONS):
-        rows = start.drives.reshape(3, -1, 5)[k]
+        rows = start.coefficients.reshape(3, -1, 5)[k]
         np.testing.assert_allclose(rows[:, 3:], np.tile(places[name], (len(rows), 1)), atol=1e-3)
         low, high = loop.trackers[name].ranges[0]
         assert ((rows[:, 0] > low) & (rows[:, 0] < high)).all()
-    way = SHORT.fleet.arcs.paths(loop.plan, SHORT.fleet.drives(np.array([[1.0]])), SHORT.step)[0]
+    way = SHORT.fleet.arcs.paths(loop.plan, SHORT.fleet.coefficients(np.array([[1.0]])), SHORT.step)[0]
     seen = Measurement(0.8, float(way[8, 0]), float(way[8, 1]), headed(loop.plan, 8))
     loop.observe(dict.fromkeys(("red", "green"), seen))
     later = loop._present(loop.plan)

@@ -30,7 +30,7 @@ def driven(factors: Factors, controls: Floats = CONTROLS, system: ArcSystem | No
 @pytest.mark.parametrize("system", [Unicycle(), Unicycle(heading_from="y"), SMALL_CAR])
 def test_without_flaws_it_moves_as_the_model(system: ArcSystem) -> None:
     fleet = Fleet(system, {"traction": Interval(0.5, 2.0)}, np.ones(2), 0.4, np.full(2, -1.0), np.full(2, 1.0))
-    wanted = system.paths(CONTROLS, fleet.drives(np.array([[1.2]])), 0.1)[0, -1]
+    wanted = system.paths(CONTROLS, fleet.coefficients(np.array([[1.2]])), 0.1)[0, -1]
     np.testing.assert_allclose(driven(Fixed(1.2, 1.2), system=system)[:2], wanted, atol=1e-12)
 
 

@@ -20,8 +20,8 @@ Floats = NDArray[np.float64]
 
 
 def swarm_of(low: float, high: float, count: int = 3000, noise: float = 0.002) -> SimulatedSwarm:
-    drives = SHORT.fleet.drives(uniform_members(low, high, count))
-    return SimulatedSwarm(SHORT.fleet.arcs, drives, SHORT.step, noise, seed=4)
+    coefficients = SHORT.fleet.coefficients(uniform_members(low, high, count))
+    return SimulatedSwarm(SHORT.fleet.arcs, coefficients, SHORT.step, noise, seed=4)
 
 
 def test_aggregates_tell_the_law_and_every_robot_stays_proven() -> None:
@@ -36,7 +36,7 @@ def test_aggregates_tell_the_law_and_every_robot_stays_proven() -> None:
     assert loop.certificate.proven
     run = replay(SHORT, robots.controls, members=500, substeps=4)
     assert not run.violating.any()
-    blind = SHORT.fleet.arcs.paths(plan(), robots.drives, SHORT.step)[:, -1]
+    blind = SHORT.fleet.arcs.paths(plan(), robots.coefficients, SHORT.step)[:, -1]
     target = np.array([2.4, 0.0])
     assert rms(robots.places - target) < rms(blind - target)
 

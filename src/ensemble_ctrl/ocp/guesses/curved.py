@@ -134,7 +134,7 @@ def _driven_legs(
 ) -> Iterator[list[Floats]]:
     """The legs of a trip, the last one in several headings; the others in the heading that is reached first."""
     fleet, legs = problem.fleet, []
-    turned = float(fleet.drives(fleet.center[None])[0, 2] - fleet.own_heading)
+    turned = float(fleet.coefficients(fleet.center[None])[0, 2] - fleet.own_heading)
     pose = np.array([*fleet.start_place, fleet.heading + turned])
 
     def paths(start: Floats, place: Floats) -> Iterator[Floats]:

@@ -26,7 +26,7 @@ def smoothed(path: Floats) -> Floats:
 def follow(problem: Problem, path: Floats) -> Floats:
     """Commands with which the nominal robot follows `path`, within the input bounds."""
     fleet, step = problem.fleet, problem.duration / (len(path) - 1)
-    linear, angular, heading = fleet.drives(fleet.center[None])[0, :3].tolist()
+    linear, angular, heading = fleet.coefficients(fleet.center[None])[0, :3].tolist()
     low, high = (
         np.clip(SHARES * end, fleet.input_lower, fleet.input_upper) for end in (fleet.input_lower, fleet.input_upper)
     )

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 def tightest(problem: Problem) -> float:
     """Smallest radius of the nominal robot's turns at half its top speed, to either side, metres."""
     fleet = problem.fleet
-    linear, angular = fleet.drives(fleet.center[None])[0, :2].tolist()
+    linear, angular = fleet.coefficients(fleet.center[None])[0, :2].tolist()
     fast = 0.5 * float(np.abs([fleet.input_lower[0], fleet.input_upper[0]]).max())
     turns = [fleet.arcs.commands(fast, side, fleet.input_lower, fleet.input_upper) for side in (-1e6, 1e6)]
     rates = np.array([fleet.arcs.rates(*commands) for commands in turns])
@@ -29,7 +29,7 @@ def needed(problem: Problem, poses: Floats) -> Floats:
     """Seconds that the nominal robot needs at least from each pose to the next, shape (poses - 1,)."""
     fleet = problem.fleet
     moved, turned = _moves(poses)
-    linear, angular = np.abs(fleet.drives(fleet.center[None])[0, :2])
+    linear, angular = np.abs(fleet.coefficients(fleet.center[None])[0, :2])
     speeds = np.where(moved < 0, -fleet.input_lower[0], fleet.input_upper[0]) * linear
     seconds = np.abs(moved) / np.maximum(speeds, 1e-3)
     if fleet.arcs.turns_in_place:
@@ -57,7 +57,7 @@ def driven(problem: Problem, poses: Floats, times: Floats, steps: int) -> Floats
         Within the input bounds.
     """
     fleet = problem.fleet
-    linear, angular = fleet.drives(fleet.center[None])[0, :2].tolist()
+    linear, angular = fleet.coefficients(fleet.center[None])[0, :2].tolist()
     sign = 1.0 if fleet.arcs.heading_from == "x" else -1.0
     grid = np.linspace(0.0, problem.duration, steps + 1)
     totals = [np.concatenate([[0.0], np.cumsum(part)]) for part in _moves(poses)]

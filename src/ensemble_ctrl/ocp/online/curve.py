@@ -43,7 +43,7 @@ class Curve:
         self.problem, self.initial, self.controls = problem, initial, controls
         self.robots = initial.path.shape[1]
         self._image = np.kron(np.eye(self.robots), truncation.to_points)
-        self._nodal = problem.fleet.arcs.paths(controls[initial.at :], initial.drives, problem.step)
+        self._nodal = problem.fleet.arcs.paths(controls[initial.at :], initial.coefficients, problem.step)
         ahead = np.einsum("ij,jtd->tid", self._image, self._nodal)
         before = np.repeat(initial.path[: initial.at], truncation.count, axis=1)
         self.points = np.concatenate([before, ahead])
@@ -75,7 +75,7 @@ class Curve:
         first, second = self.controls[free:].T
         v, omega = system.rates(first, second)
         turned = system.turned(system.rates(*self.controls[at:].T)[1], step)[free - at :]
-        linear, angular, heading = (column[:, None] for column in initial.drives[:, :3].T)
+        linear, angular, heading = (column[:, None] for column in initial.coefficients[:, :3].T)
 
         def slope(dv: complex, dw: complex) -> Floats:
             moves = system.displacement(v + dv, omega + dw, turned, linear, angular, heading, step)
@@ -89,7 +89,7 @@ class Curve:
     @cached_property
     def _levers(self) -> Floats:
         """``C psi_2 p_n``, shape (steps + 1, points, 2); zero before the initial condition."""
-        weighted = self.initial.drives[:, 1, None, None] * self._nodal
+        weighted = self.initial.coefficients[:, 1, None, None] * self._nodal
         ahead = np.einsum("ij,jtd->tid", self._image, weighted)
         return np.concatenate([np.zeros((self.initial.at, *ahead.shape[1:])), ahead])
 

@@ -35,7 +35,7 @@ class InitialCondition:
         Grid time of the measurement.
     free : int
         First step whose commands may still be changed.
-    drives : ndarray, shape (robots * nodes, 5)
+    coefficients : ndarray, shape (robots * nodes, 5)
         Drives of the node robots at grid time `at`, those of one robot after the other: factors, heading and place.
     path : ndarray, shape (at or more, robots, 2)
         Where the robots have been at the grid times before `at`, metres.
@@ -49,7 +49,7 @@ class InitialCondition:
 
     at: int
     free: int
-    drives: Floats
+    coefficients: Floats
     path: Floats
     growth: Floats
     controls: Floats
@@ -83,7 +83,7 @@ class OnlineModel:
     @classmethod
     def of(cls, problem: Problem, controls: Floats, order: int) -> Self:
         """Ready for moments 0..order; `controls` of shape (steps, n_u) are any commands."""
-        truncation = plain((order,) * len(problem.fleet.bent), hull=True)
+        truncation = plain((order,) * len(problem.fleet.dynamic), hull=True)
         levels = TaskLevels.of(problem, truncation, points(problem, controls, truncation))
         return cls(problem, truncation, levels, problem.specification.avoid, _terminal(problem, truncation))
 

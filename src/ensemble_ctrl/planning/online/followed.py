@@ -83,13 +83,13 @@ class Followed:
         until = [(self.pose(k) if k <= sent else None) or pose for k in range(at, begin + 1)]
         return remaining(problem, begin, self.progress.after(until, self.tracker.bulge).left, pose, ranges)
 
-    def drives(self, nodes: Floats, pose: PoseSet) -> Floats:
+    def coefficients(self, nodes: Floats, pose: PoseSet) -> Floats:
         """Drives of its node robots in the middle of a set of poses, shape (nodes, 5)."""
         fleet = self.fleet
-        drives = fleet.drives(fleet.bent_members(nodes))
-        drives[:, 2] = pose.heading if fleet.arcs.heading_from == "x" else np.pi / 2 - pose.heading
-        drives[:, 3:] = pose.position
-        return drives
+        coefficients = fleet.coefficients(fleet.dynamic_members(nodes))
+        coefficients[:, 2] = pose.heading if fleet.arcs.heading_from == "x" else np.pi / 2 - pose.heading
+        coefficients[:, 3:] = pose.position
+        return coefficients
 
     def growth(self, middle: Floats, controls: Floats, begin: int, pose: PoseSet, soon: int) -> Floats:
         """Metres by which its set of states is larger than its node robots' curve, shape (steps + 1,).

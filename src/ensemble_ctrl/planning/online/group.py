@@ -182,22 +182,22 @@ class RobotGroup:
         """What a solve starts from at a grid time: all robots' members, the largest growth and `spare` metres."""
         ahead, base = plan[at:], self.base
         soon = free - at + 2 * self.options.applied_steps
-        drives, paths, grown = [], [], []
+        coefficients, paths, grown = [], [], []
         for name, pose in poses.items():
             robot = self.robots[name]
-            drives.append(robot.drives(nodes, pose))
-            middle = self._middle(drives[-1], ahead)
+            coefficients.append(robot.coefficients(nodes, pose))
+            middle = self._middle(coefficients[-1], ahead)
             paths.append(robot.path(base, base + at))
             grown.append(robot.growth(middle, ahead, base + at, pose, soon))
         growth = np.zeros(len(plan) + 1)
         growth[at:] = np.max(grown, axis=0) + spare
         return InitialCondition(
-            at, free, np.concatenate(drives), np.stack(paths, axis=1), growth, plan, base * self.problem.step
+            at, free, np.concatenate(coefficients), np.stack(paths, axis=1), growth, plan, base * self.problem.step
         )
 
-    def _middle(self, drives: Floats, controls: Floats) -> Floats:
+    def _middle(self, coefficients: Floats, controls: Floats) -> Floats:
         """Where the middle one of some members goes, shape (steps + 1, 2), metres."""
-        middle = drives[len(drives) // 2][None]
+        middle = coefficients[len(coefficients) // 2][None]
         return np.asarray(self.problem.fleet.arcs.paths(controls, middle, self.problem.step)[0])
 
     # --- what is proven, and what could be done instead

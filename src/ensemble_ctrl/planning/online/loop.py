@@ -162,7 +162,7 @@ class Receding(RobotGroup):
         name = next(iter(self.robots)) if robot is None else robot
         if not poses:
             return np.zeros((0, 2))
-        return self._middle(self.robots[name].drives(self.program.truncation.nodes, poses[name]), self.plan[at:])
+        return self._middle(self.robots[name].coefficients(self.program.truncation.nodes, poses[name]), self.plan[at:])
 
     def late(self, now: int, ahead: int = 0) -> None:
         """Commands come too late for the control steps before `now`.

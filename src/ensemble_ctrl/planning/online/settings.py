@@ -54,8 +54,8 @@ class OnlineSettings:
         fleet = problem.fleet
         factors = robot.factors
         if factors is None:
-            drive = fleet.drives(fleet.sample(1, robot.seed))[0]
-            factors = Fixed(float(drive[0]), float(drive[1]))
+            coefficients = fleet.coefficients(fleet.sample(1, robot.seed))[0]
+            factors = Fixed(float(coefficients[0]), float(coefficients[1]))
         errors = self.options.errors
         flaws = robot.flaws or Flaws(errors.position, errors.heading, 0.1)
         heading = fleet.heading

@@ -145,7 +145,7 @@ class Swarm:
         s, weights = np.polynomial.legendre.leggauss(NODES)
         members = (bounds[0] + bounds[1]) / 2 + (bounds[1] - bounds[0]) / 2 * s[:, None]
         fleet, step = self.problem.fleet, self.problem.step
-        paths = fleet.arcs.paths(self.plan, fleet.drives(members), step)
+        paths = fleet.arcs.paths(self.plan, fleet.coefficients(members), step)
         at = np.clip(times / step, 0, self.problem.steps)
         low = np.minimum(at.astype(int), self.problem.steps - 1)
         places = paths[:, low] + (at - low)[:, None] * (paths[:, low + 1] - paths[:, low])
@@ -184,9 +184,9 @@ class Swarm:
     def _present(self) -> InitialCondition:
         """The fleet at the start, with what has been sent fixed: it is carried along exactly."""
         fleet = with_ranges(self.problem.fleet, np.array([self.range]))
-        drives = fleet.drives(fleet.bent_members(self.program.truncation.nodes))
+        coefficients = fleet.coefficients(fleet.dynamic_members(self.program.truncation.nodes))
         steps = self.problem.steps
-        return InitialCondition(0, self.sent, drives, np.zeros((0, 1, 2)), np.zeros(steps + 1), self.plan)
+        return InitialCondition(0, self.sent, coefficients, np.zeros((0, 1, 2)), np.zeros(steps + 1), self.plan)
 
 
 class SimulatedSwarm:
@@ -195,7 +195,7 @@ class SimulatedSwarm:
     Parameters
     ----------
     system : ArcSystem
-    drives : ndarray, shape (members, 5)
+    coefficients : ndarray, shape (members, 5)
         The drive of every robot.
     step : float
         Seconds.
@@ -204,8 +204,13 @@ class SimulatedSwarm:
     seed : int
     """
 
-    def __init__(self, system: ArcSystem, drives: Floats, step: float, noise: float = 0.0, seed: int = 0) -> None:
-        self.system, self.drives, self.step, self.noise = system, np.asarray(drives, dtype=float), step, noise
+    def __init__(self, system: ArcSystem, coefficients: Floats, step: float, noise: float = 0.0, seed: int = 0) -> None:
+        self.system, self.coefficients, self.step, self.noise = (
+            system,
+            np.asarray(coefficients, dtype=float),
+            step,
+            noise,
+        )
         self.controls = np.zeros((0, 2))
         self._random = np.random.default_rng(seed)
 
@@ -213,8 +218,8 @@ class SimulatedSwarm:
     def places(self) -> Floats:
         """Where everyone is, shape (members, 2), metres."""
         if not len(self.controls):
-            return self.drives[:, 3:]
-        return np.asarray(self.system.paths(self.controls, self.drives, self.step)[:, -1])
+            return self.coefficients[:, 3:]
+        return np.asarray(self.system.paths(self.controls, self.coefficients, self.step)[:, -1])
 
     def drive(self, controls: Floats) -> None:
         """Carry out one broadcast after the other."""

@@ -33,7 +33,9 @@ def furthest(problem: Problem) -> float:
     if not problem.fleet.system.on_arcs:
         return np.inf
     return (
-        float(np.abs(problem.fleet.drives(problem.fleet.corners)[:, 0]).max()) * top_speed(problem) * problem.duration
+        float(np.abs(problem.fleet.coefficients(problem.fleet.corners)[:, 0]).max())
+        * top_speed(problem)
+        * problem.duration
     )
 
 
@@ -50,7 +52,7 @@ def apart(problem: Problem, first: Floats, second: Floats) -> float:
     """
     if not problem.fleet.system.on_arcs:
         return np.inf
-    one, other = problem.fleet.drives(np.stack([first, second]))[:, :3]
+    one, other = problem.fleet.coefficients(np.stack([first, second]))[:, :3]
     return _bound(problem, np.abs(one - other), min(abs(float(one[0])), abs(float(other[0]))))
 
 
@@ -59,8 +61,8 @@ def widest(problem: Problem) -> float:
     if not problem.fleet.system.on_arcs:
         return np.inf
     fleet = problem.fleet
-    middle = fleet.drives(fleet.center[None])[0, :3]
-    most = np.abs(fleet.drives(fleet.corners)[:, :3] - middle).max(axis=0)
+    middle = fleet.coefficients(fleet.center[None])[0, :3]
+    most = np.abs(fleet.coefficients(fleet.corners)[:, :3] - middle).max(axis=0)
     return _bound(problem, most, abs(float(middle[0])))
 
 

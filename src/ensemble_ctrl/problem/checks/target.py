@@ -50,9 +50,9 @@ def _risk(problem: Problem) -> Iterator[Finding]:
 def _formation(problem: Problem, target: Formation) -> Iterator[Finding]:
     """The parameter bends trajectories, the table covers its range, and each place is within reach."""
     fleet, path = problem.fleet, (*PATH, target.parameter)
-    bent = [fleet.names[k] for k in fleet.bent]
-    if target.parameter not in bent:
-        known = ", ".join(bent) or "none"
+    dynamic = [fleet.names[k] for k in fleet.dynamic]
+    if target.parameter not in dynamic:
+        known = ", ".join(dynamic) or "none"
         yield Finding(PATH, f"expected a parameter that bends trajectories ({known}), got {target.parameter!r}")
         return
     law = fleet.parameters[target.parameter]
@@ -80,7 +80,7 @@ def _reach(problem: Problem, target: Formation, value: float, place: NDArray[np.
     members[:, fleet.names.index(target.parameter)] = value
     if not fleet.system.on_arcs:
         return
-    speed = float(fleet.drives(members)[:, 0].max()) * top_speed(problem)
+    speed = float(fleet.coefficients(members)[:, 0].max()) * top_speed(problem)
     away = float(np.linalg.norm(place - fleet.start_place)) - float(np.linalg.norm(fleet.shift))
     if away > speed * problem.duration + SLACK:
         message = (
@@ -143,7 +143,7 @@ def place_findings(problem: Problem) -> Iterator[Finding]:
 
 def _moments(problem: Problem, target: MomentTarget) -> Iterator[Finding]:
     """Moments are of one parameter, and of no higher order than its law has."""
-    laws = problem.fleet.bent_laws
+    laws = problem.fleet.dynamic_laws
     if len(laws) != 1:
         yield Finding(
             (*PATH, "moments"), f"expected a fleet with one parameter that bends trajectories, got {len(laws)}"

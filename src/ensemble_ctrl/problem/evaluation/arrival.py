@@ -43,9 +43,9 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
     fleet, target = problem.fleet, problem.objective.target
     if target is None:
         return {}
-    laws = fleet.bent_laws
+    laws = fleet.dynamic_laws
     nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
-    final = _final(problem, controls, fleet.bent_members(nodes))
+    final = _final(problem, controls, fleet.dynamic_members(nodes))
     if isinstance(target, MomentTarget):
         phi = laws[0].basis(len(target.moments) - 1).evaluate(nodes[:, 0])
         return {"moments": ((weights[:, None] * phi).T @ final).tolist()}
@@ -54,7 +54,7 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
         covariance = (weights[:, None] / 2 * (final - mean)).T @ (final - mean) + fleet.shift_covariance
         distance = float(np.sqrt(max(wasserstein(mean, covariance, target), 0.0)))
         return {"mean": mean.tolist(), "covariance": covariance.tolist(), "distance": distance}
-    off = final - problem.objective.places(fleet, fleet.bent_members(nodes))
+    off = final - problem.objective.places(fleet, fleet.dynamic_members(nodes))
     square = float(weights @ (off**2).sum(axis=1) / 2 + np.trace(fleet.shift_covariance))
     members = np.concatenate([fleet.grid(MEMBERS), fleet.corners])
     each = np.linalg.norm(_final(problem, controls, members) - problem.objective.places(fleet, members), axis=1)

@@ -38,10 +38,10 @@ def moments(problem: Problem, controls: Floats) -> Iterator[tuple[str, Floats]]:
     mean position is ``m_0 / sqrt(2)``.
     """
     fleet = problem.fleet
-    laws = fleet.bent_laws
+    laws = fleet.dynamic_laws
     order = ORDER if len(laws) == 1 else 1
     nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
-    paths = trajectories(problem, controls, fleet.bent_members(nodes))
+    paths = trajectories(problem, controls, fleet.dynamic_members(nodes))
     basis = TensorBasis(tuple(law.basis(order) for law in laws))
     phi = basis.evaluate(nodes)
     for column, index in enumerate(basis.indices):
