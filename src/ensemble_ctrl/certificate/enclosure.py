@@ -71,7 +71,7 @@ class Flow:
     lower, upper : ndarray, shape (parameters,)
         Ranges of the parameters.
     origin, directions : ndarray, shapes (5,) and (parameters, 5)
-        The coefficients of parameters ``q`` is ``origin + q @ directions``.
+        The coefficients of parameters ``q`` are ``origin + q @ directions``.
     swapped : bool
         True when headings count from +y, so that sine comes first.
     step, begin : ndarray, shape (steps,)
