@@ -345,7 +345,7 @@ def test_constants_are_those_of_the_page() -> None:
     assert basis.UNIT == 2.0**-53
     assert basis.UP == 1 + 1e-12
     assert gradients.LIBRARY == 16 * basis.UNIT
-    assert 2 * boxes.GRID**-1 == 2.0**-35
+    assert 10 * basis.UNIT * 800_000 <= 1 / boxes.GRID
     n = 10
     assert restriction_error(n) >= (16 * n**2 * (1 + np.log(n)) + 2 * n * (2 * n + 12) + 8) * basis.UNIT
     assert Basis(10, (7,)).doubled.error >= (2 * (10 + 10) + 4 + 2 * 19 * 31) * basis.UNIT

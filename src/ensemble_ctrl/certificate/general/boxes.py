@@ -14,10 +14,11 @@ from ensemble_ctrl.certificate.general.enclosure import Enclosure
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-GRID = 2.0**36
+GRID = 2.0**30
 """Ends of parts of a piece of time are moved outwards to multiples of one over this, scaled to [-1, 1].
 
-That is more than all roundings of a time, and lets pieces that are cut alike share their matrices.
+That is more than all roundings of a time in up to 800,000 pieces, and lets pieces that are cut alike share their
+matrices.
 """
 
 ROWS = ("c", "pad", "piece", "begin", "end", "centre", "half")
