@@ -1,6 +1,6 @@
 """The benchmark problem and the judge shared by the hand-written programs.
 
-Nine unicycles with unequal traction ``psi`` hear one broadcast command ``(v, omega)``::
+Nine heterogeneous unicycles with traction ``psi`` receive one broadcast command ``(v, omega)``::
 
     x' = psi v cos(theta)    y' = psi v sin(theta)    theta' = psi omega
 

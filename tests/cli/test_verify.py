@@ -74,14 +74,14 @@ def test_a_range_that_is_none(command: Command, results: Path, text: str) -> Non
 def test_a_changed_summary_is_found_out(command: Command, results: Path, path: str, value: object) -> None:
     """A script reads the verdict there."""
     file = results / "summary.json"
-    told = json.loads(file.read_text())
+    reported = json.loads(file.read_text())
     *inner, last = path.split(".")
-    place = told
+    place = reported
     for name in inner:
         place = place[name]
     assert place[last] != value
     place[last] = value
-    file.write_text(json.dumps(told))
+    file.write_text(json.dumps(reported))
     outcome = command("verify", "results")
     assert outcome.code == 4
     assert "summary.json: it " in outcome.err
@@ -227,10 +227,10 @@ def test_compare_prints_one_row_a_guarantee(command: Command, place: Path) -> No
 
 
 def test_a_range_that_the_checks_refuse_has_no_plan() -> None:
-    told: list[bool] = []
-    search = _Search(load_text(SMALL), lambda _, good: told.append(good), "traction")
+    reported: list[bool] = []
+    search = _Search(load_text(SMALL), lambda _, good: reported.append(good), "traction")
     assert not search.certified(0.95), "the slowest robot can't be there in time"
-    assert (told, search.tried, search.failed) == ([False], 1, None)
+    assert (reported, search.tried, search.failed) == ([False], 1, None)
 
 
 def test_compare_leaves_out_what_is_not_for_the_problem(command: Command, place: Path) -> None:

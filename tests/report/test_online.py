@@ -10,7 +10,7 @@ import pytest
 from PIL import Image, ImageColor
 
 from ensemble_ctrl.report.map_content import map_contents
-from ensemble_ctrl.report.online import DRIVEN, PLANNED, Run, Told, write_run
+from ensemble_ctrl.report.online import DRIVEN, PLANNED, Reported, Run, write_run
 from ensemble_ctrl.report.palette import LINES
 from ensemble_ctrl.report.raster import HEAD, NARROW
 
@@ -22,12 +22,12 @@ def run() -> Run:
     plan = made("plain")
     driven = np.column_stack([np.linspace(0, 4, 81), np.zeros(81)])
     ahead, away = np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[2.0, 0.0], [3.5, -2.0]])
-    told = [
-        Told(0.0, {"robot": ahead}, {"traction": (0.9, 1.1)}, 0.1, "new"),
-        Told(2.0, {"robot": away}, {"traction": (1, 1.1)}, 0.2, "kept"),
+    reported = [
+        Reported(0.0, {"robot": ahead}, {"traction": (0.9, 1.1)}, 0.1, "new"),
+        Reported(2.0, {"robot": away}, {"traction": (1, 1.1)}, 0.2, "kept"),
     ]
     paths = {"robot": driven}
-    return Run(plan.problem, plan.controls, told, paths, paths, 4.0, 0.2, {"traction": 1.0}, "how it ended")
+    return Run(plan.problem, plan.controls, reported, paths, paths, 4.0, 0.2, {"traction": 1.0}, "how it ended")
 
 
 def test_the_robot_and_its_newest_plan(tmp_path: Path) -> None:
@@ -35,7 +35,7 @@ def test_the_robot_and_its_newest_plan(tmp_path: Path) -> None:
     assert write_run(done, tmp_path) == ["online.png", "online.gif"]
     driven = done.driven["robot"]
     (content,) = map_contents(done.problem, driven[None])
-    canvas = content.canvas(NARROW, top=HEAD, more=[path for step in done.told for path in step.paths.values()])
+    canvas = content.canvas(NARROW, top=HEAD, more=[path for step in done.reported for path in step.paths.values()])
     with Image.open(tmp_path / "online.gif") as video:
         frames = video.n_frames  # type: ignore[attr-defined]
         assert frames == 80
@@ -56,8 +56,8 @@ def test_the_robot_and_its_newest_plan(tmp_path: Path) -> None:
 def test_robots_have_colours_of_their_own_and_names(tmp_path: Path) -> None:
     alone = run()
     driven = {"ada": alone.driven["robot"], "ben": alone.driven["robot"] + [0.0, 0.5]}
-    told = [replace(step, paths=driven, ranges={"ada.traction": (0.9, 1.1)}) for step in alone.told]
-    write_run(replace(alone, driven=driven, told=told), tmp_path)
+    reported = [replace(step, paths=driven, ranges={"ada.traction": (0.9, 1.1)}) for step in alone.reported]
+    write_run(replace(alone, driven=driven, reported=reported), tmp_path)
     with Image.open(tmp_path / "online.gif") as video:
         video.seek(40)
         pixels = np.asarray(video.convert("RGB")).astype(int)

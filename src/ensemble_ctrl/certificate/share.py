@@ -30,8 +30,8 @@ MEMBERS = {0: 1, 1: 1024, 2: 64}
 """About as many values of each of so many parameters are looked at; else 16."""
 SPARE = (1e-3, 5e-3, 2e-2, 5e-2)
 """Metres that members on the grid have to spare, in turn, until the box is proven."""
-LOOKS = 4
-"""Times looked at in each step."""
+SUBSTEPS = 4
+"""Samples per step."""
 
 
 def boxes(
@@ -87,8 +87,8 @@ def _ends(fleet: Fleet, axes: list[Floats], box: tuple[tuple[int, int], ...]) ->
 def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConstraint, members: Floats) -> Floats:
     """How well each member does the part, about: at some times of each step."""
     laws = dict(fleet.parameters)
-    # members as cells of no width: positions at LOOKS times a step
-    flow = Flow.of(problem, np.repeat(controls, LOOKS, axis=0), laws)
+    # members as cells of no width: positions at SUBSTEPS times per step
+    flow = Flow.of(problem, np.repeat(controls, SUBSTEPS, axis=0), laws)
     values = np.full(len(members), np.inf)
     size = max(1, 500_000 // flow.steps)
     blocks = [slice(i, i + size) for i in range(0, len(members), size)]
@@ -98,7 +98,7 @@ def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConst
         for avoid in chance.avoid:
             values[rows] = np.minimum(values[rows], avoid.distances(path, times).min(axis=1, initial=np.inf))
     for part in chance.rest:
-        found = scheduled(problem, controls, laws, part.formula, LOOKS)
+        found = scheduled(problem, controls, laws, part.formula, SUBSTEPS)
         if found is None:
             continue
         fine, schedule = found

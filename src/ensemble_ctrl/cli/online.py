@@ -28,7 +28,7 @@ from ensemble_ctrl.planning.online.simulated import FINE, Fixed, SimulatedFleet
 from ensemble_ctrl.planning.online.step import Step
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.report.online import Run, Told, write_run
+from ensemble_ctrl.report.online import Reported, Run, write_run
 
 Floats = NDArray[np.float64]
 
@@ -76,13 +76,13 @@ def run_online(options: OnlineRun) -> int:
             loop = Receding(problem, settings.options, first.controls, robots=tuple(fleet.robots))
             progress("drive", None)
             try:
-                outcome, told = _driven(loop, fleet, folder.working / "log.jsonl", progress)
+                outcome, reported = _driven(loop, fleet, folder.working / "log.jsonl", progress)
             except BaseException:
                 complain(f"the log up to the fault: {folder.commit() / 'log.jsonl'}")
                 raise
             if options.plots and progress.stop_signal is None:
                 progress("draw", None)
-                drawn = _draw(problem, loop, fleet, outcome, told, first.controls, folder.working)
+                drawn = _draw(problem, loop, fleet, outcome, reported, first.controls, folder.working)
         facts = _facts(loop, outcome)
         put_file(folder.working / "outcome.json", to_json(facts, indent=2) + "\n")
         placed = folder.commit()
@@ -116,9 +116,9 @@ def _first_plan(problem: Problem, progress: Progress) -> Plan | None:
     return Plan(alone, found.controls, found.status) if found.status == "planned" else None
 
 
-def _driven(loop: Receding, fleet: SimulatedFleet, path: Path, progress: Progress) -> tuple[Outcome, list[Told]]:
+def _driven(loop: Receding, fleet: SimulatedFleet, path: Path, progress: Progress) -> tuple[Outcome, list[Reported]]:
     """Run the loop with its log."""
-    told: list[Told] = []
+    reported: list[Reported] = []
     with RunLog(path) as log:
         log.start(loop)
 
@@ -126,7 +126,7 @@ def _driven(loop: Receding, fleet: SimulatedFleet, path: Path, progress: Progres
             log.step(loop, step, controls)
             time = step.begin * loop.problem.step
             paths = {name: loop.predicted(name) for name in loop.robots}
-            told.append(Told(time, paths, step.ranges, step.seconds, step.source))
+            reported.append(Reported(time, paths, step.ranges, step.seconds, step.source))
             for event in step.events:
                 progress.note(f"t = {time:.1f} s: {event}")
 
@@ -136,7 +136,7 @@ def _driven(loop: Receding, fleet: SimulatedFleet, path: Path, progress: Progres
             log.fault(error)
             raise
         log.end(outcome)
-    return outcome, told
+    return outcome, reported
 
 
 def _draw(
@@ -144,7 +144,7 @@ def _draw(
     loop: Receding,
     fleet: SimulatedFleet,
     outcome: Outcome,
-    told: list[Told],
+    reported: list[Reported],
     first: Floats,
     folder: Path,
 ) -> str:
@@ -161,7 +161,7 @@ def _draw(
         run = Run(
             loop.problem if loop.base == 0 else problem,
             first,
-            told,
+            reported,
             outcome.paths,
             driven,
             seconds,

@@ -145,7 +145,7 @@ def show(
     plan: Saved,
     members: Members = None,
     substeps: Annotated[
-        int | None, typer.Option(help="Times looked at in each step (verify.substeps).", metavar="N", min=1)
+        int | None, typer.Option(help="Samples per step (verify.substeps).", metavar="N", min=1)
     ] = None,
     json: Json = False,
     trust: Trust = False,

@@ -147,19 +147,19 @@ def _rounded(cell: str) -> str:
         return cell
 
 
-def _of_summary(told: Any, plan: Plan, certificate: Certificate) -> Iterator[str]:
+def _of_summary(summary: Any, plan: Plan, certificate: Certificate) -> Iterator[str]:
     """How a summary contradicts the plan or what is proven of it; what was replayed isn't looked at."""
-    told = told if isinstance(told, dict) else {}
+    summary = summary if isinstance(summary, dict) else {}
     for name, value in planned(plan.problem).items():
-        if told.get(name) != value:
-            yield f"it says {name} {told.get(name)!r:.60}, the plan {value!r:.60}"
-    claimed = told.get("certificate")
+        if summary.get(name) != value:
+            yield f"it says {name} {summary.get(name)!r:.60}, the plan {value!r:.60}"
+    claimed = summary.get("certificate")
     if isinstance(claimed, dict):
         claimed = {name: value for name, value in claimed.items() if name not in EFFORT}
     if claimed is not None:
         yield from differences(claimed, certificate)
-    if told.get("verified") is not False and plan.problem.verify.certificate and certificate.proven != "yes":
-        yield f"it says verified {told.get('verified')!r:.60}, computed again: {certificate.proven}"
+    if summary.get("verified") is not False and plan.problem.verify.certificate and certificate.proven != "yes":
+        yield f"it says verified {summary.get('verified')!r:.60}, computed again: {certificate.proven}"
 
 
 def _text(path: Path) -> str:

@@ -61,7 +61,7 @@ class Feature:
         The key of a problem file that asks for it, if there is one.
     hint : str
         What to do where it is not there.
-    asked : callable
+    requested : callable
         Whether a problem asks for it.
     plural : bool
         Of the words.
@@ -72,7 +72,7 @@ class Feature:
     why: str = ""
     path: tuple[str, ...] = ()
     hint: str = ""
-    asked: Callable[[Problem], bool] = lambda problem: False
+    requested: Callable[[Problem], bool] = lambda problem: False
     plural: bool = False
 
 

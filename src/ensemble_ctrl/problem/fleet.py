@@ -154,11 +154,11 @@ class Fleet(Ensemble):
         bad = np.argwhere(~np.isfinite(rates))
         if len(bad):
             state, member = bad[0]
-            told = ", ".join(f"{n} = {v:g}" for n, v in self.named(members[member]).items()) or "every member"
+            given = ", ".join(f"{n} = {v:g}" for n, v in self.named(members[member]).items()) or "every member"
             what = f"{type(self.system).__name__}.xdot"
             name = self.system.states[state]
             raise ProblemError(
-                f"{what}: expected finite rates at the start, got {rates[state, member]} for {name} ({told})"
+                f"{what}: expected finite rates at the start, got {rates[state, member]} for {name} ({given})"
             )
 
     def with_(self, **changes: Any) -> Self:
@@ -167,7 +167,7 @@ class Fleet(Ensemble):
 
     @property
     def identity(self) -> list[object]:
-        """What tells how members move, and from where, from that of another fleet."""
+        """What distinguishes how members move, and from where, from another fleet."""
         return self.system.identity(self.start, self.start_states(self.center[None]))
 
     @property
@@ -280,9 +280,9 @@ class Fleet(Ensemble):
 
     def start_states(self, members: Floats) -> Floats:
         """States of members at time zero, shape (n_x, members)."""
-        told = {**self.system.start(), **self.start}
+        given = {**self.system.start(), **self.start}
         states = np.tile(
-            np.array([float(told.get(name, 0.0)) for name in self.system.states])[:, None], (1, len(members))
+            np.array([float(given.get(name, 0.0)) for name in self.system.states])[:, None], (1, len(members))
         )
         for name, column in zip(self.names, members.T, strict=True):
             if (state := self.shifted(name)) >= 0:
@@ -328,8 +328,8 @@ class Fleet(Ensemble):
     @cached_property
     def origin(self) -> Floats:
         """The drive from which `directions` count, shape (5,)."""
-        told = self.directions[:, :2].any(axis=0)
-        return np.array([*np.where(told, 0.0, 1.0), self.own_heading, *self.position])
+        given = self.directions[:, :2].any(axis=0)
+        return np.array([*np.where(given, 0.0, 1.0), self.own_heading, *self.position])
 
     @cached_property
     def fastest(self) -> tuple[float, float]:

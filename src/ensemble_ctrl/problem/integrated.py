@@ -91,6 +91,6 @@ def _require_finite(fleet: Fleet, states: Floats, members: Floats, step: float) 
 def _runaway(fleet: Fleet, what: str, member: Floats, k: int, step: float) -> RunawayError:
     """What happens to a member at a grid time, as an error."""
     parameters = fleet.named(member)
-    told = ", ".join(f"{n} = {v:g}" for n, v in parameters.items()) or "every member"
-    text = f"{what} at t = {k * step:.4g} s for {told}"
+    known = ", ".join(f"{n} = {v:g}" for n, v in parameters.items()) or "every member"
+    text = f"{what} at t = {k * step:.4g} s for {known}"
     return RunawayError(f"{fleet.system.name}: {text}", text, parameters, k * step)

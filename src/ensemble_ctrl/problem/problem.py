@@ -53,7 +53,7 @@ class Objective(ReadOnlyArrays):
     smoothness : float
         Weight of the squared rates of the commands, the integral of ``|du/dt|^2``; counted with the effort.
     cvar : Risk, optional
-        A price on the worst part of the fleet (`ensemble_ctrl.problem.risk`).
+        A penalty on the worst part of the fleet (`ensemble_ctrl.problem.risk`).
     earliest : str, optional
         A region that every member is to pass as soon as possible, before all else; the task goes on to hold
         (`ensemble_ctrl.planning.minimum_time`).
@@ -161,7 +161,7 @@ class VerifyOptions:
     members : int
         Robots that are replayed.
     substeps : int
-        How many times a step each is looked at.
+        Samples per step of each.
     certificate : bool
         Whether to prove the plan for every parameter and instant, and to tighten it until that succeeds.
     """

@@ -32,7 +32,7 @@ CLEARANCE_CAP = 1.0
 
 @dataclass(frozen=True)
 class Risk:
-    """A price on the worst part of the fleet.
+    """A penalty on the worst part of the fleet.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ VIEWS: dict[int, tuple[View, ...]] = {2: ((0, 1),), 3: ((0, 1), (0, 2))}
 it is drawn over time."""
 OVER_TIME = 0.55
 """Height of a line over time, in widths."""
-LOOKS = 21
+INSTANTS = 21
 """Times at which moving obstacles count for what a map has to show."""
 
 
@@ -130,7 +130,7 @@ class MapContent:
         """A drawing so wide that shows all of it, wherever obstacles go, and more shapes of shape (points, 2)."""
         shapes = [self.start[None, :], *self.paths]
         for obstacle in self.obstacles:
-            times = np.linspace(0.0, self.problem.duration, LOOKS)
+            times = np.linspace(0.0, self.problem.duration, INSTANTS)
             offsets = np.zeros((1, 2)) if obstacle.motion is None else obstacle.motion.at(times)
             shapes += [corners + offset for corners in obstacle.pieces for offset in offsets]
         shapes += [*self.regions.values(), *self.lines, *more]

@@ -37,7 +37,7 @@ SIDE = 4.2
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class Reported:
     """What is known of one step of a loop.
 
     Attributes
@@ -70,7 +70,7 @@ class Run:
     problem : Problem
     first : ndarray, shape (steps, n_u)
         The plan that it began with.
-    told : sequence of Told
+    reported : sequence of Reported
     measured : mapping of str to ndarray of shape (times, 2)
         Estimated places of each robot, metres.
     driven : mapping of str to ndarray of shape (times, 2)
@@ -89,7 +89,7 @@ class Run:
 
     problem: Problem
     first: Floats
-    told: Sequence[Told]
+    reported: Sequence[Reported]
     measured: Mapping[str, Floats]
     driven: Mapping[str, Floats]
     seconds: float
@@ -144,7 +144,7 @@ def _draw_paths(run: Run, ax: Axes) -> None:
     if run.baseline is not None:
         middle = trajectories(problem, run.baseline, problem.fleet.center[None], 2)[0]
         ax.plot(middle[:, 0], middle[:, 1], "--", color=CONTRAST, linewidth=0.9, label="unconstrained")
-    for i, step in enumerate(run.told):
+    for i, step in enumerate(run.reported):
         for k, path in enumerate(step.paths.values()):
             ax.plot(*path.T, color=PLANNED, linewidth=0.7, alpha=0.6, label=None if i or k else "plans")
             ax.plot(*path[:1].T, ".", color=PLANNED, markersize=4)
@@ -159,9 +159,9 @@ def _draw_paths(run: Run, ax: Axes) -> None:
 
 def _draw_ranges(run: Run, ax: Axes) -> None:
     """What is known of each parameter over time."""
-    times, alone = [step.time for step in run.told], len(_shown(run)) == 1
-    for k, name in enumerate(run.told[0].ranges if run.told else ()):
-        ends = np.array([step.ranges[name] for step in run.told])
+    times, alone = [step.time for step in run.reported], len(_shown(run)) == 1
+    for k, name in enumerate(run.reported[0].ranges if run.reported else ()):
+        ends = np.array([step.ranges[name] for step in run.reported])
         colour = f"C{k}" if alone else LINES[k % len(LINES)]
         ax.fill_between(
             times,
@@ -182,15 +182,15 @@ def _draw_ranges(run: Run, ax: Axes) -> None:
             )
     ax.set(xlabel="t [s]", ylabel="parameter" if alone else "known range, true value")
     ax.grid(alpha=0.3)
-    if run.told and run.told[0].ranges:
+    if run.reported and run.reported[0].ranges:
         ax.legend(loc="best", fontsize=8)
 
 
 def _draw_seconds(run: Run, ax: Axes) -> None:
     """How long each plan took; plans that were not used are marked."""
-    times = np.array([step.time for step in run.told])
-    took = 1e3 * np.array([step.seconds for step in run.told])
-    new = np.array([step.source in ("new", "recovered") for step in run.told], dtype=bool)
+    times = np.array([step.time for step in run.reported])
+    took = 1e3 * np.array([step.seconds for step in run.reported])
+    new = np.array([step.source in ("new", "recovered") for step in run.reported], dtype=bool)
     width = 0.6 * float(np.diff(times).min(initial=1.0))
     ax.bar(times[new], took[new], width, color=DRIVEN, label="new plan")
     if not new.all():
@@ -208,13 +208,13 @@ def _frames(run: Run) -> Iterator[Image.Image]:
     shown, colours = _shown(run), list(_colours(run).values())
     count = min(len(path) for path in shown.values())
     driven = np.stack([path[:count] for path in shown.values()])
-    planned = [path for step in run.told for path in step.paths.values()]
+    planned = [path for step in run.reported for path in step.paths.values()]
     raster = Raster.of(run.problem, driven, NARROW, False, planned)
     (panel,) = raster.panels
     ground = raster.ground()
     if len(shown) > 1:
         _draw_names(raster, ImageDraw.Draw(ground), _colours(run))
-    starts = np.array([step.time for step in run.told])
+    starts = np.array([step.time for step in run.reported])
     thick = round(1.5 * FINE)
     before = 0
     for k in np.unique(np.linspace(0, count - 1, FRAMES).astype(int)).tolist():
@@ -225,7 +225,7 @@ def _frames(run: Run) -> Iterator[Image.Image]:
         before = k
         frame = ground.copy()
         pen = ImageDraw.Draw(frame)
-        for plan in run.told[newest].paths.values() if newest >= 0 else ():
+        for plan in run.reported[newest].paths.values() if newest >= 0 else ():
             pen.line(panel.points(plan), PLANNED, thick, "curve")
         raster.draw_now(pen, now)
         for path, colour in zip(driven, colours, strict=True):

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 MEMBERS = 21
 """Members drawn."""
-LOOKS = 4
+SUBSTEPS = 4
 """Times in a step at which they are drawn."""
 GHOSTS = 6
 """Times at which a moving obstacle is outlined."""
@@ -48,14 +48,16 @@ def draw_paths(
     fleet = problem.fleet
     members = fleet.spread(MEMBERS)
     colours = viridis(shades(fleet, members)) / 255
-    for ax, content in zip(axes, map_contents(problem, trajectories(problem, controls, members, LOOKS)), strict=False):
+    for ax, content in zip(
+        axes, map_contents(problem, trajectories(problem, controls, members, SUBSTEPS)), strict=False
+    ):
         _draw_shapes(content, ax)
         for colour, path in zip(colours, content.paths, strict=True):
             ax.plot(*path.T, color=colour, linewidth=0.9, alpha=0.9)
             ax.plot(*path[-1:].T, "o", color=colour, markersize=3, zorder=4)
         ax.margins(0.06, 0.16)
     if baseline_controls is not None:
-        whole = trajectories(problem, baseline_controls, members[::2], LOOKS)
+        whole = trajectories(problem, baseline_controls, members[::2], SUBSTEPS)
         for ax, content in zip(axes, map_contents(problem, whole), strict=False):
             for path in content.paths:
                 ax.plot(*path.T, "--", color=CONTRAST, linewidth=0.6, alpha=0.7, zorder=1.9)
@@ -99,7 +101,7 @@ def _times(problem: Problem, path: Floats) -> Floats:
 
 def draw_spread(problem: Problem, controls: Floats, ax: Axes) -> None:
     """How far apart the members are over time, in each coordinate of the position: largest less smallest."""
-    paths = trajectories(problem, controls, problem.fleet.grid(MEMBERS), LOOKS)
+    paths = trajectories(problem, controls, problem.fleet.grid(MEMBERS), SUBSTEPS)
     apart = np.ptp(paths, axis=0)
     for k, name in enumerate(problem.fleet.places):
         ax.plot(_times(problem, apart), apart[:, k], label=literal(name))

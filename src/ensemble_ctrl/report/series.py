@@ -27,7 +27,7 @@ than `NEAR` metres."""
 NEAR = 0.5
 CURVES = 6
 """Obstacles and parts shown at most, those that come closest to failing."""
-LOOKS = 2
+SUBSTEPS = 2
 """Samples per step."""
 
 
@@ -108,11 +108,11 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
 
     Notes
     -----
-    *Guarantee*: exact for the members of a grid, at `LOOKS` times a step; for pictures, no proof.
+    *Guarantee*: exact for the members of a grid, at `SUBSTEPS` times per step; for pictures, no proof.
     """
     fleet = problem.fleet
-    members = fleet.grid(affordable(VALUES if len(fleet.names) < 2 else GRID, problem.steps, LOOKS))
-    whole = states(problem, controls, members, LOOKS)
+    members = fleet.grid(affordable(VALUES if len(fleet.names) < 2 else GRID, problem.steps, SUBSTEPS))
+    whole = states(problem, controls, members, SUBSTEPS)
     paths = whole[..., fleet.place_columns]
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     column = members[:, 0] if fleet.names else np.zeros(len(members))
@@ -127,7 +127,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
     for avoid in problem.specification.avoid:
         closest = least(avoid.distances(paths, times).min(axis=1, initial=np.inf))
         clearances[avoid.name] = np.minimum(clearances.get(avoid.name, np.inf), closest)
-    signals = StateSignals(whole[:, ::LOOKS], fleet.states, problem.step)
+    signals = StateSignals(whole[:, ::SUBSTEPS], fleet.states, problem.step)
     parts = {
         str(part): least(np.asarray(member_robustness(part.formula, signals, ExactOps()))[:, 0])
         for part in problem.specification.parts

@@ -332,7 +332,7 @@ def _mixed(m: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _at_risk(found: dict[str, Any]) -> Iterator[str]:
-    """How the worst part of the fleet does, in what it has a price on."""
+    """How the worst part of the fleet does, in what is penalised."""
     if found:
         sign, what = (1.0, "distance from the target") if found["of"] == "terminal" else (-1.0, "clearance")
         worst = f"{100 * (1 - found['level']):.4g} %"

@@ -1,4 +1,4 @@
-r"""What every system says of itself: its states, commands and parameters, and the ODE that they follow.
+r"""What every system gives: its states, commands and parameters, and the ODE that they follow.
 
 A member's state `x` follows ``xdot(x, u, psi)`` while its command `u` is constant over a step.  The right-hand side is
 written once, over numbers, NumPy arrays of members and CasADi expressions alike.  Nothing else asks what kind of system
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 class System:
     r"""The dynamics ``dx/dt = xdot(x, u, psi)`` that every member of a fleet shares.
 
-    A child says what its states and commands are, and writes `xdot`; that is all. Its class attributes are
+    A subclass gives the names of its states and commands, and writes `xdot`; that is all. Its class attributes are
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class System:
         """
 
     def identity(self, start: Mapping[str, float], states: Floats) -> list[object]:
-        """What tells how members move from that of another system, for a certificate's fingerprint.
+        """What distinguishes how members move from another system, for a certificate's fingerprint.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class System:
         return [self.name, sorted(self.settings().items()), states.tolist()]
 
     def rest(self, psi: Mapping[str, float]) -> Sequence[float]:
-        """The command that costs no effort, such as the thrust of a hover; zero unless a child says otherwise."""
+        """The command that costs no effort, such as the thrust of a hover; zero unless a subclass changes it."""
         return [0.0] * len(self.controls)
 
     def start(self) -> Mapping[str, float]:

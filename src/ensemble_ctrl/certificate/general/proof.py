@@ -66,12 +66,12 @@ class GeneralProof:
         """The ranges and where members start."""
         fleet, names = self.problem.fleet, tuple(self.laws)
         shifts = [fleet.shifted(name) for name in names]
-        told = {**fleet.system.start(), **fleet.start}
+        given = {**fleet.system.start(), **fleet.start}
         return Start(
             names,
             np.array([law.lower for law in self.laws.values()], dtype=float),
             np.array([law.upper for law in self.laws.values()], dtype=float),
-            np.array([float(told.get(name, 0.0)) for name in fleet.states]),
+            np.array([float(given.get(name, 0.0)) for name in fleet.states]),
             np.array(shifts, dtype=np.int64),
         )
 

@@ -111,8 +111,8 @@ def _shapes(data: Any, owner: tuple[str, bool], where: str, depth: int, left_out
 def _owner(feature: dict[str, Any]) -> tuple[str, bool]:
     """What a feature is called, by one of `NAMES` or its ``id``, and whether its ``role`` is ``region``."""
     properties = feature.get("properties")
-    told = properties if isinstance(properties, dict) else {}
-    return name_among([*(told.get(key) for key in NAMES), feature.get("id")]), told.get("role") == "region"
+    given = properties if isinstance(properties, dict) else {}
+    return name_among([*(given.get(key) for key in NAMES), feature.get("id")]), given.get("role") == "region"
 
 
 def name_among(given: Iterable[Any]) -> str:

@@ -216,6 +216,6 @@ def _no_more_than_fit(pieces: Sequence[Floats]) -> tuple[Floats, ...]:
 
 
 def wrong(name: str, error: TextError) -> Wrong:
-    """What is wrong with a map, told where a problem file names it."""
+    """What is wrong with a map, reported where a problem file names it."""
     place = f":{error.place.line}:{error.place.column}" if error.place else ""
     return Wrong(f"{name}{place}: {error.message}", error.hint)

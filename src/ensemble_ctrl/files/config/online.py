@@ -117,7 +117,7 @@ class RobotSection(Model):
 
     @model_validator(mode="after")
     def _one_truth(self) -> Self:
-        """Factors told in one way."""
+        """Factors given in one way."""
         apart = self.linear_traction is not None or self.angular_traction is not None
         if self.drifting is not None and (self.traction is not None or apart or self.terrain):
             raise Wrong("expected drifting alone, got other factors too", path=("drifting",))
@@ -126,24 +126,24 @@ class RobotSection(Model):
         return self
 
     def settings(self, errors: Errors, place: int = 0) -> RobotSettings:
-        """As the loop's simulation takes it; among several, seeds that are not told are those of their places."""
+        """As the loop's simulation takes it; among several, seeds that are not given are those of their places."""
         seed = self.seed if "seed" in self.model_fields_set else place
         return RobotSettings(self._factors(), self._flaws(errors), seed)
 
     def _factors(self) -> Factors | None:
-        """The true factors, if any are told."""
+        """The true factors, if any are given."""
         if self.drifting is not None:
             return Drifting(self.drifting.middle, self.drifting.amplitude, self.drifting.period)
         if self.terrain:
             patches = [(patch.region.area, patch.traction) for patch in self.terrain]
             return Terrain(patches, 1.0 if self.traction is None else self.traction)
-        told = (self.linear_traction, self.angular_traction)
+        factors = (self.linear_traction, self.angular_traction)
         if self.traction is not None:
-            told = (self.traction, self.traction)
-        return None if told == (None, None) else Fixed(*(1.0 if value is None else value for value in told))
+            factors = (self.traction, self.traction)
+        return None if factors == (None, None) else Fixed(*(1.0 if value is None else value for value in factors))
 
     def _flaws(self, errors: Errors) -> Flaws:
-        """What is wrong with it; measurements are as wrong as is assumed, unless told otherwise."""
+        """What is wrong with it; measurements are as wrong as is assumed, unless given otherwise."""
         base = SMALL_CAR_FLAWS if self.preset else Flaws(errors.position, errors.heading, 0.1)
         return Flaws(
             position=base.position if self.noise is None else self.noise.position,
@@ -195,7 +195,7 @@ class OnlineSection(Model):
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
-        """Robots told in one way."""
+        """Robots given in one way."""
         if self.robots and "robot" in self.model_fields_set:
             raise Wrong("expected robot, or robots by name, got both", path=("robots",))
         return self

@@ -51,10 +51,10 @@ class Terminal(Model):
 
 
 class CvarSection(Model):
-    """A price on the worst part of the fleet."""
+    """A penalty on the worst part of the fleet."""
 
     of: Literal["terminal", "clearance"]
-    """What the price is on: the distance from the target at the end, or the clearance on the way."""
+    """What is penalised: the distance from the target at the end, or the clearance on the way."""
     level: Annotated[float, BeforeValidator(f.level)] = Risk.level
     """Share of the fleet that is left out of the mean, 0 to below 1."""
     weight: f.Weight = Risk.weight
@@ -73,7 +73,7 @@ class ObjectiveSection(Model):
     smoothness: f.Weight = Objective.smoothness
     """Weight of the integral of the squared rates of the commands."""
     cvar: CvarSection | None = None
-    """A price on the worst part of the fleet."""
+    """A penalty on the worst part of the fleet."""
     earliest: f.Name | None = None
     """A region that every member is to pass as soon as can be, before all else."""
 
@@ -107,7 +107,7 @@ class Verify(Model):
     members: Annotated[int, BeforeValidator(whole(1, MAX_MEMBERS))] = VerifyOptions.members
     """Members replayed."""
     substeps: Annotated[int, BeforeValidator(whole(1, 1000))] = VerifyOptions.substeps
-    """Looks at the obstacles in each step of the replay."""
+    """Samples per step of the replay."""
     certificate: Annotated[bool, BeforeValidator(f.flag)] = VerifyOptions.certificate
     """Prove the plan for all parameters and times, and tighten until that succeeds."""
 

@@ -115,10 +115,10 @@ class SystemFleetSection(f.Model):
 
     def _start_states(self) -> dict[str, float]:
         """States by name."""
-        told = dict(self.start)
-        if POSITION not in self._system.states and POSITION in told:
-            told |= dict(zip(self._system.positions, told.pop(POSITION), strict=True))
-        return told
+        given = dict(self.start)
+        if POSITION not in self._system.states and POSITION in given:
+            given |= dict(zip(self._system.positions, given.pop(POSITION), strict=True))
+        return given
 
 
 def _system(kind: type[System], settings: Data) -> System:

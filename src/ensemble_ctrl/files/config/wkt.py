@@ -104,7 +104,7 @@ def _geometry(text: str, line: int | None) -> Any:
     if _nesting(text) > MAX_NESTING:
         raise TextError(f"expected WKT nested at most {MAX_NESTING} deep, got more", place)
     try:
-        with np.errstate(invalid="ignore"):  # NaN is told of below
+        with np.errstate(invalid="ignore"):  # NaN is reported below
             return shapely.from_wkt(text.strip())
     except shapely.errors.GEOSException:
         raise TextError(f"expected WKT, got {show(text)}", place, _EXAMPLE) from None

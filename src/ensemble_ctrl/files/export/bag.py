@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 FRAME = "map"
 METADATA, MOST_METADATA = "metadata.yaml", 1_000_000
 MARK = ("written_by", "ensemble-plan export")
-"""What tells a bag of ours from one that was recorded."""
+"""What distinguishes an exported bag from a recorded one."""
 COMMAND, DRIVE, COMMANDS = "/cmd_vel", "/ackermann_cmd", "/commands"
 PATH = "/member_{}/path"
 _ACKERMANN = "ackermann_msgs/msg/AckermannDrive"

@@ -149,16 +149,16 @@ class Membership:
         return departure(commands, self.errors, self.known, older, np.full(len(older), self.times[-1]))
 
     def _factor(self, ranges: Floats, place: int) -> Floats:
-        """The range of one factor under ranges of the parameters; 1 where no parameter tells it."""
-        told = self.directions[:, place]
-        return np.asarray(told @ ranges) if told.any() else np.ones(2)
+        """The range of one factor under ranges of the parameters; 1 where it depends on no parameter."""
+        known = self.directions[:, place]
+        return np.asarray(known @ ranges) if known.any() else np.ones(2)
 
     def _intersect(self, place: int, low: float, high: float) -> bool:
-        """Intersect the range of the parameter that tells a factor; False if nothing is left."""
-        told = np.flatnonzero(self.directions[:, place])
+        """Intersect the range of the parameter that a factor depends on; False if nothing is left."""
+        known = np.flatnonzero(self.directions[:, place])
         low, high = low - UP * abs(low), high + UP * abs(high)
-        if not len(told):
+        if not len(known):
             return bool(low <= 1.0 <= high)
-        k = int(told[0])
+        k = int(known[0])
         self.ranges[k] = max(self.ranges[k, 0], low), min(self.ranges[k, 1], high)
         return bool(self.ranges[k, 0] <= self.ranges[k, 1])

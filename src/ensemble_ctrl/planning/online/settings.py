@@ -1,4 +1,4 @@
-"""A loop and the simulated robots that it is tried on, as a problem file tells them."""
+"""A loop and the simulated robots that it is tried on, as a problem file gives them."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class Swarm:
     problem : Problem
         Its fleet has one parameter that bends trajectories.
     options : OnlineOptions, optional
-        Of `errors`, none is used: robots are as the model, and an aggregate that can't be explained is told.
+        Of `errors`, none is used: robots are as the model, and an aggregate that can't be explained is reported.
     controls : ndarray, shape (steps, n_u), optional
         A plan to begin with; made here if not given.
     timer : callable

@@ -167,8 +167,8 @@ class Tracker:
         middle, half = self.sets.assumed.mean(axis=1), np.maximum(np.ptp(self.sets.assumed, axis=1) / 2, 0.01)
         wider = np.stack([np.maximum(middle - WIDER * half, SLOWEST), middle + WIDER * half], axis=1)
         self.sets.restart(wider)
-        told = ", ".join(f"{name} {a:.3g} to {b:.3g}" for name, (a, b) in zip(self.sets.names, wider, strict=True))
-        return f"no parameters in the assumed ranges fit what was measured: now {told or 'nothing can be varied'}"
+        given = ", ".join(f"{name} {a:.3g} to {b:.3g}" for name, (a, b) in zip(self.sets.names, wider, strict=True))
+        return f"no parameters in the assumed ranges fit what was measured: now {given or 'nothing can be varied'}"
 
     def _jumped(self, before: PoseSet, measurement: Measurement) -> bool:
         """Whether a place is further from where the robot must be than twice its top speed explains."""

@@ -57,7 +57,7 @@ def by_positions(search: Search, problem: Problem, guess: Floats | None) -> Solu
     if problem.verify.certificate:
         seconds["certify"] = best.certify_seconds
     work = tries.work
-    routes = tries.told
+    routes = tries.reported
     nlp: Attempt | None = None
     turned: list[Round] = []
     if problem.solve.method == "minlp":
@@ -107,7 +107,7 @@ class _Tries:
         return [*self.solved, *(attempt for end in self.finished.values() for attempt in end.work)]
 
     @property
-    def told(self) -> list[Tried]:
+    def reported(self) -> list[Tried]:
         """What became of each guess."""
         fine = {i: end.attempt for i, end in self.finished.items() if end.work}
         pairs = zip(self.starts, self.solved, strict=True)
@@ -155,7 +155,7 @@ def _chosen_facets(
         found = next(tries, None)
         if found is None:
             break
-        search.told(found)
+        search.reported(found)
         new, kept = found.attempt, False
         if new is not None:
             work.append(new)

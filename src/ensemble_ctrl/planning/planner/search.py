@@ -115,7 +115,7 @@ class Search:
         proof = parallel.alone(lambda _: certify(self.problem, controls), tell, lambda: ends - time.perf_counter())
         return proof or unproven(self.problem, controls, STOPPED if self.stopped else TOO_LATE)
 
-    def told(self, found: Round) -> None:
+    def reported(self, found: Round) -> None:
         """Say how a round of facets ended."""
         if self.progress is not None:
             self.progress(found.name, Iteration(found.nodes, found.objective, 0.0, found.bound))

@@ -60,9 +60,9 @@ def coverage(problem: Problem) -> dict[str, Coverage]:
         task = negation_normal_form(resolve(problem.task, problem.duration))
     except ProblemError:  # a window that runs backwards has a finding of its own
         return {}
-    told, others = _always(task, (0.0, 0.0), problem.duration), set(_others(task))
+    given, others = _always(task, (0.0, 0.0), problem.duration), set(_others(task))
     found: dict[str, list[Window]] = {name: [] for name in problem.obstacles}
-    for name, window in told:
+    for name, window in given:
         for each in found if name == ALL_OBSTACLES else [name]:
             found.get(each, []).append(window)
     answer = {}

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def support_findings(problem: Problem) -> Iterator[Finding]:
     """What is asked for and not supported (`ensemble_ctrl.problem.capabilities`)."""
     for name, feature in FEATURES.items():
-        if feature.asked(problem) and not (found := supports(problem, name)):
+        if feature.requested(problem) and not (found := supports(problem, name)):
             yield Finding(feature.path, found.message, found.hint)
 
 

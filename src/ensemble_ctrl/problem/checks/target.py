@@ -44,7 +44,7 @@ def _risk(problem: Problem) -> Iterator[Finding]:
         yield Finding(path, message, "a distance at the end is that from a member's place")
     if risk.of == "clearance" and (problem.solve.method == "minlp" or problem.solve.guarantee == "moment"):
         chosen = "method minlp" if problem.solve.method == "minlp" else "guarantee moment"
-        yield Finding(path, f"expected no price on clearance with {chosen}", "use nlp, and nodes or hull")
+        yield Finding(path, f"expected no penalty on clearance with {chosen}", "use nlp, and nodes or hull")
 
 
 def _formation(problem: Problem, target: Formation) -> Iterator[Finding]:

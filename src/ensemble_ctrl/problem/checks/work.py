@@ -50,7 +50,7 @@ def work_findings(problem: Problem) -> Iterator[Finding]:
         yield Finding(("horizon", "steps"), message, hint, "warning")
     verify = problem.verify
     seconds, needed = replay_seconds(verify.members, verify.substeps, problem.steps), replay_bytes(problem)
-    looks = f"{verify.members} members looked at {verify.substeps} times in each of {problem.steps} steps"
+    looks = f"{verify.members} members sampled {verify.substeps} times in each of {problem.steps} steps"
     if needed > MOST_BYTES:
         most = int(verify.members * MOST_BYTES / needed)
         message = f"expected at most {most} for a task that speaks of the fleet as a whole, got {looks}"

@@ -17,8 +17,8 @@ Floats = NDArray[np.float64]
 
 COUNT = 24
 """Points of the rule for each parameter that bends trajectories; a quarter as many with several."""
-LOOKS = 4
-"""Times looked at in each step for clearances."""
+SUBSTEPS = 4
+"""Samples per step for clearances."""
 MEMBERS = 2000
 """About as many members are looked at for the largest distance."""
 
@@ -62,23 +62,25 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
 
 
 def risk(problem: Problem, controls: Floats) -> dict[str, Any]:
-    """Value at risk and conditional value at risk of what the problem puts a price on, metres; empty without a price.
+    """Value at risk and conditional value at risk of what the problem penalises, metres; empty without.
 
-    For about 2,000 members of equal weight: distances at the end, or clearances at `LOOKS` times a step.
+    For about 2,000 members of equal weight: distances at the end, or clearances at `SUBSTEPS` times per step.
     """
-    price = problem.objective.cvar
-    if price is None:
+    penalty = problem.objective.cvar
+    if penalty is None:
         return {}
     members = problem.fleet.representatives(MEMBERS)
-    if price.of == "terminal":
+    if penalty.of == "terminal":
         places = problem.objective.places(problem.fleet, members)
         losses = np.linalg.norm(_final(problem, controls, members) - places, axis=1)
     else:
         blocks = np.array_split(members, 10)
-        near = [clearances(problem, trajectories(problem, controls, block, LOOKS), CLEARANCE_CAP) for block in blocks]
+        near = [
+            clearances(problem, trajectories(problem, controls, block, SUBSTEPS), CLEARANCE_CAP) for block in blocks
+        ]
         losses = -np.concatenate(near)
-    at_risk, mean = value_at_risk(losses, price.level)
-    return {"of": price.of, "level": price.level, "value_at_risk": at_risk, "cvar": mean}
+    at_risk, mean = value_at_risk(losses, penalty.level)
+    return {"of": penalty.of, "level": penalty.level, "value_at_risk": at_risk, "cvar": mean}
 
 
 def _final(problem: Problem, controls: Floats, members: Floats) -> Floats:

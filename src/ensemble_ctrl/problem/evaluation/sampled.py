@@ -101,7 +101,7 @@ class Replay:
     violating : ndarray of bool, shape (members,)
         Members with a negative robustness: those that fail the task, or are inside an obstacle at a time looked at.
     substeps : int
-        Times looked at in each step.
+        Samples per step.
     seconds : float
         What it took.
     corners : int
@@ -198,7 +198,7 @@ def replay(
     parameters : array_like or sequence of mappings, optional
         Members to run instead of drawing any, as `Fleet.members` takes them.
     substeps : int, optional
-        Times looked at in each step for obstacles; default `problem.verify.substeps`.
+        Samples per step for obstacles; default `problem.verify.substeps`.
     seed : int, optional
         Seed of the draw; default `problem.solve.seed`.
     watch : callable, optional
