@@ -110,6 +110,7 @@ def certify_set(
     controls = problem.fleet.checked_controls(controls)
     flow = Flow.of(problem, controls)
     prover = Prover(flow, problem.fleet.names, cells=CELLS)
+    # a start off by `away`, a heading off by `turn`: |R(turn) d - d| = 2 sin(turn / 2) |d|
     growth = (away + 2 * np.sin(min(turn, np.pi) / 2) * _distance(flow, prover)) * (1 + 64 * UNIT)
     growth = growth if more is None else growth + more
     found, fleet = [(np.inf, "no obstacle")], problem.fleet
@@ -135,8 +136,10 @@ def certify_set(
 
 def _distance(flow: Flow, prover: Prover) -> Floats:
     """Upper bounds of the distance from the start of any member, for each step, metres."""
+    # |p(t) - p(0)| at grid times for cells: middle, linear part, remainder
     away = np.linalg.norm(prover.track.position - prover.track.position[:, :1], axis=-1)
     sides = (np.linalg.norm(prover.track.slope, axis=-1) * prover.half[:, None]).sum(axis=-1)
     at = (away + sides + flow.remainder(prover.half)).max(axis=0)
+    # within a step no member is further than at its nearer end plus half of the way
     drive = flow.fastest * flow.step * np.abs(flow.v)
     return np.asarray(np.maximum(at[:-1], at[1:]) + drive / 2 + prover.error)

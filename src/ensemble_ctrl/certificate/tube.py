@@ -70,6 +70,7 @@ def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = 
     while found.radius.max() > TIGHT and (2 * each) ** len(flow.lower) <= MOST_CELLS and len(flow.lower):
         each *= 2
         found = enclosed(flow, each)
+    # members that only start elsewhere: the Minkowski sum with the box of starts
     corners = shift * signs_of(2) if shift.any() else np.zeros((1, 2))
     points = (found.points[..., None, :] + corners).reshape(*found.points.shape[:2], -1, 2)
     return Tube(points, found.radius + whole.rounding())
@@ -86,6 +87,7 @@ def enclosed(flow: Flow, each: int | Ints) -> Tube:
     """The tube with so many cells of each of the flow's parameters, those of `first_cells`, rounding not included."""
     centres, half = first_cells(flow.lower, flow.upper, each)
     track, steps = Track.of(flow, centres), np.arange(flow.steps)
+    # corners p + sum_k +-half_k dp/dq_k at both ends of each step; what the linear picture misses is the radius
     arms = signs_of(half.shape[1]) @ (half[:, None, :, None] * track.slope)
     ends = track.position[:, :, None] + arms
     points = np.concatenate([ends[:, :-1], ends[:, 1:]], axis=2)

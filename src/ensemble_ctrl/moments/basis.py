@@ -240,6 +240,7 @@ class LegendreBasis:
             Dimensionless; zero at -1, and (sqrt 2, 0, 0, ...) at 1.
         """
         inside = np.clip(s, -1.0, 1.0)
+        # antiderivatives from -1, where that of phi_0 = sqrt(1/2) is -sqrt(1/2)
         parts = [_antiderivative(k, inside) for k in range(self.order + 1)]
         parts[0] = parts[0] + np.sqrt(0.5)
         return np.stack(parts, axis=-1)
@@ -272,6 +273,7 @@ class LegendreBasis:
 def gauss_rule(count: int) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights of the Gauss-Legendre rule with `count` points, read-only."""
     nodes, _ = np.polynomial.legendre.leggauss(count)
+    # Christoffel numbers 1 / sum_k phi_k(s_i)^2, scaled to the sum of 2
     weights = 1 / np.square(_evaluate(count - 1, nodes)).sum(axis=-1)
     return frozen(nodes), frozen(weights * (2 / weights.sum()))
 
@@ -285,6 +287,7 @@ def _evaluate(order: int, s: FloatArray) -> FloatArray:
 def _recurrence(order: int) -> Recurrence:
     """The coefficients a, b and c for k = 0..order, read-only."""
     k = np.arange(order + 2, dtype=np.float64)
+    # s phi_k = c_{k+1} phi_{k+1} + c_k phi_{k-1}, c_k = k / sqrt(4 k^2 - 1)
     c = k / np.sqrt(np.abs(4 * k**2 - 1))
     return Recurrence.of(np.zeros(order + 1), c[1:].copy())
 
@@ -297,6 +300,7 @@ def _roots(k: int) -> FloatArray:
 @cache
 def _signed_moment(k: int) -> tuple[float, float]:
     """Integrals of max(phi_k, 0) and of max(-phi_k, 0)."""
+    # between its roots phi_k has one sign: m+- are sums of differences of the antiderivative
     breaks = np.concatenate([[-1.0], _roots(k), [1.0]])
     pieces = np.diff(_antiderivative(k, breaks))
     return float(np.maximum(pieces, 0).sum()), float(np.maximum(-pieces, 0).sum())
@@ -304,6 +308,7 @@ def _signed_moment(k: int) -> tuple[float, float]:
 
 def _antiderivative(k: int, s: FloatArray) -> FloatArray:
     """An antiderivative of phi_k: (P_{k+1} - P_{k-1}) / (2k+1) in orthonormal terms."""
+    # (2 k + 1) P_k = P'_{k+1} - P'_{k-1}, integrated, in the normalisation of phi
     phi = _evaluate(k + 1, s)
     above = phi[..., k + 1] / np.sqrt((2 * k + 1) * (2 * k + 3))
     below = phi[..., k - 1] / np.sqrt((2 * k - 1) * (2 * k + 1)) if k else 0.0

@@ -174,6 +174,7 @@ def _moments_to_bernstein(basis: Basis, part: Interval, degree: int) -> FloatArr
 
 def _restriction(basis: Basis, order: int, part: Interval) -> FloatArray:
     """Column k: phi_k on `part`, in the Legendre polynomials of `part` itself."""
+    # phi_k(center + half s) in Legendre polynomials of s: the recurrence with s replaced by its matrix
     multiply = affine_multiplication_matrix(LegendreBasis(order), part)
     constant = np.eye(order + 1)[0]
     recurrence = recurrence_of(basis).upto(order)
@@ -183,6 +184,7 @@ def _restriction(basis: Basis, order: int, part: Interval) -> FloatArray:
 @cache
 def _legendre_in_bernstein(degree: int, order: int) -> FloatArray:
     """Column k: the Bernstein coefficients of phi_k, of the given degree, on the whole range."""
+    # P_k in Bernstein form of a degree, exact whole numbers over binomials (Farouki 2000)
     rows = [[_elevated(k, i, degree) / comb(degree, i) for k in range(order + 1)] for i in range(degree + 1)]
     return frozen(np.array(rows) * _norms(order))
 

@@ -64,6 +64,7 @@ class Beta(WeightedLaw):
 
     def recurrence(self, order: int) -> Recurrence:
         """Jacobi's coefficients up to `order`."""
+        # Jacobi recurrence for (1 - s)^(b-1) (1 + s)^(a-1) (Gautschi 2004, table 1.1)
         k = np.arange(1.0, order + 2)
         high, low = self.b - 1, self.a - 1
         twice = 2 * k + low + high

@@ -100,6 +100,7 @@ class Mixture(WeightedLaw):
         phi = values(recurrence, nodes)
         if not law.half_width:
             return np.where(s[..., None] >= nodes[0], 2 * phi[0], 0.0)
+        # the mixture's polynomials in those of the part, whose partial moments are known
         own = law.basis(min(recurrence.order, law.max_order))
         expanded = (weights[:, None] * own.evaluate(law.rule(recurrence.order + 1)[0])).T @ phi
         scaled = (self.center - law.center + self.half_width * s) / law.half_width

@@ -106,6 +106,7 @@ class Samples(WeightedLaw):
         """Sums of the polynomials over the values up to `s`."""
         points, weights = self._points
         sums = np.zeros((1, recurrence.order + 1))
+        # partial sums of w_i phi(s_i) up to each s, cut where some s ends, by chunks
         ends = np.searchsorted(points, np.asarray(s).ravel(), side="right")
         cuts, at = np.unique(np.concatenate([[0], ends]), return_inverse=True)
         for first, last in pairwise(cuts):

@@ -82,6 +82,7 @@ class TensorBasis:
         s = finite_array("s", s)
         if s.ndim != 2 or s.shape[1] != len(self.factors):
             raise ProblemError(f"s: expected shape (points, {len(self.factors)}), got {s.shape}")
+        # phi_index = sqrt(1/2) prod_k sqrt(2) phi_{i_k}(s_k): total mass 2
         values = np.full((len(s), 1), np.sqrt(0.5))
         for column, factor in zip(s.T, self.factors, strict=True):
             one = np.sqrt(2.0) * factor.evaluate(column)
@@ -90,6 +91,7 @@ class TensorBasis:
 
     def signed_moments(self) -> tuple[FloatArray, FloatArray]:
         """Integrals of the functions' positive and negative parts, two arrays of shape (count,)."""
+        # (uv)+ = u+ v+ + u- v- and (uv)- = u+ v- + u- v+, factor by factor
         pairs = [tuple(m / np.sqrt(2.0) for m in f.signed_moments()) for f in self.factors]
         positive, negative = np.ones(1), np.zeros(1)
         for plus, minus in pairs:
@@ -143,6 +145,7 @@ def tensor_rule(laws: Sequence[Law], count: int) -> tuple[FloatArray, FloatArray
     s, weights : ndarray, shapes (points, parameters) and (points,)
         Scaled points, and weights, which sum to 2.
     """
+    # product rule: weights multiply as shares of the fleet, and sum to 2
     rules = [law.rule(count) for law in laws]
     points = list(product(*(s for s, _ in rules)))
     weights = 2 * kron([w[None, :] / 2 for _, w in rules])[0]

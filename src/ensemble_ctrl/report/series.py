@@ -116,6 +116,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
     paths = whole[..., fleet.place_columns]
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     column = members[:, 0] if fleet.names else np.zeros(len(members))
+    # members of one value of the first parameter are one group; a curve is the least over each
     values, groups = np.unique(column, return_inverse=True)
 
     def least(each: Floats) -> Floats:
@@ -149,6 +150,7 @@ def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series
     kept = problem.specification.avoid
     if not kept:
         return
+    # least clearance over all obstacles, per member and instant, each within its own window
     least = np.full(paths.shape[:2], np.inf)
     for avoid in kept:
         when = avoid.during(times)

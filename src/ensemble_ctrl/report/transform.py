@@ -86,6 +86,7 @@ def telling(values: Floats, most: int) -> NDArray[np.int64]:
     """
     if len(values) <= most:
         return np.arange(len(values))
+    # four indices a stretch: first, last, least, largest
     width = -(-4 * len(values) // most)
     stretches = np.minimum(np.arange(-(-len(values) // width) * width), len(values) - 1).reshape(-1, width)
     known, rows = np.nan_to_num(values)[stretches], np.arange(len(stretches))

@@ -93,6 +93,7 @@ def _of_arcs(problem: Problem, controls: Floats) -> tuple[Floats, Floats, int]:
 
 def _ribbons(points: Floats, radius: Floats, slices: int) -> tuple[Ribbon, ...]:
     """Areas from points (steps, cells, corners, 2) and radii (steps, cells), cells in the order of slices."""
+    # per slice and piece of time: the convex hull of all corners, grown by the largest radius
     pieces = _pieces(len(points))
     points = points[pieces].swapaxes(1, 2)  # pieces, cells, steps in one, corners, 2
     points = points.reshape(len(pieces), slices, -1, 2).swapaxes(0, 1)
@@ -108,12 +109,14 @@ def _ribbons(points: Floats, radius: Floats, slices: int) -> tuple[Ribbon, ...]:
 
 def _pieces(steps: int) -> NDArray[np.int64]:
     """Steps that go together, shape (pieces, steps in one); the last piece repeats the last step."""
+    # ceil(steps / PIECES) steps to a piece
     together = -(-steps // PIECES)
     return np.minimum(np.arange(-(-steps // together) * together), steps - 1).reshape(-1, together)
 
 
 def _rings(area: shapely.Geometry, tolerance: float) -> tuple[Floats, ...]:
     """The rings of an area that holds `area` and has fewer corners."""
+    # simplifying moves the border by at most the tolerance: grown by as much, the area still holds the tube
     larger = shapely.buffer(shapely.simplify(area, tolerance), tolerance, join_style="mitre")
     polygons = shapely.get_parts(larger)
     rings = [shapely.get_rings(polygon) for polygon in polygons]

@@ -40,6 +40,7 @@ def moments(problem: Problem, controls: Floats) -> Iterator[tuple[str, Floats]]:
     fleet = problem.fleet
     laws = fleet.dynamic_laws
     order = ORDER if len(laws) == 1 else 1
+    # m_k(t) = sum_n w_n phi_k(s_n) p(t; s_n): quadrature over the distributions
     nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
     paths = trajectories(problem, controls, fleet.dynamic_members(nodes))
     basis = TensorBasis(tuple(law.basis(order) for law in laws))
