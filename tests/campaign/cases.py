@@ -490,6 +490,13 @@ def _tight(rng: Random) -> Case:
     )
 
 
+def _pieces(rng: Random) -> Case:
+    """Obstacles of several convex pieces, which members pass at different distances."""
+    case = _with_map(rng, _fleet(rng), 1.0, obstacles=1)
+    some = tuple(_polygon(rng, case, 1.0, float(rng.uniform(0.05, 0.4))) for _ in range(int(rng.integers(2, 4))))
+    return _tasked(rng, replace(case, obstacles={**case.obstacles, "several": some}), 1.0)
+
+
 def _skewed(rng: Random) -> Case:
     """Parallelograms beside the way that are no rectangles."""
     case = _fleet(rng)
@@ -567,6 +574,7 @@ FAMILIES: dict[str, tuple[float, Callable[[Random], Case]]] = {
     "returning": (0.5, _returning),
     "overtaken": (1, _overtaken),
     "reweighed": (0, _reweighed),
+    "pieces": (0, _pieces),
     "cornered": (0, _cornered),
     "skewed": (0, _skewed),
     "spinning": (0, _spinning),

@@ -102,7 +102,7 @@ FAMILIES_FOR: dict[str, tuple[str, ...]] = {
     ),
     "certificate/task.py": (*SHARP, "nested", "windows", "means", "shares", "turning", "plain", "starts"),
     "certificate/masses.py": ("shares", "means"),
-    "certificate/bound.py": ("plain", "moving", *SHARP),
+    "certificate/bound.py": ("pieces", "plain", "moving", *SHARP),
     "certificate/instants.py": ("windows", "nested", "plain", "moving"),
     "certificate/schedule.py": ("windows", "nested", "plain", "moving"),
     "certificate/share.py": ("shares", "reweighed"),
@@ -325,7 +325,7 @@ def _verdict(seed: int, families: tuple[str, ...], count: int) -> tuple[str, int
         refused += judged.verdict == "refused"
         if index >= 40 and refused > 0.5 * index:
             return f"crash: {refused} of {index + 1} refused", index + 1
-        if decidable[family] >= 15 and left[family] > 0.5 * decidable[family] and family not in OPEN:
+        if decidable[family] >= 15 and left[family] > 0.2 * decidable[family] and family not in OPEN:
             return f"left open: {left[family]} of {decidable[family]} {family}", index + 1
         if decidable.total() >= 60 and left.total() > 0.25 * decidable.total():
             return f"left open: {left.total()} of {decidable.total()}", index + 1
