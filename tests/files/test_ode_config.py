@@ -112,7 +112,6 @@ def test_mistakes_are_placed(old: str, new: str, message: str) -> None:
     [
         ("solve: {guarantee: moment}", "bad.yaml:14:20: error: solve.guarantee: moment is not for the quadrotor"),
         ("solve: {method: minlp}", "solve.method: minlp is not for the quadrotor"),
-        ("objective: {cvar: {of: terminal}}", "objective.cvar: a risk penalty is not for the quadrotor"),
         (
             "motions: {wall: {path: [[0, [0, 0]], [1, [1, 0]]]}}",
             "motions.wall: expected 3 dimensions (x, y, z), got 2",

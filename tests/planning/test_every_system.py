@@ -91,7 +91,7 @@ def test_targets_of_the_whole_fleet(target: str) -> None:
 def test_what_is_not_for_a_system_is_refused_with_the_reason() -> None:
     problem = masses()
     refused = {name for name in FEATURES if not supports(problem, name)}
-    assert refused == {"moment", "minlp", "online", "risk"}
+    assert refused == {"moment", "minlp", "online"}
     for name in refused:
         found = supports(problem, name)
         assert not found
@@ -147,3 +147,14 @@ def test_what_would_help_where_there_is_no_plan() -> None:
     first = found.helps[0]
     assert first.problem.duration > problem.duration or first.problem.fleet.input_upper[0] > 2
     assert first.certificate.proven == "yes"
+
+
+@pytest.mark.parametrize("of", ["terminal", "clearance"])
+def test_a_risk_penalty(of: str) -> None:
+    """The worst fifth of the fleet ends closer to its place, or keeps further away, than without the penalty."""
+    wall = "motions: {post: {path: [[0, [0, 1.3]], [4, [0, 1.3]]]}}\n"
+    price = f", cvar: {{of: {of}, level: 0.8, weight: 20}}"
+    text = wall + "objective: {robustness: 0, terminal: {target: [2, 0], weight: 1}%s}"
+    priced = masses(text % price)
+    plan, other = proven(priced), proven(masses(text % ""))
+    assert evaluate(priced, plan.controls).risk < evaluate(priced, other.controls).risk - 1e-3

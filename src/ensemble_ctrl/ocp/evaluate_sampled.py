@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.ocp.cost import CommandCost, cost
 from ensemble_ctrl.ocp.evaluate import Value, rate_excess
+from ensemble_ctrl.ocp.risk import MEMBERS as MEMBERS_AT_RISK
+from ensemble_ctrl.ocp.risk import risk_of
 from ensemble_ctrl.ocp.states import scale_of
 from ensemble_ctrl.ocp.terminal import terminal_of
 from ensemble_ctrl.problem import Problem
@@ -41,13 +43,15 @@ def with_middle(problem: Problem, controls: Floats) -> tuple[Value, Value]:
     effort = CommandCost.of(problem.objective, scale, step).total(scale.scaled(controls))
     excess = rate_excess(fleet.rate_bounds, controls, step)
     terminal = _terminal(problem, controls) if np.isfinite(states[-1]).all() else 0.0
+    risk = _risk(problem, controls) if np.isfinite(states).all() else 0.0
 
     def value(seen: Floats, draws: bool) -> Value:
         if not np.isfinite(seen).all():
             return Value(INFINITE, -INFINITE, 0.0, effort, -INFINITE, excess)
         worst = _robustness(problem, seen[:, ::SUBSTEPS], controls, draws)
         gap = _gap(problem, seen[..., fleet.place_columns])
-        return Value(cost(problem.objective, effort, terminal, worst), worst, terminal, effort, gap, excess)
+        whole = cost(problem.objective, effort, terminal, worst, risk)
+        return Value(whole, worst, terminal, effort, gap, excess, risk)
 
     return value(states[:-1], draws=True), value(states[-1:], draws=False)
 
@@ -86,3 +90,13 @@ def _terminal(problem: Problem, controls: Floats) -> float:
     nodes, weights = fleet.rule(8 if len(fleet.names) < 2 else 4)
     final = fleet.integrated(controls, fleet.dynamic_members(nodes), problem.duration / len(controls), 1)[:, -1]
     return terminal_of(problem, nodes, weights, final[:, fleet.place_columns])
+
+
+def _risk(problem: Problem, controls: Floats) -> float:
+    """The risk penalty, for the members that stand for the fleet in the program."""
+    fleet, risk = problem.fleet, problem.objective.cvar
+    if risk is None:
+        return 0.0
+    members = fleet.representatives(MEMBERS_AT_RISK[risk.of])
+    states = fleet.integrated(controls, members, problem.duration / len(controls), 1)
+    return risk_of(problem, members, states[..., fleet.place_columns])

@@ -50,6 +50,7 @@ def risk_rows(
     problem: Problem,
     truncation: Truncation,
     layout: Numbers,
+    ends: Ints,
     curve: Floats,
     hyperplanes: Hyperplanes,
     pairs: Pairs,
@@ -65,7 +66,9 @@ def risk_rows(
         Whose points these are.
     layout : Numbers
         Hands out the new variables.
-    curve : ndarray, shape (steps + 1, points, 2)
+    ends : ndarray of int, shape (steps + 1, d * points)
+        Where the points' coordinates stand at the grid times, one coordinate after the other.
+    curve : ndarray, shape (steps + 1, points, d)
         Metres.
     hyperplanes : Hyperplanes
         Separating hyperplanes at the guess.
@@ -81,12 +84,12 @@ def risk_rows(
     members = problem.fleet.representatives(MEMBERS[risk.of])
     seen = truncation.evaluation(_scaled(problem, members))
     seen = seen if places is None else seen @ places
-    offset = problem.fleet.coefficients(members)[:, 3:] - problem.fleet.start_place
+    offset = (members - problem.fleet.center) @ problem.fleet.shifting
     level, excess = layout.more(1), layout.more(len(members))
     if risk.of == "terminal":
         offset = offset - problem.objective.places(problem.fleet, members)
         loss = np.hypot(np.linalg.norm(seen @ curve[-1] + offset, axis=1), ROUND)
-        blocks = [_distances(layout, seen, offset, int(level[0]), excess)]
+        blocks = [_distances(ends[-1], seen, offset, int(level[0]), excess)]
         clear, value = np.zeros(0, dtype=np.int64), np.zeros(0)
     else:
         clear = layout.more(len(members))
@@ -95,7 +98,7 @@ def risk_rows(
             _left(path, hyperplanes, pairs).min(axis=(1, 2), initial=CLEARANCE_CAP), -CLEARANCE_CAP, CLEARANCE_CAP
         )
         loss = -value
-        blocks = [_losses(int(level[0]), excess, clear), *_clearances(layout, seen, offset, hyperplanes, pairs, clear)]
+        blocks = [_losses(int(level[0]), excess, clear), *_clearances(ends, seen, offset, hyperplanes, pairs, clear)]
     threshold, _ = value_at_risk(loss, risk.level)
     return RiskRows(
         blocks,
@@ -113,7 +116,13 @@ def risk_cost(problem: Problem, controls: Floats) -> float:
     if risk is None:
         return 0.0
     members = problem.fleet.representatives(MEMBERS[risk.of])
-    paths = positions(problem, controls, members)
+    return risk_of(problem, members, positions(problem, controls, members))
+
+
+def risk_of(problem: Problem, members: Floats, paths: Floats) -> float:
+    """The risk penalty of members on these paths, shape (members, times, d), metres."""
+    risk = problem.objective.cvar
+    assert risk is not None
     if risk.of == "terminal":
         losses = np.linalg.norm(paths[:, -1] - problem.objective.places(problem.fleet, members), axis=1)
     else:
@@ -140,16 +149,17 @@ def _penalty(risk: Risk, level: int, excess: Ints) -> Block:
     return Block("risk", build, np.concatenate([[level], excess])[None], none, none, none)
 
 
-def _distances(layout: Numbers, seen: Floats, offset: Floats, level: int, excess: Ints) -> Block:
+def _distances(final: Ints, seen: Floats, offset: Floats, level: int, excess: Ints) -> Block:
     """``e + t >= distance`` from its place, for each member."""
-    n, count = layout.count, len(excess)
+    (count, n), dims = seen.shape, offset.shape[1]
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
-        x, y = ca.dot(d[2:], z[:n]) + d[0], ca.dot(d[2:], z[n : 2 * n]) + d[1]
-        row: ca.SX = z[2 * n] + z[2 * n + 1] - ca.sqrt(x**2 + y**2 + ROUND**2)
+        off = [ca.dot(d[dims:], z[k * n : (k + 1) * n]) + d[k] for k in range(dims)]
+        square = sum((one**2 for one in off[1:]), off[0] ** 2)
+        row: ca.SX = z[dims * n] + z[dims * n + 1] - ca.sqrt(square + ROUND**2)
         return row
 
-    columns = np.column_stack([np.tile(layout.points[-1], (count, 1)), np.full(count, level), excess])
+    columns = np.column_stack([np.tile(final, (count, 1)), np.full(count, level), excess])
     low = np.zeros((count, 1))
     return Block("risk", build, columns, np.column_stack([offset, seen]), low, low + np.inf)
 
@@ -171,24 +181,25 @@ def _left(path: Floats, hyperplanes: Hyperplanes, pairs: Pairs) -> Floats:
 
 
 def _clearances(
-    layout: Numbers, seen: Floats, offset: Floats, hyperplanes: Hyperplanes, pairs: Pairs, clear: Ints
+    ends: Ints, seen: Floats, offset: Floats, hyperplanes: Hyperplanes, pairs: Pairs, clear: Ints
 ) -> list[Block]:
     """Each member's clearance is below what every line leaves it at both ends of the step."""
     side, at = np.nonzero(pairs)
     if not len(side):
         return []
     # a row pair for each member and pair: n . p_i - drift - (support + radius) - c_i >= 0 at both ends of the step
-    n, members = layout.count, len(seen)
+    (members, n), dims = seen.shape, offset.shape[1]
     keep = (hyperplanes.support + hyperplanes.radius[:, None])[side, at][:, None] + hyperplanes.drift[side, at]
     who, pair = (index.ravel() for index in np.meshgrid(np.arange(members), np.arange(len(side)), indexing="ij"))
     normal = hyperplanes.normal[side, at][pair]
     levels = keep[pair] - (normal * offset[who]).sum(axis=1, keepdims=True)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
-        ends = [z[1 + 2 * n * end : 1 + 2 * n * (end + 1)] for end in (0, 1)]
-        along = [d[0] * ca.dot(d[4:], p[:n]) + d[1] * ca.dot(d[4:], p[n:]) for p in ends]
-        return ca.vertcat(along[0] - d[2] - z[0], along[1] - d[3] - z[0])
+        both = [z[1 + dims * n * end : 1 + dims * n * (end + 1)] for end in (0, 1)]
+        weight = d[dims + 2 :]
+        reached = [[d[k] * ca.dot(weight, p[k * n : (k + 1) * n]) for k in range(dims)] for p in both]
+        return ca.vertcat(*(sum(one[1:], one[0]) - d[dims + k] - z[0] for k, one in enumerate(reached)))
 
-    columns = np.column_stack([clear[who], layout.points[at[pair]], layout.points[at[pair] + 1]])
+    columns = np.column_stack([clear[who], ends[at[pair]], ends[at[pair] + 1]])
     low = np.zeros((len(who), 2))
     return [Block("risk", build, columns, np.column_stack([normal, levels, seen[who]]), low, low + np.inf)]

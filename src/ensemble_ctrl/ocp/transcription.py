@@ -195,12 +195,13 @@ def _risk(
     """The risk penalty; clearances are those that fixed hyperplanes leave."""
     if problem.objective.cvar is None:
         return None
+    ends, curve = model.layout.points[:, model.position_columns], model.curve[..., problem.fleet.place_columns]
     if isinstance(avoiding, Avoiding):
-        return risk_rows(
-            problem, truncation, model.layout, model.curve, avoiding.hyperplanes, avoiding.pairs, model.places
-        )
-    none = separate(model.curve, (), problem.duration)
-    return risk_rows(problem, truncation, model.layout, model.curve, none, none.active, model.places)
+        planes, pairs = avoiding.hyperplanes, avoiding.pairs
+    else:
+        planes = separate(curve, (), problem.duration)
+        pairs = planes.active
+    return risk_rows(problem, truncation, model.layout, ends, curve, planes, pairs, model.places)
 
 
 def _set_binaries(choice: Choice, layout: Numbers, x: Floats, lower: Floats, upper: Floats) -> None:

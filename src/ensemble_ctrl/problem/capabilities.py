@@ -93,14 +93,6 @@ FEATURES: Mapping[str, Feature] = {
         "use nlp",
         lambda problem: problem.solve.method == "minlp",
     ),
-    "risk": Feature(
-        "a risk penalty",
-        "positions",
-        "a program in full states has no rows for it",
-        ("objective", "cvar"),
-        "leave it out",
-        lambda problem: problem.objective.cvar is not None,
-    ),
     "targets": Feature(
         "formations, moments and spreads as targets",
         "plane",
@@ -118,6 +110,7 @@ FEATURES: Mapping[str, Feature] = {
         "use unicycle or bicycle",
     ),
     "suggest": Feature("a search for what would help"),
+    "risk": Feature("a risk penalty"),
     "moving obstacles": Feature("moving obstacles", plural=True),
     "cells": Feature("cells", plural=True),
     "baseline": Feature("the unconstrained baseline"),

@@ -237,7 +237,7 @@ class Fleet(Ensemble):
         return tuple(k for k, name in enumerate(self.names) if name not in shifts)
 
     @cached_property
-    def _shifting(self) -> Floats:
+    def shifting(self) -> Floats:
         """How much each parameter shifts the whole position curve, shape (parameters, d)."""
         rows = np.zeros((len(self.names), len(self.places)))
         for k in set(range(len(self.names))) - set(self.dynamic):
@@ -247,13 +247,13 @@ class Fleet(Ensemble):
     @cached_property
     def shift(self) -> Floats:
         """Half the side lengths of the box by which parameters shift the position curve, shape (d,), metres."""
-        return np.asarray((self.upper - self.lower) / 2 @ self._shifting)
+        return np.asarray((self.upper - self.lower) / 2 @ self.shifting)
 
     @cached_property
     def shift_covariance(self) -> Floats:
         """Covariance of these shifts, shape (d, d), square metres: no control can change it."""
         total = np.zeros((len(self.places), len(self.places)))
-        for direction, law in zip(self._shifting, self.parameters.values(), strict=True):
+        for direction, law in zip(self.shifting, self.parameters.values(), strict=True):
             if direction.any():
                 s, weights = law.rule(2)
                 psi = law.to_parameter(s)
