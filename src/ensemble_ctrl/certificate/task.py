@@ -20,7 +20,7 @@ from ensemble_ctrl.certificate.masses import MASS_ERROR, Masses, masses
 from ensemble_ctrl.certificate.schedule import MOST, Schedule
 from ensemble_ctrl.constraints.stl.formula import Formula, Share
 from ensemble_ctrl.constraints.stl.leaves import Predicate
-from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet, resolve
+from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -166,11 +166,11 @@ class CellSignals:
 def scheduled(
     problem: Problem, controls: Floats, ranges: Mapping[str, Ranged], formula: Formula, split: int
 ) -> tuple[Flow, Schedule] | None:
-    """The flow on the instants that a ground formula needs, each step in so many parts; None if it looks past the end.
+    """The flow on the instants that a formula needs, each step in so many parts; None if it looks past the end.
 
-    Steps in which members turn far have more parts.
+    Its leaves are predicates, its windows numbers. Steps in which members turn far have more parts.
     """
-    plain = negation_normal_form(resolve(formula, problem.duration))
+    plain = negation_normal_form(formula)
     flow = Flow.of(problem, controls, ranges)
     # parts of a step: a power of two, so that no part turns by more than TURN
     turns = np.abs(flow.step * flow.omega) * flow.sharpest / TURN

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
-from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, Not, Or, conjuncts, resolve
+from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, Not, Or, conjuncts
 from ensemble_ctrl.core.values import expect
 from ensemble_ctrl.problem import Problem, ReportOptions
+from ensemble_ctrl.problem.specification import TaskPart
 
 Floats = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def unconstrained(problem: Problem) -> Problem:
     bare = expect("problem", problem, Problem).with_(
         verify=replace(problem.verify, certificate=False), report=ReportOptions()
     )
-    rest = tuple(part for part in conjuncts(problem.task) if not _holds_back(problem, part))
+    rest = tuple(part.written for part in problem.specification.parts if not _keeps_throughout(problem, part))
     if rest:
         return bare.with_(task=rest[0] if len(rest) == 1 else And(rest))
     regions = {**problem.regions, ANYWHERE: _anywhere(problem)}
@@ -66,16 +67,11 @@ def unconstrained(problem: Problem) -> Problem:
     return bare.with_(task=Always(Inside(ANYWHERE)), regions=regions, objective=objective)
 
 
-def _holds_back(problem: Problem, part: Formula) -> bool:
-    """Whether a conjunct only avoids, or is a stay through the whole horizon."""
-    resolved = resolve(part, problem.duration)
-    if not isinstance(resolved, Always):
+def _keeps_throughout(problem: Problem, part: TaskPart) -> bool:
+    """Whether a part is a stay through the whole horizon."""
+    if not isinstance(part.written, Always) or (part.begin, part.end) != (0.0, problem.duration):
         return False
-    leaves = conjuncts(resolved.child)
-    if all(_keeps_out(leaf) for leaf in leaves):
-        return True
-    whole = not resolved.a and resolved.b in (None, problem.duration)
-    return whole and all(_keeps_out(leaf) or _keeps_in(leaf) for leaf in leaves)
+    return all(_keeps_out(leaf) or _keeps_in(leaf) for leaf in conjuncts(part.written.child))
 
 
 def _keeps_out(leaf: Formula) -> bool:

@@ -19,11 +19,8 @@ from ensemble_ctrl.constraints.stl import (
     Not,
     Or,
     Predicate,
-    conjuncts,
-    kept_out,
     leaves,
     negation_normal_form,
-    resolve,
 )
 from ensemble_ctrl.ocp.guesses.driven import needed
 from ensemble_ctrl.ocp.guesses.itinerary import Journey, itinerary
@@ -82,9 +79,8 @@ def laid_out(problem: Problem, steps: int) -> list[Guess]:
 
 def _remaining(problem: Problem) -> Formula:
     """The task in negation normal form, without what routes avoid anyway."""
-    parts = [part for part in conjuncts(problem.task) if not kept_out(part)]
-    whole = parts[0] if len(parts) == 1 else And(tuple(parts)) if parts else problem.task
-    return negation_normal_form(resolve(whole, problem.duration))
+    parts = tuple(part.resolved for part in problem.specification.parts)
+    return negation_normal_form(parts[0] if len(parts) == 1 else And(parts) if parts else problem.specification.task)
 
 
 def _nests(formula: Formula, below: bool = False) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import Formula, negation_normal_form, resolve
+from ensemble_ctrl.constraints.stl import Formula, negation_normal_form
 from ensemble_ctrl.constraints.stl.dense import shrunk
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.core.errors import ProblemError
@@ -45,8 +45,7 @@ def windows(formula: Formula) -> list[tuple[float, float]]:
 
 def between(problem: Problem) -> Formula:
     """The task with windows in which what is asked for again and again holds between grid times, too."""
-    task = negation_normal_form(resolve(problem.task, problem.duration))
-    return shrunk(task, problem.duration / problem.steps)
+    return shrunk(negation_normal_form(problem.specification.task), problem.duration / problem.steps)
 
 
 def refined(controls: Floats, steps: int) -> Floats:
