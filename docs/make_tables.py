@@ -13,13 +13,13 @@ import sys
 from pathlib import Path
 
 import printed
-from printed import front, laws, objectives, plans, systems, terminal, times
+from printed import distributions, front, objectives, plans, systems, terminal, times
 
 TABLES = printed.ROOT / "docs" / "_static" / "tables"
 TABLES_OF = {
     **plans.TABLES,
     **objectives.TABLES,
-    **laws.TABLES,
+    **distributions.TABLES,
     **systems.TABLES,
     **terminal.TABLES,
     **front.TABLES,

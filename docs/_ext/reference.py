@@ -140,7 +140,7 @@ def unit(annotation: Any) -> str:
     if annotation == "an area":
         return "[area](#areas)"
     if annotation == "a law":
-        return "[law](laws.md)"
+        return "[distribution](distributions.md)"
     if annotation == "a section":
         return "[section](online.md)"
     required = _required(annotation)

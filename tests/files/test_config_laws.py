@@ -205,12 +205,12 @@ BAD_TABLES = {
     "too many": (
         "1\n" * (MAX_SAMPLES + 1),
         f"measured.csv: expected at most {MAX_SAMPLES} lines, got {MAX_SAMPLES + 1}",
-        "keep every tenth, say: the law hardly changes",
+        "keep every tenth, say: the distribution hardly changes",
     ),
     "too large": (
         "1.00000000\n" * 500_000,
         "measured.csv: expected at most 5 MB, got more",
-        "keep every tenth, say: the law hardly changes",
+        "keep every tenth, say: the distribution hardly changes",
     ),
 }
 

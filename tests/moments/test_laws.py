@@ -152,8 +152,8 @@ BAD = {
     "text": (lambda: Samples(["1.0"]), r"^values: expected an array of numbers, got text$"),
     "ragged": (lambda: Samples([[1.0], [1.0, 2.0]]), r"^values: expected an array of numbers, got"),
     "truths": (lambda: Samples([True, False]), r"^values: expected an array of numbers, got true or false$"),
-    "no parts": (lambda: Mixture(), r"^parts: expected one or more pairs of a law and a weight, got none$"),
-    "no weight": (lambda: Mixture(Interval(0, 1)), r"^parts\[0\]: expected a pair of a law and a weight, got Interval"),  # type: ignore[arg-type]
+    "no parts": (lambda: Mixture(), r"^parts: expected one or more pairs of a distribution and a weight, got none$"),
+    "no weight": (lambda: Mixture(Interval(0, 1)), r"^parts\[0\]: expected a pair of a distribution and a weight, got"),  # type: ignore[arg-type]
     "weight zero": (
         lambda: Mixture((Interval(0, 1), 1), (Interval(0, 1), 0)),
         r"^parts\[1\]: weight: expected a number above 0, got 0$",

@@ -148,7 +148,7 @@ def test_a_wrong_sample_is_refused() -> None:
     for samples, message in (
         ({"linear_traction": values[:, 0], "angular_traction": values[:5, 1]}, "expected columns of one length"),
         ({"mass": values[:, 0]}, "expected parameters that bend trajectories, got 'mass'"),
-        ({"linear_traction": values[:, 1]}, "expected the law of linear_traction to be the samples of its column"),
+        ({"linear_traction": values[:, 1]}, "expected the distribution of linear_traction to be its samples"),
     ):
         with pytest.raises(ProblemError, match=f"^fleet.samples: {message}"):
             replace(fleet, samples=samples)

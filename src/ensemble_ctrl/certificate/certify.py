@@ -201,7 +201,7 @@ def unproven(problem: Problem, controls: Floats, reason: str) -> Certificate:
 def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
     """The fleet's ranges, some of them replaced."""
     if ranges is not None and not isinstance(ranges, Mapping):
-        raise ProblemError(f"ranges: expected a mapping of names to laws, got {shown(ranges)}")
+        raise ProblemError(f"ranges: expected a mapping of names to distributions, got {shown(ranges)}")
     laws = dict(problem.fleet.parameters)
     for name, law in (ranges or {}).items():
         if name not in laws:

@@ -55,7 +55,7 @@ class Mixture(WeightedLaw):
 
     def __init__(self, *parts: tuple[Law, float]) -> None:
         if not parts:
-            raise ProblemError("parts: expected one or more pairs of a law and a weight, got none")
+            raise ProblemError("parts: expected one or more pairs of a distribution and a weight, got none")
         object.__setattr__(self, "parts", tuple(_checked(i, part) for i, part in enumerate(parts)))
         object.__setattr__(self, "lower", min(law.lower for law, _ in self.parts))
         object.__setattr__(self, "upper", max(law.upper for law, _ in self.parts))
@@ -124,7 +124,7 @@ class Mixture(WeightedLaw):
 def _checked(i: int, part: object) -> tuple[Law, float]:
     """One part, a law and its weight."""
     if not (isinstance(part, tuple | list) and len(part) == 2 and isinstance(part[0], Law)):
-        raise ProblemError(f"parts[{i}]: expected a pair of a law and a weight, got {part!r}")
+        raise ProblemError(f"parts[{i}]: expected a pair of a distribution and a weight, got {part!r}")
     weight = finite_number(f"parts[{i}]: weight", part[1])
     if weight <= 0:
         raise ProblemError(f"parts[{i}]: weight: expected a number above 0, got {weight:g}")

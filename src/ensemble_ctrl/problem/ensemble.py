@@ -56,7 +56,7 @@ class Ensemble(ReadOnlyArrays):
             if name not in bending:
                 raise ProblemError(f"fleet.samples: expected parameters that bend trajectories, got {name!r}")
             if self.parameters[name] != Samples(column):
-                raise ProblemError(f"fleet.samples: expected the law of {name} to be the samples of its column")
+                raise ProblemError(f"fleet.samples: expected the distribution of {name} to be its samples")
             column.setflags(write=False)
         return columns
 

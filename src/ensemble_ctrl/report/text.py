@@ -352,7 +352,7 @@ def _arrival(found: dict[str, Any]) -> Iterator[str]:
         x, y = found["mean"]
         sx, sy = (found["covariance"][k][k] ** 0.5 for k in (0, 1))
         spread = f"mean ({x:.3f}, {y:.3f}), deviation {sx:.3f} m by {sy:.3f} m"
-        yield f"{spread}; {found['distance']:.4f} m from the target law"
+        yield f"{spread}; {found['distance']:.4f} m from the target distribution"
     elif "moments" in found:
         yield "moments " + ", ".join(f"({x:.4f}, {y:.4f})" for x, y in found["moments"])
 

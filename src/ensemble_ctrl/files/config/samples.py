@@ -21,7 +21,7 @@ Columns = Mapping[str, Values]
 """Columns of a table by their names; one column without a header is called ``""``."""
 
 _EXAMPLE = "for example [0.95, 1.0, 1.02], or measured.csv with one number a line"
-_THIN = "keep every tenth, say: the law hardly changes"
+_THIN = "keep every tenth, say: the distribution hardly changes"
 
 
 def samples(value: Any, convert: Convert = POSITIVE) -> Values | str:

@@ -87,7 +87,7 @@ def _factors(problem: Problem) -> Iterator[Finding]:
         count = _measured(law)
         if count > MAX_SAMPLES:
             message = f"expected at most {MAX_SAMPLES} measured values, got {count}"
-            yield Finding((*path, "samples"), message, "keep every tenth, say: the law hardly changes")
+            yield Finding((*path, "samples"), message, "keep every tenth, say: the distribution hardly changes")
 
 
 def _measured(law: Law) -> int:

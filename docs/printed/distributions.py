@@ -94,6 +94,6 @@ def order_lines(rows: Rows) -> Iterator[str]:
 
 
 TABLES = {
-    "nodes": Table("docs/laws.md", (MEASURED,), node_rows, node_lines),
-    "orders": Table("docs/laws.md", (MEASURED,), order_rows, order_lines),
+    "nodes": Table("docs/distributions.md", (MEASURED,), node_rows, node_lines),
+    "orders": Table("docs/distributions.md", (MEASURED,), order_rows, order_lines),
 }
