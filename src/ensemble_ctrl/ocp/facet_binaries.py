@@ -323,11 +323,11 @@ def _point_rows(
 ) -> Block:
     """The rows on points, with a binary if there is a column for it."""
     n, arc = truncation.count, curvature(problem, truncation, sides.active.shape[1])
-    switched = columns.shape[1] > 3 + 4 * n
+    chosen_here = columns.shape[1] > 3 + 4 * n
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
         ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n : 3 + 4 * n])]
-        off = d[3] * (1 - z[3 + 4 * n]) if switched else 0.0
+        off = d[3] * (1 - z[3 + 4 * n]) if chosen_here else 0.0
         rows: ca.SX = ca.vertcat(*ends) - d[2] - bulge(problem, arc, z[1], z[2]) + z[0] + off
         return rows
 
@@ -350,13 +350,13 @@ def _moment_rows(
     """The paper's rows on the moments of every order, at both ends of the step; without a binary, with z = 1."""
     n, image = truncation.count, ca.DM(truncation.to_moments)
     positive, negative = truncation.basis.signed_moments()
-    switched = columns.shape[1] > 3 + 4 * n
-    by_slack, by_switch = ca.DM(np.eye(len(positive))[0] * positive[0]), ca.DM(positive - negative)
+    chosen_here = columns.shape[1] > 3 + 4 * n
+    by_slack, by_binary = ca.DM(np.eye(len(positive))[0] * positive[0]), ca.DM(positive - negative)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
         along = [-d[0] * p[:n] - d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n : 3 + 4 * n])]
-        on = z[3 + 4 * n] if switched else 1.0
-        rows = [ca.mtimes(image, a) + d[2] * by_switch * on - by_slack * z[0] for a in along]
+        on = z[3 + 4 * n] if chosen_here else 1.0
+        rows = [ca.mtimes(image, a) + d[2] * by_binary * on - by_slack * z[0] for a in along]
         return ca.vertcat(*rows)
 
     facet = chosen.facet[read]

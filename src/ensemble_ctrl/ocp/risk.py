@@ -173,7 +173,7 @@ def _losses(level: int, excess: Ints, clear: Ints) -> Block:
 
 
 def _left(path: Floats, hyperplanes: Hyperplanes, pairs: Pairs) -> Floats:
-    """What each line that counts leaves each member at both ends of its step, shape (members, pairs, 2)."""
+    """What each hyperplane that counts leaves each member at both ends of its step, shape (members, pairs, 2)."""
     side, at = np.nonzero(pairs)
     normal, keep = hyperplanes.normal[side, at], (hyperplanes.support + hyperplanes.radius[:, None])[side, at]
     ends = [np.einsum("kid,kd->ik", path[at + end], normal) - hyperplanes.drift[side, at, end] - keep for end in (0, 1)]
@@ -183,7 +183,7 @@ def _left(path: Floats, hyperplanes: Hyperplanes, pairs: Pairs) -> Floats:
 def _clearances(
     ends: Ints, seen: Floats, offset: Floats, hyperplanes: Hyperplanes, pairs: Pairs, clear: Ints
 ) -> list[Block]:
-    """Each member's clearance is below what every line leaves it at both ends of the step."""
+    """Each member's clearance is below what every hyperplane leaves it at both ends of the step."""
     side, at = np.nonzero(pairs)
     if not len(side):
         return []

@@ -129,7 +129,7 @@ def with_work(kept: Attempt, before: Attempt, after: Attempt) -> Attempt:
 
 
 def _violated(problem: Problem, hyperplanes: Hyperplanes, curve: Floats) -> NDArray[np.bool_]:
-    """Pairs whose line the new points cross, shape (sides, steps)."""
+    """Pairs whose hyperplane the new points cross, shape (sides, steps)."""
     short = (
         hyperplanes.nearest(curve) - hyperplanes.support - hyperplanes.radius[:, None] < problem.solve.margin - TIGHT
     )
