@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+import ensemble_ctrl as ec
 from ensemble_ctrl import DoubleIntegrator, Fleet, Interval, OdeSystem, ProblemError, Quadrotor, RunawayError
 from ensemble_ctrl.systems.arrays import cos, exp, log, sin, sqrt, tan, tanh
 from ensemble_ctrl.systems.integration import ORDERS, Rule, extrapolated, halving_error, rk4
@@ -191,3 +192,22 @@ def test_systems_that_do_not_say_what_they_are(attribute: str, value: Any, messa
     odd = type("Odd", (Pendulum,), {attribute: value})
     with pytest.raises(ProblemError, match=message):
         Fleet(odd(), {})
+
+
+def test_names_of_an_earlier_version_work_with_a_warning() -> None:
+    mass = {"mass": Interval(1.0, 2.0)}
+    with pytest.warns(DeprecationWarning, match=r"OdeFleet is deprecated .*use ensemble_ctrl.Fleet"):
+        old = ec.OdeFleet(DoubleIntegrator(), mass, {"vx": 1.0}, [-1, -1], [1, 1], 0.2)
+    new = Fleet(DoubleIntegrator(), mass, input_lower=[-1, -1], input_upper=[1, 1], radius=0.2, start={"vx": 1.0})
+    np.testing.assert_array_equal(old.start_states(old.corners), new.start_states(new.corners))
+    assert (old.radius, old.input_upper.tolist()) == (new.radius, new.input_upper.tolist())
+    with pytest.warns(DeprecationWarning, match=r"OdeProblem is deprecated .*use ensemble_ctrl.Problem"):
+        assert ec.OdeProblem is ec.Problem
+
+
+def test_a_position_is_short_for_its_states() -> None:
+    fleet = Fleet(Quadrotor(), {}, position=[1, 2, 3], start={"x": 9.0, "vz": 0.5})
+    assert fleet.start == {"x": 1.0, "y": 2.0, "z": 3.0, "vz": 0.5}
+    assert fleet.with_(position=[0, 0, 1]).position.tolist() == [0, 0, 1]
+    with pytest.raises(ProblemError, match=r"fleet\.heading: expected none, for a quadrotor has none, got 0\.5"):
+        Fleet(Quadrotor(), {}, heading=0.5)
