@@ -97,6 +97,7 @@ class CellSignals:
         cls, flow: Flow, centres: Floats, half: Floats, upper: bool = False, masses: Masses | None = None
     ) -> CellSignals:
         """Enclosures of the cells ``centres +- half``, both of shape (cells, parameters); `masses` if all are there."""
+        # p in p(c) + sum_k +-half_k dp/dq_k + curvature at grid times, and the bulge of the curve in between
         track = Track.of(flow, centres)
         n = np.arange(flow.steps)[None, :]
         bulge = flow.growth(n, flow.step[None], flow.coefficients(centres)[:, None], half[:, None])
@@ -206,6 +207,7 @@ def bound_task(
     flow, schedule = found
     if not np.isfinite(flow.rounding()):
         return TaskBound(str(formula), -np.inf, np.inf, {})
+    # parameters that only move the start enter linearly: their sides stay whole first, halved where that fails
     shifts: NDArray[np.bool_] = np.asarray(~flow.directions[:, :3].any(axis=1))
     wide = reads_fleet(formula)
     bound = _refined(flow, schedule, fleet, wide, shifts, cells)
@@ -342,6 +344,7 @@ def _with_ends(flow: Flow, centres: Floats, value: Floats, whole_sides: NDArray[
     ends = np.array(
         list(product(*((a, b) for a, b in zip(flow.lower[whole_sides], flow.upper[whole_sides], strict=True))))
     )
+    # the worst cell's middle with its start at every corner of the start box
     moved = np.tile(centres[value.argmin()], (len(ends), 1))
     moved[:, whole_sides] = ends
     return np.concatenate([centres, moved])

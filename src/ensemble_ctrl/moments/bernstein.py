@@ -200,6 +200,7 @@ def _bernstein_to_moments(basis: Basis, degree: int) -> FloatArray:
     if not isinstance(basis, LegendreBasis):
         legendre = LegendreBasis(degree)
         return frozen(change_of_basis(legendre, basis) @ _bernstein_to_moments(legendre, degree))
+    # m_k of a Bernstein polynomial: int B_i P_k, exact whole numbers over one quotient
     rows = [[_legendre_moment(k, i, degree) for i in range(degree + 1)] for k in range(basis.order + 1)]
     return frozen(np.array(rows) * _norms(basis.order)[:, None])
 

@@ -72,6 +72,7 @@ class Mixture(WeightedLaw):
 
     def recurrence(self, order: int) -> Recurrence:
         """Coefficients up to `order`, or up to the highest order that the values can tell apart."""
+        # the mixture's measure on the parts' Gauss points: polynomials of degree 2 order + 3 are integrated exactly
         points = self.points(order + 2)
         return usable(recurrence_of_points(*points, order), *points)
 
@@ -103,6 +104,7 @@ class Mixture(WeightedLaw):
         # the mixture's polynomials in those of the part, whose partial moments are known
         own = law.basis(min(recurrence.order, law.max_order))
         expanded = (weights[:, None] * own.evaluate(law.rule(recurrence.order + 1)[0])).T @ phi
+        # s of the mixture on the scale of the part
         scaled = (self.center - law.center + self.half_width * s) / law.half_width
         return np.asarray(own.partial_moments(scaled) @ expanded)
 

@@ -47,6 +47,7 @@ def multiplication_matrix(basis: Basis) -> FloatArray:
            [0.5774, 0.    , 0.5164],
            [0.    , 0.5164, 0.    ]])
     """
+    # the Jacobi matrix: s phi_k = c_{k+1} phi_{k+1} + b_k phi_k + c_k phi_{k-1}
     _, c = basis.recurrence()
     return np.diag(basis.diagonal) + np.diag(c[1:], 1) + np.diag(c[1:], -1)
 

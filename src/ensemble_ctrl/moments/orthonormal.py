@@ -146,6 +146,7 @@ def _cached_rule(law: WeightedLaw, count: int) -> tuple[FloatArray, FloatArray]:
 @lru_cache(maxsize=256)
 def _cached_gauss(basis: OrthonormalBasis) -> tuple[FloatArray, FloatArray]:
     """The basis's Gauss rule, made once."""
+    # Gauss rule of N + 1 points: exact for products phi_j phi_k, so nodes and moments are inverse
     nodes, weights = gauss(cached_recurrence(basis.law, basis.order), basis.order + 1)
     return frozen(nodes), frozen(weights)
 

@@ -83,6 +83,7 @@ class Samples(WeightedLaw):
     @cached_property
     def _points(self) -> tuple[FloatArray, FloatArray]:
         """The different values on the scale of s, and their weights, which sum to 2."""
+        # equal samples as one point; weights sum to 2
         points, counts = np.unique(np.clip(self.to_scaled(self.values), -1.0, 1.0), return_counts=True)
         return points, np.asarray(counts * (2.0 / len(self.values)), dtype=np.float64)
 

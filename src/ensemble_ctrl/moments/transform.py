@@ -268,12 +268,14 @@ def inner_products(law: Law, basis: Basis) -> FloatArray:
 @lru_cache(maxsize=1024)
 def _nodes_to_moments(basis: Basis) -> FloatArray:
     """The matrix behind `nodes_to_moments`, made once."""
+    # m_k = sum_i w_i phi_k(s_i) x(s_i)
     return frozen((basis.weights[:, None] * basis.evaluate(basis.nodes)).T)
 
 
 @lru_cache(maxsize=1024)
 def _moments_to_nodes(basis: Basis) -> FloatArray:
     """The matrix behind `moments_to_nodes`, made once."""
+    # x(s_i) = sum_k m_k phi_k(s_i)
     return frozen(basis.evaluate(basis.nodes))
 
 

@@ -150,15 +150,15 @@ class Membership:
 
     def _factor(self, ranges: Floats, place: int) -> Floats:
         """The range of one factor under ranges of the parameters; 1 where it depends on no parameter."""
-        known = self.directions[:, place]
-        return np.asarray(known @ ranges) if known.any() else np.ones(2)
+        slope = self.directions[:, place]
+        return np.asarray(slope @ ranges) if slope.any() else np.ones(2)
 
     def _intersect(self, place: int, low: float, high: float) -> bool:
         """Intersect the range of the parameter that a factor depends on; False if nothing is left."""
-        known = np.flatnonzero(self.directions[:, place])
+        column = np.flatnonzero(self.directions[:, place])
         low, high = low - UP * abs(low), high + UP * abs(high)
-        if not len(known):
+        if not len(column):
             return bool(low <= 1.0 <= high)
-        k = int(known[0])
+        k = int(column[0])
         self.ranges[k] = max(self.ranges[k, 0], low), min(self.ranges[k, 1], high)
         return bool(self.ranges[k, 0] <= self.ranges[k, 1])

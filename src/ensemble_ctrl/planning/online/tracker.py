@@ -173,6 +173,7 @@ class Tracker:
     def _jumped(self, before: PoseSet, measurement: Measurement) -> bool:
         """Whether a place is further from where the robot must be than twice its top speed explains."""
         fleet, since = self.problem.fleet, measurement.time - self.time
+        # further than the set's reach, twice the measurement error and twice the top speed since: moved, not driven
         fastest = 2 * float(self.sets.factors[0][1]) * max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
         distance = float(np.hypot(measurement.x - before.position[0], measurement.y - before.position[1]))
         return bool(distance > before.away + 2 * self.errors.position + fastest * since)

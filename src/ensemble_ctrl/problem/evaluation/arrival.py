@@ -47,13 +47,16 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
     nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
     final = _final(problem, controls, fleet.dynamic_members(nodes))
     if isinstance(target, MomentTarget):
+        # m_k = sum_n w_n phi_k(s_n) p(T; s_n)
         phi = laws[0].basis(len(target.moments) - 1).evaluate(nodes[:, 0])
         return {"moments": ((weights[:, None] * phi).T @ final).tolist()}
     if isinstance(target, SpreadTarget):
+        # mean and covariance by quadrature (weights sum to 2); starts add theirs, independent of the rest
         mean = weights @ final / 2
         covariance = (weights[:, None] / 2 * (final - mean)).T @ (final - mean) + fleet.shift_covariance
         distance = float(np.sqrt(max(wasserstein(mean, covariance, target), 0.0)))
         return {"mean": mean.tolist(), "covariance": covariance.tolist(), "distance": distance}
+    # E|p(T) - target|^2, the start's variance included
     off = final - problem.objective.places(fleet, fleet.dynamic_members(nodes))
     square = float(weights @ (off**2).sum(axis=1) / 2 + np.trace(fleet.shift_covariance))
     members = np.concatenate([fleet.grid(MEMBERS), fleet.corners])
@@ -79,6 +82,7 @@ def risk(problem: Problem, controls: Floats) -> dict[str, Any]:
             clearances(problem, trajectories(problem, controls, block, SUBSTEPS), CLEARANCE_CAP) for block in blocks
         ]
         losses = -np.concatenate(near)
+    # both from the sorted losses of members of equal weight (Rockafellar and Uryasev 2000)
     at_risk, mean = value_at_risk(losses, penalty.level)
     return {"of": penalty.of, "level": penalty.level, "value_at_risk": at_risk, "cvar": mean}
 

@@ -347,6 +347,7 @@ def _run(
 
 def _robustness(problem: Problem, parts: Sequence[TaskPart], whole: Floats) -> Floats:
     """Robustness of some parts of the task, for every member."""
+    # exact robustness at grid times; the least over the parts of the conjunction
     signals = StateSignals(whole, problem.fleet.states, problem.duration / (whole.shape[1] - 1))
     least = np.full(len(whole), np.inf)
     for part in parts:
