@@ -256,7 +256,6 @@ class _Clock:
         if formula.a is None or formula.b is None:
             below = max(int(horizon(part) / self.tick) for part in formula.parts)
             return 0, -1, max(self.steps * self.per_step - below, high)
-        # both ends are whole numbers of ticks
         a, b = (int(exact(end) / self.tick) for end in (formula.a, formula.b))
         return a, b, high + b
 
@@ -279,7 +278,6 @@ class _Clock:
         found = self._node(formula, low, high, mesh)
         if len(found.times) <= MOST:
             return found
-        # too many instants: keep MOST of them evenly, each interval bounding what it replaces
         kept = np.linspace(0, len(found.times) - 1, MOST).astype(np.int64)
         return Coarse(found.times[kept], found)
 
@@ -368,7 +366,6 @@ def _window(child: Node, a: int, b: int, low: int, high: int, pick: np.ufunc) ->
     # a sliding extremum changes only where an end of [t + a, t + b] meets an instant of the child
     changes = [child.times - a] if b < 0 else [child.times - a, child.times - b]
     times = _within(_union(*changes), low, high)
-    # elements of the child that hold t + a and t + b, for instants and intervals alike
     first = at(child.times, times + a)
     last = at(child.times, times + b) if b >= 0 else np.full(len(first), 2 * len(child.times) - 2)
     return Window(times, child, pick, first, last)

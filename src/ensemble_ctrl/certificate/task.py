@@ -344,7 +344,6 @@ def _with_ends(flow: Flow, centres: Floats, value: Floats, whole_sides: NDArray[
     ends = np.array(
         list(product(*((a, b) for a, b in zip(flow.lower[whole_sides], flow.upper[whole_sides], strict=True))))
     )
-    # the worst cell's middle with its start at every corner of the start box
     moved = np.tile(centres[value.argmin()], (len(ends), 1))
     moved[:, whole_sides] = ends
     return np.concatenate([centres, moved])
