@@ -104,7 +104,7 @@ UNFIT = [
     (SMALL.replace("F[3, 4] in(goal)", "share(0.9, F[3, 4] in(goal))"), "task: a loop drives one robot"),
     (
         "fleet: {model: double_integrator, start: {position: [0, 0]}}\nhorizon: {duration: 1 s}\ntask: F x >= 0\n",
-        "unfit.yaml:1:16: error: fleet.model: a loop drives robots on arcs, and this is a double_integrator",
+        "unfit.yaml:1:16: error: fleet.model: online replanning is not for the double_integrator",
     ),
 ]
 
