@@ -15,6 +15,7 @@ import ensemble_ctrl as ec
 from ensemble_ctrl.certificate.general.proof import GeneralProof
 from ensemble_ctrl.constraints import Obstacle, Solid
 from ensemble_ctrl.problem.evaluation.sampled import states
+from tests.examples import quick
 
 Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[3]
@@ -62,7 +63,7 @@ def test_every_problem_file_is_proven_with_a_small_radius(name: str) -> None:
     assert proof.enclosure.radius[:, problem.fleet.place_columns].max() <= 1e-6
 
 
-@pytest.mark.parametrize("name", AVOIDING)
+@pytest.mark.parametrize("name", quick(AVOIDING, "planar_slalom"))
 def test_clearances_are_proven_to_a_millimetre(name: str) -> None:
     problem = problem_of(name)
     for bound in ec.certify(problem, controls_of(name)).clearances:
