@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import CELLS
 from ensemble_ctrl.certificate.enclosure import Flow, Ints, Track, first_cells, signs_of
-from ensemble_ctrl.certificate.general.proof import GeneralProof
-from ensemble_ctrl.certificate.general.tube import hulls
 from ensemble_ctrl.moments import Law
 from ensemble_ctrl.problem import Problem
 
@@ -78,6 +76,9 @@ def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = 
 
 def general(problem: Any, controls: Floats, ranges: Mapping[str, Law], slices: int = 1, timed: float = 0.0) -> Tube:
     """The tube of a system that is defined by an ODE; `slices` and `timed` as for `hulls`."""
+    from ensemble_ctrl.certificate.general.proof import GeneralProof
+    from ensemble_ctrl.certificate.general.tube import hulls
+
     rows = np.eye(len(problem.fleet.states))[problem.fleet.place_columns]
     enclosure = GeneralProof(problem, controls, ranges).enclosure
     return Tube(*hulls(enclosure, rows, len(controls), slices, timed))

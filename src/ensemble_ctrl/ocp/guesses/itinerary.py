@@ -19,8 +19,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import coo_array
 
 from ensemble_ctrl.constraints.stl import Always, And, Eventually, Formula, Known, Mean, Or, Release, Share, Until
 
@@ -251,6 +249,9 @@ class _Model:
 
     def solve(self, last: int | None, seconds: float) -> list[_Arc] | None:
         """The arcs of the shortest way, in time."""
+        from scipy.optimize import Bounds, LinearConstraint, milp
+        from scipy.sparse import coo_array
+
         self._flow(last)
         count = len(self.arcs)
         cost, whole = np.zeros(self.columns), np.zeros(self.columns, np.uint8)
