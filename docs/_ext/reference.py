@@ -14,7 +14,7 @@ from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config import meanings
 from ensemble_ctrl.files.config import online as o
-from ensemble_ctrl.files.config.distributions import LawName, LawSection, Measured, MixturePart, PartSection
+from ensemble_ctrl.files.config.distributions import DistributionName, LawSection, Measured, MixturePart, PartSection
 from ensemble_ctrl.files.config.fields import Model
 from ensemble_ctrl.files.config.joint_samples import JointSamples
 from ensemble_ctrl.files.config.motions import Course, MotionSection, Velocity
@@ -45,7 +45,7 @@ UNITS: list[tuple[Any, str]] = [
     (f.Task, "formula"),
     (f.Order, "1 to 50, or `auto`"),
     (f.Routes, "1 to 1000, or `all`"),
-    (LawName, ", ".join([*(f"`{name}`" for name in DISTRIBUTIONS), "or [another](extending.md)"])),
+    (DistributionName, ", ".join([*(f"`{name}`" for name in DISTRIBUTIONS), "or [another](extending.md)"])),
     (f.ModelName, ", ".join([*(f"`{name}`" for name in SYSTEMS), "or [another](systems.md)"])),
     (Course, "[[s, [m, m]], ...]"),
     (o.Turn, "rad, ≥ 0"),
