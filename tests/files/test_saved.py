@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
+from ensemble_ctrl.certificate import differences
 from ensemble_ctrl.files.config import dump
 from ensemble_ctrl.files.config.tree import Tree
 
@@ -26,6 +27,7 @@ def test_a_saved_plan_loads_and_is_proven_again(folder: Path) -> None:
     assert [bound.proven for bound in certificate.clearances] == pytest.approx(
         [bound["proven"] for bound in recorded["clearances"]], abs=1e-9
     )
+    assert differences(recorded, certificate) == []
     assert plan.replay(members=200).satisfied == 1.0
 
 

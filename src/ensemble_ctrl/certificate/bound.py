@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+ALIKE = 1e-9
+"""Metres by which members seen have to differ for one to be worse: more than the rounding of another machine."""
+
 
 @dataclass(frozen=True)
 class Bound:
@@ -71,3 +74,8 @@ def nearest_piece(search: Search, avoid: AvoidConstraint, spans: Spans) -> Bound
         found.append(search.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, enough=enough))
     worst = min(found, key=lambda b: b.sampled)
     return replace(worst, proven=min(b.proven for b in found))
+
+
+def last_lowest(values: Floats) -> int:
+    """The last of the members that are lowest but for rounding, so that each machine names the same one."""
+    return len(values) - 1 - int((values <= np.fmin.reduce(values) + ALIKE)[::-1].argmax())

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate.bound import ALIKE, last_lowest
 from ensemble_ctrl.certificate.enclosure import UNIT, Flow, Ranged, Track, first_cells, lowered
 from ensemble_ctrl.certificate.masses import MASS_ERROR, Masses, masses
 from ensemble_ctrl.certificate.schedule import MOST, Schedule
@@ -274,7 +275,7 @@ def refined(cells: Cells, fleet: Ensemble, fleet_wide: bool, most: float, enough
         else:
             goal, seen, worst = cells.tried(low)
             target = min(target, goal)
-            if seen < sampled:
+            if seen < sampled - ALIKE:
                 sampled, member = seen, worst
             open_ = low < target - TIGHT
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
@@ -317,8 +318,8 @@ class FlowCells:
         value = self.middle(None)
         seen = _with_ends(self.flow, self.centre, value, self.whole_sides)
         high = _evaluate(self.flow, self.schedule, seen, np.zeros_like(seen), True)
-        worst = dict(zip(self.names, seen[high.argmin()].tolist(), strict=True))
-        return float(value.min()), float(high.min()), worst
+        k = last_lowest(high)
+        return float(value.min()), float(high[k]), dict(zip(self.names, seen[k].tolist(), strict=True))
 
     def halved(self, open_: NDArray[np.bool_], together: bool) -> FlowCells:
         """The open ones in two each."""
@@ -341,9 +342,7 @@ def _with_ends(flow: Flow, centres: Floats, value: Floats, whole_sides: NDArray[
     """The centres, and the worst of them moved to the ends of the sides that stay whole."""
     if not whole_sides.any():
         return centres
-    ends = np.array(
-        list(product(*((a, b) for a, b in zip(flow.lower[whole_sides], flow.upper[whole_sides], strict=True))))
-    )
+    ends = np.array(list(product(*zip(flow.upper[whole_sides], flow.lower[whole_sides], strict=True))))
     moved = np.tile(centres[value.argmin()], (len(ends), 1))
     moved[:, whole_sides] = ends
     return np.concatenate([centres, moved])

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.bound import Bound
+from ensemble_ctrl.certificate.bound import ALIKE, Bound, last_lowest
 from ensemble_ctrl.certificate.clearance import TIGHT
 from ensemble_ctrl.certificate.general.basis import UNIT, UP
 from ensemble_ctrl.certificate.general.boxes import Boxes, outwards
@@ -192,8 +192,8 @@ class Prover:
         times = (begin + end) / 2 + ends[:, 0] * (end - begin) / 2
         moved = 0.0 if motion is None else motion.at(times)
         seen = obstacle.distance(boxes.at(ends[:, 0], ends[:, 1:]) - moved) + away
-        k = int(np.where(np.isnan(seen), np.inf, seen).argmin())
-        if not seen[k] < best.sampled:
+        k = last_lowest(seen)
+        if not seen[k] < best.sampled - ALIKE:
             return best
         member = np.clip(boxes.where(np.array([k])).members(ends[[k], 1:])[0], self.lower, self.upper).tolist()
         return Bound(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate.bound import last_lowest
 from ensemble_ctrl.certificate.general.basis import UNIT, UP, Basis, restriction, restriction_error
 from ensemble_ctrl.certificate.general.boxes import Boxes, outwards
 from ensemble_ctrl.certificate.general.enclosure import Enclosure
@@ -245,10 +246,11 @@ class TubeCells:
         s = np.concatenate([np.zeros((len(low), corners.shape[1])), corners])
         some = self._members(cells, s)
         least, most = self.schedule.value(some), self.schedule.value(replace(some, upper=True))
-        worst = self.centre[cells[most.argmin()]].copy()
-        worst[self.boxes.wide] += s[most.argmin()] * self.half[cells[most.argmin()]][self.boxes.wide]
+        k = last_lowest(most)
+        worst = self.centre[cells[k]].copy()
+        worst[self.boxes.wide] += s[k] * self.half[cells[k]][self.boxes.wide]
         worst = np.clip(worst, *_ends(self.fleet))
-        return float(least.min()), float(most.min()), dict(zip(self.fleet.names, worst.tolist(), strict=True))
+        return float(least.min()), float(most[k]), dict(zip(self.fleet.names, worst.tolist(), strict=True))
 
     def halved(self, open_: NDArray[np.bool_], together: bool) -> TubeCells:
         """The open cells in two along the parameter that moves the states most; all alike if `together`."""
