@@ -176,6 +176,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     except Unenclosed as error:
         clearances, parts, looked, reason = (), (), 0, str(error)
     found = _counter_example(clearances, parts)
+    # yes: every bound is at least 0, and a comparison with NaN is false; no: an upper bound is below 0
     good = all(b.proven >= 0 for b in clearances) and all(b.covered and b.proven >= 0 for b in parts)
     verdict: Verdict = "no" if found else "yes" if good and not reason else "undecided"
     return Certificate(
@@ -306,6 +307,7 @@ def _share(
     best: TaskBound | None = None
     for box, mass in boxes(problem, controls, fleet, chance):
         prover = Prover(Flow.of(problem, controls, box), problem.fleet.names)
+        # f for every member of the box, as for a fleet of its own: its mass is a lower bound of the share
         bounds = [_clearance(prover, problem, avoid).proven for avoid in chance.avoid]
         bounds += [part_bound(problem, controls, box, part, fleet).proven for part in chance.rest]
         found = TaskBound(str(chance.part), min(bounds, default=np.inf), np.inf, {}, share=mass)

@@ -45,6 +45,7 @@ class Mesh:
         All grid times are among `times`, which are in order.
         """
         at = range(steps + 1) if times is None else times
+        # a tick is the fraction T / (S per_step); begin and length of each piece are rounded once
         tick = exact(duration) / (steps * per_step)
         up, down = tick.numerator, tick.denominator
         owner = np.array([min(time // per_step, steps) for time in at[:-1]], dtype=np.int64)
@@ -81,6 +82,7 @@ class Spans:
         -----
         *Guarantee*: exactly the instants of the window, but for one rounding of the first and the last share.
         """
+        # ends of the window in steps, as fractions; whole steps between, shares at the first and the last
         step = exact(duration) / steps
         low, high = (min(exact(time) / step, Fraction(steps)) for time in (begin, end))
         first = min(floor(low), steps - 1)

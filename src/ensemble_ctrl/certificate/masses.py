@@ -57,6 +57,7 @@ class Masses:
         """The mass that is a share of the fleet, or more than it if that is strict; rounded up, or down for `upper`."""
         if not self.counted:
             return share.p - MASS_ERROR if upper else min(share.p + MASS_ERROR, 1.0 + MASS_ERROR * share.strict)
+        # the least whole number of members that is p of all of them, or more than p
         p = exact(share.p)
         if share.strict:  # it is 1 - p of another share, and that has been rounded
             return float(floor((p + Fraction(-1 if upper else 1, 10**12)) * Fraction(self.total)) + 1)
@@ -70,6 +71,7 @@ def masses(fleet: Ensemble, centres: Floats, half: Floats) -> Masses:
     """
     laws, samples = list(fleet.parameters.items()), fleet.samples or {}
     counted = all(law.uniform or law.measured is not None for _, law in laws)
+    # the mass of a cell is a product over independent parameters; joint samples are counted
     mass, total, robots = np.ones(len(centres)), 1.0, None
     for k, (name, law) in enumerate(laws):
         # index of each cell along this parameter, of `count` equal ones, and their inner edges

@@ -41,6 +41,7 @@ def boxes(
 
     Only those with the mass that the part asks for.
     """
+    # robustness of members on a grid, less what half the box of starts takes away (predicates are 1-Lipschitz)
     axes = [_values(law, k in fleet.dynamic, len(fleet.dynamic)) for k, law in enumerate(fleet.parameters.values())]
     shape = tuple(map(len, axes))
     members = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
@@ -61,6 +62,7 @@ def boxes(
 def _certain(fleet: Fleet, low: Floats, high: Floats) -> float:
     """The mass of a box, rounded down where it comes from distribution functions."""
     rest = zip(fleet.parameters.items(), low, high, strict=True)
+    # exact where members are counted, or where the box holds all of the range
     counted = all(law.measured is not None or (a <= law.lower and b >= law.upper) for (_, law), a, b in rest)
     return fleet.mass(low, high) if counted else max(0.0, fleet.mass(low, high) - MASS_ERROR)
 

@@ -71,6 +71,7 @@ def _box(problem: Problem, sides: Sides, share: float) -> Range:
             upper[k] = law.upper if b >= 1 else float(law.quantile(b))
         return lower, upper
 
+    # bisection on the mass that each side keeps, until the box, whose mass is a product or a count, has the share
     few, many = share, 1.0
     if fleet.mass(*ends(few)) >= share:
         many = few
@@ -78,6 +79,7 @@ def _box(problem: Problem, sides: Sides, share: float) -> Range:
         mass = (few + many) / 2
         few, many = (few, mass) if fleet.mass(*ends(mass)) >= share else (mass, many)
     ends(many)
+    # in scaled parameters s, clipped to [-1, 1]
     pairs = zip(fleet.dynamic, fleet.dynamic_laws, strict=True)
     scaled = ([float(np.clip(law.to_scaled(end[k]), -1.0, 1.0)) for end in (lower, upper)] for k, law in pairs)
     return tuple((low, high) for low, high in scaled)

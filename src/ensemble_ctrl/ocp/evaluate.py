@@ -106,6 +106,7 @@ def rate_excess(bounds: Floats | None, controls: Floats, step: float) -> float:
 def _worst(problem: Problem, controls: Floats, order: int, within: Range | None) -> StateSignals:
     """Members of a Gauss rule and the corners of the ranges, or those of a box in scaled dynamic parameters."""
     fleet, dynamic = problem.fleet, len(problem.fleet.dynamic)
+    # members at Gauss nodes and corners, each also at the corners of the box of starts
     shifts = fleet.shift * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]] if fleet.shift.any() else [[0, 0]])
     nodes = TensorBasis((LegendreBasis(order),) * dynamic).nodes
     ends = positions(problem, controls, fleet.corners)

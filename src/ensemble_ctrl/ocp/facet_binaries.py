@@ -65,6 +65,7 @@ class Facets:
 
     def gaps(self, curve: Floats) -> Floats:
         """Smallest ``normal . p - offset`` over the points at both ends of each step, shape (facets, steps), metres."""
+        # min_i n_f . P_i - b_f at each grid time, then the smaller of both ends
         least = np.einsum("tpd,fd->ftp", curve, self.normal).min(axis=2) - self.offset[:, None]
         return np.asarray(np.minimum(least[:, :-1], least[:, 1:]))
 
@@ -90,6 +91,7 @@ class Workspace:
 
     def least(self, normal: Floats) -> Floats:
         """Smallest ``normal . p`` in the boxes at both ends of each step, shape (facets, steps)."""
+        # the least n . p over a box: its lower side where n_i > 0, its upper side elsewhere
         at = np.where(normal[:, None, :] > 0, self.low[None], self.high[None])
         values = np.einsum("fd,ftd->ft", normal, at)
         return np.asarray(np.minimum(values[:, :-1], values[:, 1:]))
@@ -135,6 +137,7 @@ class FacetBinaries:
 
     def setting(self, gaps: Floats) -> Floats:
         """1 exactly where a facet's rows hold, or fall short the least of their group, shape (count,)."""
+        # the smallest gap over the rows that read each binary; the largest of a group is set to 1
         worst = np.full(self.count, np.inf)
         read = self.binary >= 0
         np.minimum.at(worst, self.binary[read], gaps[self.facet[read], self.step[read]])
@@ -201,6 +204,7 @@ def workspace(problem: Problem, curve: Floats) -> Workspace:
     corners = [fleet.start_place[None], curve.reshape(-1, 2), *(piece.vertices for piece in pieces)]
     corners += [r.vertices for r in problem.regions.values() if r.is_bounded and not r.is_empty]
     corners += [] if problem.objective.place is None else [problem.objective.place[None]]
+    # the map and ROOM of its size, cut to start +- top speed * t
     every = np.concatenate(corners)
     low, high = every.min(axis=0), every.max(axis=0)
     spare = ROOM * float((high - low).max()) + fleet.radius + problem.solve.margin
@@ -243,6 +247,7 @@ def facet_binaries(
     keep = keeping(problem, truncation, tail) + largest_bulge(problem, truncation, allowed.shape[1])
     needed = sides.offset[:, None] + keep
     least, most = where.least(sides.normal), where.most(sides.normal)
+    # pairs that a row is needed for: no facet of the piece holds in all of the workspace
     touched = ~sides.of(least >= needed)[sides.piece] & sides.active
     offered = allowed & touched
     reachable = offered & (most >= sides.offset[:, None])
@@ -326,6 +331,7 @@ def _point_rows(
     chosen_here = columns.shape[1] > 3 + 4 * n
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        # n_f . P - b_f - keep - bulge + slack + M_f (1 - z_f) >= 0 at both ends of the step
         ends = [d[0] * p[:n] + d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n : 3 + 4 * n])]
         off = d[3] * (1 - z[3 + 4 * n]) if chosen_here else 0.0
         rows: ca.SX = ca.vertcat(*ends) - d[2] - bulge(problem, arc, z[1], z[2]) + z[0] + off
@@ -354,6 +360,7 @@ def _moment_rows(
     by_slack, by_binary = ca.DM(np.eye(len(positive))[0] * positive[0]), ca.DM(positive - negative)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        # moments of a . p, a = -n_f, with M z_f and the slack on the constant moment
         along = [-d[0] * p[:n] - d[1] * p[n:] for p in (z[3 : 3 + 2 * n], z[3 + 2 * n : 3 + 4 * n])]
         on = z[3 + 4 * n] if chosen_here else 1.0
         rows = [ca.mtimes(image, a) + d[2] * by_binary * on - by_slack * z[0] for a in along]

@@ -80,6 +80,7 @@ class Hyperplanes:
         """Smallest ``n . p`` over a cell's points, relative to the piece, at both ends of each step, (sides, steps)."""
         near = np.empty(self.support.shape)
         for cell, part in enumerate(self.parts):
+            # min_i n . P_i - drift at the begin and at the end of each step, the smaller of both
             own, rows = part @ points, self.cell == cell
             ends = [
                 np.einsum("tpd,otd->otp", own[end : len(own) - 1 + end], self.normal[rows]).min(axis=2, initial=np.inf)
@@ -174,6 +175,7 @@ def _by_shortest_way(points: Floats, piece: Obstacle, shift: Floats) -> tuple[Fl
     """Best normal, support and gap for one convex piece at every step, in any dimension."""
     steps, rows, vertices = len(points), np.arange(len(points)), piece.vertices
     facets, _ = piece.unit_rows()
+    # start from the facet with the largest gap: where the hulls overlap, it is left soonest
     gaps = np.stack([_gap(points, vertices, np.broadcast_to(n, (steps, len(n))), shift) for n in facets])
     which = gaps.argmax(axis=0)
     normal, gap = facets[which], gaps[which, rows]
@@ -219,6 +221,7 @@ def _by_direction(points: Floats, piece: Obstacle, shift: Floats) -> tuple[Float
 
 def _refined(points: Floats, vertices: Floats, shift: Floats, angle: Floats, width: float) -> tuple[Floats, Floats]:
     """Best of eleven angles within `width` around each given one, and its gap."""
+    # gap(n) at eleven angles around each step's best
     tried = angle[:, None] + width * np.linspace(-1.0, 1.0, 11)
     normals = np.stack([np.cos(tried), np.sin(tried)], axis=-1)
     near = np.einsum("tpd,tad->tap", points, normals).min(axis=2)

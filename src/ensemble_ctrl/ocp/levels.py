@@ -130,6 +130,7 @@ class TaskLevels:
 
 def smooth_maximum(parts: Floats) -> tuple[float, Floats]:
     """``log(mean exp(K a)) / K``, never above the largest, and its slopes."""
+    # log(mean exp(K a)) / K with the largest exponent taken out; its slopes are the softmax
     scaled = SHARPNESS * parts
     top = scaled.max()
     weights = np.exp(scaled - top)

@@ -191,6 +191,7 @@ def widened(allowed: Bools, steps: int) -> Bools:
 
 def program(problem: Problem, attempt: Attempt, sides: Facets, allowed: Bools) -> tuple[Transcription, Choice]:
     """The program around `attempt` in which the `allowed` facets may be chosen, with its binaries."""
+    # facets may be chosen for pairs within reach of the plan; binaries are shared within blocks of steps
     curve = points(problem, attempt.controls, attempt.truncation)
     where, error = workspace(problem, curve), tail(problem, attempt.controls, attempt.truncation)
     near = sides.gaps(curve)
@@ -272,6 +273,7 @@ def _fixed(search: _Search, name: str, transcription: Transcription) -> Outcome:
 def _branched(search: _Search, name: str, transcription: Transcription) -> Outcome:
     """Let Bonmin choose, without slack, for less than the incumbent's cost."""
     nlp, options = transcription.nlp, search.options()
+    # slacks are fixed at 0: a choice of facets has to be feasible
     upper, guess = nlp.upper.copy(), nlp.guess.copy()
     upper[nlp.slacks] = guess[nlp.slacks] = 0.0
     limits = replace(

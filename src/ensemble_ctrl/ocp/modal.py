@@ -123,6 +123,7 @@ def propagate(
     by_speed, by_turn = moment_generators(system, basis, interval)
     path = [start.ravel()]
     for v, omega in commands:
+        # m' = (v B_1 + omega B_2) m over one part of the step
         generator, moments = part * (v * by_speed + omega * by_turn), path[-1]
         for _ in range(substeps):
             moments = advance(generator, moments)

@@ -44,6 +44,7 @@ def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Numbers)
         times = _times(avoid.steps(layout.steps, problem.duration))
         for piece in avoid.pieces:
             G, h = piece.unit_rows()
+            # facets relative to where the obstacle is: n . p >= h + radius + n . c(t_k)
             moved = avoid.offsets(times * problem.duration / layout.steps)
             pairs = zip(times.tolist(), moved @ G.T, strict=True)
             by_facets[len(h)] += [(k, G, h + avoid.radius + drift) for k, drift in pairs]
@@ -51,6 +52,7 @@ def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Numbers)
     def build(facets: int) -> Build:
         def rows(z: ca.SX, d: ca.SX) -> ca.SX:
             x, y = ca.mtimes(mean, z[:n]), ca.mtimes(mean, z[n:])
+            # log-sum-exp of the facets' clearances, less log(n) / K: never above the largest
             clearance = d[:facets] * x + d[facets : 2 * facets] * y - d[2 * facets :]
             largest: ca.SX = ca.logsumexp(SHARPNESS * clearance) / SHARPNESS
             return largest - float(np.log(facets)) / SHARPNESS
@@ -78,6 +80,7 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: Nu
         for k in _times(avoid.steps(layout.steps, problem.duration)).tolist():
             for piece in avoid.pieces:
                 normals, levels = piece.unit_rows()
+                # |m_k along n| <= (2 M - h) m_k^+ for k = 1..N: the tightest of facets with the same line and time
                 moved = levels + normals @ avoid.offsets(np.array([k * problem.duration / layout.steps]))[0]
                 for (gx, gy), h in zip(normals, moved, strict=True):
                     sign = 1.0 if (gx, gy) > (0.0, 0.0) else -1.0
@@ -107,6 +110,7 @@ def region_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> 
 
 def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layout: Numbers) -> Block:
     """The moment rows of one region at the given grid times, one of two sides for each line along its faces."""
+    # b m_k^+ - c m_k^- <= m_k <= c m_k^+ - b m_k^- for b <= a . p <= c (docs/method.md)
     region = region.two_sided()
     lower, upper = region.moment_bounds(truncation.basis)
     pairs = [(k, face) for k in times.tolist() for face in range(len(region.A))]

@@ -119,6 +119,7 @@ class Positions:
 
         def build(z: ca.SX, d: ca.SX) -> ca.SX:
             _, omega = system.rates(z[0], z[1], CasadiArrays)
+            # Omega_(n+1) - Omega_n - omega_n dt = 0
             turned: ca.SX = z[3] - z[2] - step * omega
             return turned
 
@@ -136,6 +137,7 @@ class Positions:
             dy: ca.SX
             v, omega = system.rates(z[0], z[1], CasadiArrays)
             dx, dy = system.displacement(v, omega, z[2], linear, angular, heading, step, CasadiArrays)
+            # P_(n+1) - P_n - C d(v_n, omega_n, Omega_n) = 0
             return after - before - ca.vertcat(ca.mtimes(image, dx), ca.mtimes(image, dy))
 
         columns = np.column_stack([layout.controls, layout.turned[:-1], layout.points[:-1], layout.points[1:]])

@@ -88,6 +88,7 @@ def risk_rows(
     level, excess = layout.more(1), layout.more(len(members))
     if risk.of == "terminal":
         offset = offset - problem.objective.places(problem.fleet, members)
+        # L_i at the guess: the distance at the end, or minus the clearance; t its quantile, e_i what exceeds t
         loss = np.hypot(np.linalg.norm(seen @ curve[-1] + offset, axis=1), ROUND)
         blocks = [_distances(ends[-1], seen, offset, int(level[0]), excess)]
         clear, value = np.zeros(0, dtype=np.int64), np.zeros(0)
@@ -142,6 +143,7 @@ def _penalty(risk: Risk, level: int, excess: Ints) -> Block:
     share = len(excess) * (1 - risk.level)
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        # w (t + sum_i e_i / (n (1 - alpha))) (Rockafellar and Uryasev 2000)
         cost: ca.SX = risk.weight * (z[0] + ca.sum1(z[1:]) / share)
         return cost
 
@@ -154,6 +156,7 @@ def _distances(final: Ints, seen: Floats, offset: Floats, level: int, excess: In
     (count, n), dims = seen.shape, offset.shape[1]
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
+        # p_i - place_i, and the row e_i + t - |p_i - place_i| >= 0
         off = [ca.dot(d[dims:], z[k * n : (k + 1) * n]) + d[k] for k in range(dims)]
         square = sum((one**2 for one in off[1:]), off[0] ** 2)
         row: ca.SX = z[dims * n] + z[dims * n + 1] - ca.sqrt(square + ROUND**2)
@@ -175,6 +178,7 @@ def _losses(level: int, excess: Ints, clear: Ints) -> Block:
 def _left(path: Floats, hyperplanes: Hyperplanes, pairs: Pairs) -> Floats:
     """What each hyperplane that counts leaves each member at both ends of its step, shape (members, pairs, 2)."""
     side, at = np.nonzero(pairs)
+    # n . p_i - drift - (support + radius) at the begin and at the end of the step
     normal, keep = hyperplanes.normal[side, at], (hyperplanes.support + hyperplanes.radius[:, None])[side, at]
     ends = [np.einsum("kid,kd->ik", path[at + end], normal) - hyperplanes.drift[side, at, end] - keep for end in (0, 1)]
     return np.stack(ends, axis=-1)

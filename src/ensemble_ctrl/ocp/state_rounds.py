@@ -67,6 +67,7 @@ class Stage:
 
     def avoiding(self, iterate: Iterate) -> Avoiding:
         """Separating hyperplanes at an iterate, a row for every pair."""
+        # points P = C p(nodes), from the places among the nodes' states
         positions = iterate.states[:, self.problem.fleet.place_columns].transpose(0, 2, 1)
         points = np.einsum("ij,tjd->tid", self.truncation.to_points, positions)
         hyperplanes = separate(
@@ -111,6 +112,7 @@ def second(problem: Problem, controls: Floats, states: Floats, clock: Clock, wat
     """Controls for the whole fleet from those of the middle member and its states."""
     stage = Stage(problem, whole(problem), _substeps(problem, controls))
     iterate = stage.simulated(controls)
+    # unstable systems: node robots that run away under the middle member's commands start from its states
     size = RUNAWAY_FACTOR * max(1.0, float(np.abs(states).max()))
     if not (np.abs(iterate.states) <= size).all():
         iterate = stage.alike(controls, states)
@@ -188,6 +190,7 @@ def _as_short(solved: Attempt, before: Attempt) -> bool:
 
 def _more(spare: tuple[float, float], solved: Attempt, nodes: int) -> tuple[float, float]:
     """What to keep to spare next: more by what a finer replay of the fleet finds missing."""
+    # more to spare by one and a half times what is missing, where that is less than a metre
     missing = (max(0.0, -solved.value.gap), max(0.0, -solved.value.robustness))
     if nodes == 1 or max(missing) >= 1.0:
         return spare

@@ -126,6 +126,7 @@ class States:
             u = [m + h * z[i] for i, (m, h) in enumerate(zip(middle, half, strict=True))]
             own = {name: d[i] for i, name in enumerate(names)}
             before, after = z[n_u : n_u + n_x], z[n_u + n_x :]
+            # X_(j,n+1) - Phi(X_jn, u_n, psi_j) = 0
             defect: ca.SX = after - moved(fleet.system, before, u, own, step, substeps)
             return defect
 
@@ -140,6 +141,7 @@ class States:
     def bound(self, lower: Floats, upper: Floats) -> None:
         """Inputs, and the start."""
         fleet, layout = self.problem.fleet, self.layout
+        # scaled commands are in [-1, 1]; one whose bounds meet stays at its middle
         free = np.where(np.asarray(fleet.input_lower) == np.asarray(fleet.input_upper), 0.0, 1.0)
         lower[layout.controls], upper[layout.controls] = -free, free
         lower[layout.states[0]] = upper[layout.states[0]] = fleet.start_states(

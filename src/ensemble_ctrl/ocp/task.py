@@ -106,6 +106,7 @@ class GuessValues:
 
     def note(self, level: int, parts: Sequence[float]) -> None:
         """Set a level to the smooth maximum of its parts."""
+        # log(sum_i exp(K part_i) / n) / K, shifted by the largest exponent
         scaled = SHARPNESS * np.array(parts)
         top = scaled.max()
         self.levels[level] = float(top + np.log(np.exp(scaled - top).mean())) / SHARPNESS
@@ -114,6 +115,7 @@ class GuessValues:
         """The value of one term."""
         if isinstance(term, Level):
             return self.levels[term.index]
+        # min_i sum_j c_j P_ij + offset
         at = self.curves[term.of][term.at][:, list(term.columns)]
         return float((at @ np.array(term.coefficients) + term.offset).min())
 
@@ -143,6 +145,7 @@ class PointSignals:
         used = tuple(i for i, name in enumerate(self.states) if plane or name in by_name)
         values = tuple(by_name.get(self.states[i], 0.0) for i in used)
         if self.of != "mean":
+            # the box of starts takes sum_i |c_i| shift_i from every row but the mean's
             offset -= sum(abs(value) * self.shift[i] for i, value in zip(used, values, strict=True))
         return _matrix([(Row(k, used, values, offset, self.of),) for k in range(first, last + 1)])
 
@@ -193,6 +196,7 @@ class LevelOps(Ops):
 
     def _maximum(self, parts: list[Minimum]) -> Minimum:
         """A new level at or below the smooth maximum of the parts."""
+        # parts more than `band` below the largest are left out: that only lowers the log-sum-exp
         values = [self.guess.of(part) for part in parts]
         parts = [part for part, value in zip(parts, values, strict=True) if value >= max(values) - self.band]
         if len(parts) == 1:

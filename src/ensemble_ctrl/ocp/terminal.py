@@ -105,6 +105,7 @@ def _places(problem: Problem, truncation: Truncation) -> Floats:
     if not isinstance(problem.objective.target, Formation):
         return np.tile(np.asarray(problem.objective.place), (truncation.count, 1))
     nodes, weights = problem.fleet.rule(FINE)
+    # least squares under the laws: min_P sum_j w_j |(evaluation P)(q_j) - r(q_j)|^2 over the rule's nodes
     root = np.sqrt(weights)[:, None]
     fleet = problem.fleet
     wanted = problem.objective.places(fleet, fleet.dynamic_members(nodes))
@@ -116,6 +117,7 @@ def _places_error(wanted: Floats, truncation: Truncation) -> Any:
     weight, at = ca.DM(truncation.square), ca.DM(wanted)
 
     def error(*coordinates: ca.SX) -> ca.SX:
+        # 2 E|p - r|^2 as the quadratic form of P - R, coordinate by coordinate
         off = [c - at[:, i] for i, c in enumerate(coordinates)]
         cost: ca.SX = sum((ca.bilin(weight, one, one) for one in off), ca.SX(0))
         return cost
@@ -133,6 +135,7 @@ def _moments_error(target: MomentTarget, truncation: Truncation) -> Any:
     )
 
     def error(x: ca.SX, y: ca.SX) -> ca.SX:
+        # sum_k w_k |m_k - m_F,k|^2
         off = [ca.mtimes(image, x) - wanted[:, 0], ca.mtimes(image, y) - wanted[:, 1]]
         cost: ca.SX = ca.dot(weights, off[0] ** 2 + off[1] ** 2)
         return cost

@@ -48,6 +48,7 @@ def require_traceable(fleet: Fleet) -> None:
     psi = dict(zip(names, ca.vertsplit(p) if names else [], strict=True))
     rates = _traced(system, lambda: ca.vertcat(*system.xdot(ca.vertsplit(x), ca.vertsplit(u), psi)))
     function = ca.Function("xdot", [x, u, p], [rates])
+    # random members, states of sizes 0.1 to 30 around the start, and commands within their bounds
     generator = np.random.default_rng(0)
     members = fleet.sample(POINTS, seed=0)
     scale = 10.0 ** generator.uniform(-1.0, 1.5, (1, POINTS))

@@ -114,10 +114,12 @@ def transcribe(
     """
     model = parametrise(problem, truncation, guess)
     layout, step = model.layout, problem.duration / len(guess.controls)
+    # the level of the whole task, its slack, and a slack for each pair of a side and a step
     level, short = layout.level(), layout.slack(1)
     slack = layout.slack(avoiding.slacks)
     task, rated = _task(problem, truncation, model, level, step)
     margin = problem.solve.margin + spare[1] if rated else 0.0
+    # rows: dynamics, obstacles, task, rates, and level + slack >= margin
     blocks = [
         *model.dynamics(),
         *_avoidance(problem, truncation, model, avoiding, slack, spare[0]),
@@ -125,6 +127,7 @@ def transcribe(
         *rate_rows(layout, problem.fleet.rate_bounds, model.scale.half, step),
         level_row(level, int(short[0]), margin),
     ]
+    # cost: effort and smoothness, slacks, -w_rho level, terminal error
     terms = [
         *command_terms(layout, CommandCost.of(problem.objective, model.scale, step)),
         slack_term(layout, model.slack_weight),

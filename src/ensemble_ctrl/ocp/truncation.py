@@ -117,6 +117,7 @@ class Truncation:
         """
         if self.cells == 1 or not self.orders:
             return (np.eye(self.count),)
+        # cells [a, b] of the first parameter: its Bernstein coefficients on [a, b] by way of the moments
         ends = list(pairwise(np.linspace(-1.0, 1.0, self.cells + 1).tolist()))
         if not self.hull:
             at = self.nodes[:, 0]
@@ -135,6 +136,7 @@ class Truncation:
             ends = np.array(self.within)
             inside = ((self.nodes >= ends[:, 0] - 1e-12) & (self.nodes <= ends[:, 1] + 1e-12)).all(axis=1)
             return np.eye(self.count)[inside] if inside.any() else np.eye(self.count)
+        # Bernstein coefficients on the box, a Kronecker product over the parameters
         bases = [LegendreBasis(degree) for degree in self.degrees]
         parts = zip(bases, self.within, strict=True)
         return kron([moments_to_bernstein(basis, *ends) @ bernstein_to_moments(basis) for basis, ends in parts])
@@ -144,6 +146,7 @@ class Truncation:
         """Matrix from points to the moments they carry, under the laws, shape (moments, points)."""
         if self._uniform:
             return self.to_legendre
+        # from Legendre polynomials to those of the laws, a Kronecker product over the parameters
         changes = [
             change_of_basis(LegendreBasis(degree), basis)
             for degree, basis in zip(self.degrees, self.basis.factors, strict=True)
@@ -161,6 +164,7 @@ class Truncation:
         if self.joint is not None:
             values = self.evaluation(self.joint[0])
             return np.asarray(values.T @ (self.joint[1][:, None] * values))
+        # int p . p dmu = m^T (int phi phi^T dmu) m, the identity for uniform laws
         inner = np.eye(len(self.to_legendre))
         if not self._uniform:
             pairs = zip(self._laws, self.degrees, strict=True)
@@ -270,6 +274,7 @@ def _degrees(problem: Problem, controls: Floats, hull: bool, ceiling: int) -> tu
     least = max(1, len(target.moments) - 1) if isinstance(target, MomentTarget) else 1
     degrees = (min(least, ceiling),) * len(problem.fleet.dynamic)
     error = tail(problem, controls, plain(degrees, hull))
+    # greedy: one degree more in the parameter where the tail falls most
     while error >= TAIL_TOLERANCE and min(degrees, default=ceiling) < ceiling:
         tried = [(tail(problem, controls, plain(d, hull)), d) for d in _one_more(degrees, ceiling)]
         error, degrees = min(tried)

@@ -76,6 +76,7 @@ class Basis:
     @cached_property
     def points(self) -> Floats:
         """Nodes in the parameters, shape (nodes, parameters), each coordinate from -1 to 1."""
+        # Chebyshev nodes cos((2 j + 1) pi / 2 n), n = d + 1: T_1 at the nodes is the node
         lines = [cosines(d + 1, 2)[:, 1] for d in self.degrees]
         return np.array(list(product(*lines))).reshape(-1, self.parameters) if lines else np.zeros((1, 0))
 
@@ -83,6 +84,7 @@ class Basis:
     def to_points(self) -> Floats:
         """Coefficients to values at the nodes in the parameters, shape (nodes, terms)."""
         found = np.ones((len(self.points), len(self.exponents)))
+        # prod_k T_{a_k} at every node of the tensor grid
         nodes = np.array(list(product(*(range(d + 1) for d in self.degrees))), dtype=np.int64)
         for k, d in enumerate(self.degrees):
             found *= cosines(d + 1, d + 1)[nodes[:, k, None], self.exponents[:, k]]
@@ -91,12 +93,14 @@ class Basis:
     @cached_property
     def from_points(self) -> Floats:
         """Values at the nodes in the parameters to coefficients, shape (terms, nodes); higher terms are dropped."""
+        # discrete orthogonality: 1 / n for T_0, 2 / n for the others, in each parameter
         weight = np.where(self.exponents == 0, 1.0, 2.0).prod(axis=1) / len(self.points)
         return np.asarray(weight[:, None] * self.to_points.T)
 
     @cached_property
     def derivative(self) -> Floats:
         """Coefficients to those of the derivative by tau, shape (times, times): whole numbers, exact."""
+        # T_k' = 2 k (T_(k-1) + T_(k-3) + ...), with half of T_0
         matrix = np.zeros((self.times, self.times))
         for k in range(1, self.times):
             matrix[k - 1 :: -2, k] = 2.0 * k
@@ -120,6 +124,7 @@ class Basis:
         """
         key = parameter, low, high
         if key not in self._parts:
+            # the change of basis in one parameter; exponents of the others stay the same
             line = restriction(self.degrees[parameter] + 1, low, high)
             rest = np.delete(self.exponents, parameter, axis=1)
             alike = (rest[:, None] == rest[None]).all(axis=2)
@@ -190,6 +195,7 @@ def cosines(nodes: int, degrees: int) -> Floats:
     The angle ``k (2 j + 1) pi / (2 nodes)`` is reduced in whole numbers, so that the cosine is one of an angle of at
     most a quarter turn.
     """
+    # k (2 j + 1) in units of pi / 2 n: modulo a whole turn, then by symmetry to a quarter turn
     turn = (np.arange(degrees) * (2 * np.arange(nodes)[:, None] + 1)) % (4 * nodes)
     turn = np.minimum(turn, 4 * nodes - turn)
     sign = np.where(turn > nodes, -1.0, 1.0)
@@ -200,6 +206,7 @@ def cosines(nodes: int, degrees: int) -> Floats:
 @lru_cache(maxsize=64)
 def inverse(nodes: int) -> Floats:
     """Values at the Chebyshev nodes to coefficients, shape (nodes, nodes)."""
+    # c_k = 2 / n sum_j T_k(x_j) f(x_j), half of that for k = 0
     matrix = 2.0 / nodes * cosines(nodes, nodes).T
     matrix[0] /= 2
     return np.asarray(matrix)
@@ -211,6 +218,7 @@ def restriction(count: int, low: float, high: float) -> Floats:
 
     Entries are right to ``restriction_error(count)``.
     """
+    # T_k at the nodes of [low, high] by T_k = 2 x T_(k-1) - T_(k-2), interpolated on [-1, 1]
     x = (low + high) / 2 + (high - low) / 2 * cosines(count, 2)[:, 1]
     values = np.empty((count, count))
     values[:, 0] = 1.0
@@ -236,6 +244,7 @@ def _exponents(degrees: tuple[int, ...], times: int) -> Ints:
     if not degrees:
         return np.zeros((1, 0), dtype=np.int64)
     found = np.array(list(product(*(range(times * d + 1) for d in degrees))), dtype=np.int64)
+    # sum_k a_k / d_k <= times, in whole numbers
     weights = np.array([lcm(*degrees) // d for d in degrees])
     weighted = found @ weights
     kept = weighted <= times * lcm(*degrees)
@@ -253,10 +262,12 @@ def _products(degrees: tuple[int, ...]) -> tuple[csc_array, int, int]:
     factors, whole = _exponents(degrees, 1), _exponents(degrees, 2)
     count, parameters = len(factors), len(degrees)
     shape = tuple(2 * d + 1 for d in degrees)
+    # number of each exponent of a product
     place = np.zeros(shape, dtype=np.int64)
     place[tuple(whole.T)] = np.arange(len(whole)) if parameters else 0
     a, b = (i.ravel() for i in np.meshgrid(np.arange(count), np.arange(count), indexing="ij"))
     rows = []
+    # T_a T_b = (T_(a+b) + T_|a-b|) / 2 in each parameter
     for sums in product((True, False), repeat=parameters):
         e = np.where(np.array(sums, dtype=bool), factors[a] + factors[b], np.abs(factors[a] - factors[b]))
         rows.append(place[tuple(e.T)] if parameters else np.zeros(1, dtype=np.int64))

@@ -65,6 +65,7 @@ class Boxes:
         cells = len(enclosure.centre)
         weights = np.abs(rows)
         shape = (len(piece) * cells, len(rows))
+        # quantities: rows times coefficients; pad: |rows| times radii, and (n + 4) u sum |c| for rounding
         c = np.einsum("qs,ksctp->kcqtp", rows, enclosure.c[piece]).reshape(*shape, *enclosure.basis.shape)
         size = np.einsum("qs,ksctp->kcq", weights, np.abs(enclosure.c[piece])).reshape(shape)
         pad = np.einsum("qs,ksc->kcq", weights, enclosure.radius[piece]).reshape(shape)
@@ -106,6 +107,7 @@ class Boxes:
 
     def _half_of_time(self, low: float, high: float) -> Boxes:
         """The earlier or the later half of each box."""
+        # coefficients in time on the half, and the rounding of that change of basis
         c = restriction(self.basis.times, low, high) @ self.c
         pad = self.pad + restriction_error(self.basis.times) * np.abs(self.c).sum(axis=(2, 3))
         middle = (self.begin + self.end) / 2
@@ -114,6 +116,7 @@ class Boxes:
 
     def _half_of_cell(self, parameter: int, low: float, high: float) -> Boxes:
         """The lower or the upper half of each box's range of a parameter."""
+        # coefficients in the parameter on the half, and the rounding of that change of basis
         c = self.c @ self.basis.in_parameter(parameter, low, high).T
         pad = self.pad + restriction_error(self.basis.degrees[parameter] + 1) * np.abs(self.c).sum(axis=(2, 3))
         k = int(self.wide[parameter])
@@ -134,6 +137,7 @@ class Boxes:
 
     def at(self, tau: Floats, s: Floats) -> Floats:
         """The polynomials at one time and member of each box, shape (boxes, quantities), right to some roundings."""
+        # T_k(x) = cos(k arccos x)
         times = np.cos(np.arccos(tau)[:, None] * np.arange(self.basis.times))
         terms = np.cos(np.arccos(s)[:, None, :] * self.basis.exponents).prod(axis=2)
         return np.asarray(np.einsum("bqtp,bt,bp->bq", self.c, times, terms))
@@ -141,6 +145,7 @@ class Boxes:
     def sizes(self) -> Floats:
         """How much time and each parameter move the quantities, shape (boxes, 1 + parameters)."""
         size = np.abs(self.c)
+        # sum |c| of the terms that depend on time, and of those that depend on each parameter
         in_time = size[:, :, 1:].sum(axis=(2, 3))
         parts = [in_time] + [size[..., uses].sum(axis=(2, 3)) for uses in (self.basis.exponents > 0).T]
         return np.stack([np.linalg.norm(part, axis=1) for part in parts], axis=1)

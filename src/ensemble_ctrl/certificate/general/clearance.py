@@ -106,6 +106,7 @@ class Prover:
         for _ in range(ROUNDS):
             self.boxes += len(boxes)
             spent += boxes.c.size
+            # branch and bound: boxes whose bound is below the smallest distance seen are halved
             low, best = self._bounds(boxes, obstacle, motion, best)
             sizes = boxes.sizes()
             open_ = (low < min(best.sampled - TIGHT, enough)) & (sizes.max(axis=1) > SMALLEST)
@@ -129,6 +130,7 @@ class Prover:
         """All cells during some time."""
         parts = self.enclosure.parts
         piece = (spans.step[:, None] * parts + np.arange(parts)).ravel()
+        # shares of a step in the coordinates -1 to 1 of each of its pieces
         low, high = (
             (2 * (share[:, None] * parts - np.arange(parts)) - 1).ravel() for share in (spans.begin, spans.end)
         )
@@ -138,24 +140,29 @@ class Prover:
     def _bounds(self, boxes: Boxes, obstacle: Obstacle, motion: Motion | None, best: Bound) -> tuple[Floats, Bound]:
         """Lower bounds of the boxes' distances, and the smallest distance seen so far."""
         place, drift, bend = self._moved(boxes, motion)
+        # x~ relative to the obstacle, whose chord is linear in tau: place and half its way are two coefficients
         c = boxes.c.copy()
         c[:, :, 0, 0] -= place
         c[:, :, 1, 0] -= drift
+        # all that is not in the polynomial: radius, the obstacle's bend, 64 u of all numbers
         size = np.abs(c).sum(axis=(2, 3))
         extent = float(np.abs(obstacle.vertices).max())
         rounding = 64 * UNIT * (size.sum(axis=1) + np.abs(place).sum(axis=1) + extent)
         pad = (boxes.pad + bend[:, None]) * UP + rounding[:, None]
+        # first bound: d_O is 1-Lipschitz, so d_O(c_00) - |sum' |c| + pad|
         middle = c[:, :, 0, 0]
         away = np.linalg.norm(size - np.abs(middle) + pad, axis=1) * UP
         low = obstacle.distance(middle) - away - rounding
         closest = self._closest(boxes, c, obstacle)
         for normal in self._directions(obstacle, middle, closest, c, boxes):
+            # second bound: n x >= c_00 - sum' |c| - |n| pad for n x~ as one polynomial, less max_v n v
             along = np.einsum("bd,bdtp->btp", normal, c)
             first = along[:, 0, 0].copy()
             along[:, 0, 0] = 0.0
             spread = (np.abs(along).sum(axis=(1, 2)) + (np.abs(normal) * pad).sum(axis=1)) * UP
             gap = first - spread - (normal @ obstacle.vertices.T).max(axis=1) - 4 * rounding
             low = np.maximum(low, gap - 8 * UNIT * np.abs(gap))
+        # members in the middle and at the closest place: distances with the radius in their favour
         away = np.linalg.norm(pad, axis=1) + 2 * rounding
         for ends in (np.zeros_like(closest), closest):
             best = self._seen(boxes, obstacle, motion, ends, away, best)
@@ -176,6 +183,7 @@ class Prover:
         found = np.zeros((len(boxes), arms.shape[2]))
         place = c[:, :, 0, 0].copy()
         for _ in range(DESCENTS):
+            # along each arm in turn, the share of it that leads nearest to the obstacle, clipped to [-1, 1]
             target = _nearest(obstacle.edges, place)
             for k in range(arms.shape[2]):
                 step = ((place - target) * arms[:, :, k]).sum(axis=1) / square[:, k]
@@ -204,6 +212,7 @@ class Prover:
         self, obstacle: Obstacle, middle: Floats, closest: Floats, c: Floats, boxes: Boxes
     ) -> Iterator[Floats]:
         """Directions of length one away from an obstacle: its best facets', and those from its nearest places."""
+        # the facet with the largest n x - h, and the direction from the nearest place of the edges
         G, h = obstacle.unit_rows()
         for points in (middle, middle + np.einsum("bdk,bk->bd", self._linear(boxes, c), closest)):
             facet = G[(points @ G.T - h).argmax(axis=1)]
@@ -226,6 +235,7 @@ class Prover:
             return still, still, still[:, 0]
         _, begin, end = self._times(boxes)
         here, there = motion.at(begin), motion.at(end)
+        # chord of the motion on the box, and what the motion leaves it by
         return (here + there) / 2, (there - here) / 2, motion.bend(begin, end)
 
 
@@ -236,6 +246,7 @@ def _nearest(edges: Floats, points: Floats) -> Floats:
     square = np.maximum((along**2).sum(axis=1), 1e-300)
     size = max(1, BLOCK // edges.size)
     for rows in (slice(i, i + size) for i in range(0, len(points), size)):
+        # projection on each edge, its share clipped to [0, 1]
         apart = points[rows, None] - start
         share = np.clip((apart * along).sum(axis=2) / square, 0.0, 1.0)
         places = start + share[..., None] * along

@@ -176,9 +176,11 @@ class Pieces:
             c = self._polynomials(*self._grid())
         except Unenclosed:
             return replace(self, parts=2 * self.parts)
+        # sum |c| of each term over pieces and cells, relative to the size of its state
         size = np.abs(c).sum(axis=(0, 2))
         size = size / (size.sum(axis=(1, 2), keepdims=True) + 1e-300)
         last = float(size[:, -2:].sum())
+        # share of the terms with no term above them in a parameter, weighted by a_k / d_k
         share = self.basis.highest * self.basis.exponents / np.maximum(1, self.basis.degrees)
         by = [float((size.sum(axis=1) * weight).sum()) for weight in share.T]
         if not by or last >= max(by):
@@ -214,6 +216,7 @@ class Pieces:
 
     def _enclosure(self, centre: Floats, half: Floats) -> Enclosure:
         """The same for these cells."""
+        # proof_systems.md, theorem: |e| <= r < R on every piece, for one of the assumed radii R
         c = self._polynomials(centre, half)
         self._jacobian(c, 0 * self.scale(c), centre, half)  # what it refuses, it names
         defect, jump = self._defect(c, centre, half), self._jump(c, centre, half)
@@ -263,6 +266,7 @@ class Pieces:
             for ends in ([e[:-1] for e in edges], [e[1:] for e in edges])
         )
         centre = (lows + highs) / 2
+        # the larger distance to an edge, rounded up: the cells cover Q
         half = up(np.maximum(highs - centre, centre - lows)) * (highs > lows)
         return centre, half
 
@@ -288,6 +292,7 @@ class Pieces:
 
     def _origin(self, centre: Floats, half: Floats) -> Floats:
         """Coefficients of the start in the parameters, shape (states, cells, terms)."""
+        # x_0 + S q: q_k = c_k + H_k s_k adds c_k to the constant term and H_k to the term s_k
         found = np.zeros((len(self.start.origin), len(centre), self.basis.shape[1]))
         found[:, :, 0] = self.start.origin[:, None]
         for k, state in enumerate(self.start.shifts):
@@ -300,6 +305,7 @@ class Pieces:
     def _defect(self, c: Floats, centre: Floats, half: Floats) -> Floats:
         """Bounds of ``|x~' - f(x~, u, psi)|``, shape (pieces of time, states, cells)."""
         count, states, cells = c.shape[:3]
+        # x~, u and psi as models; pieces of time and cells together are one axis
         flat = c.transpose(1, 0, 2, 3, 4).reshape(states, count * cells, *self.basis.shape)
         x = [Model(self.basis, rows, np.zeros(count * cells)) for rows in flat]
         rates = self._right_side(
@@ -317,10 +323,12 @@ class Pieces:
 
     def _jump(self, c: Floats, centre: Floats, half: Floats) -> Floats:
         """Bounds of the jumps at the beginnings of all pieces, the first one from the true start; same shape."""
+        # T_j(-1) = (-1)^j and T_j(1) = 1: polynomials in s at the beginning and at the end of each piece
         sign = (-1.0) ** np.arange(self.basis.times)
         starts, ends = np.einsum("ksctp,t->kscp", c, sign), c.sum(axis=3)
         origin = self._origin(centre, half)
         before = np.concatenate([origin[None], ends[:-1]])
+        # gamma: sum |c| of the difference, and (times + 8) u sum |c| of both sides for rounding
         size = np.abs(c).sum(axis=(3, 4))
         earlier = np.concatenate([np.abs(origin).sum(axis=2)[None], size[:-1]])
         return np.asarray((np.abs(starts - before).sum(axis=3) + (self.basis.times + 8) * UNIT * (size + earlier)) * UP)
@@ -328,6 +336,7 @@ class Pieces:
     def _jacobian(self, c: Floats, tube: Floats, centre: Floats, half: Floats) -> Jacobian:
         """Bounds of the Jacobian on every piece over the tube around its polynomial."""
         count, states, cells = c.shape[:3]
+        # boxes that hold x~(tau, s) +- R: c_00 +- (sum' |c| + R), rounded outwards
         middle = c[..., 0, 0]
         away = (np.abs(c).sum(axis=(3, 4)) - np.abs(middle)) * UP + np.abs(middle) * 1e-12 + tube
         low, high = (a.transpose(1, 0, 2).reshape(states, -1) for a in (down(middle - away), up(middle + away)))
@@ -339,6 +348,7 @@ class Pieces:
             for k, name in enumerate(self.start.names)
         }
         rates = self._right_side(x, commands, {**self._numbers(x[0]), **psi})
+        # [J_low, J_high]: rows are the derivatives of each rate by all states
         matrices = [np.empty((count, cells, states, states)) for _ in range(2)]
         for i, rate in enumerate(rates):
             for matrix, by in zip(matrices, (rate.low_by, rate.high_by), strict=True):

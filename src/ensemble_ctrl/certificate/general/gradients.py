@@ -84,6 +84,7 @@ class Gradient(Smooth):
 
     def __mul__(self, other: Any) -> Gradient:
         o = self._lifted(other)
+        # (f g)' = f' g + f g', on intervals
         value = times((self.low, self.high), (o.low, o.high))
         mine = times((self.low_by, self.high_by), (o.low, o.high))
         theirs = times((o.low_by, o.high_by), (self.low, self.high))
@@ -104,6 +105,7 @@ class Gradient(Smooth):
     def reciprocal(self) -> Gradient:
         """``1 / x``."""
         self._require((self.low > 0) | (self.high < 0), "the right-hand side divides by something that may vanish")
+        # (1 / x)' = -1 / x^2
         value = down(1.0 / self.high), up(1.0 / self.low)
         square = times(value, value)
         return self._of(value, (-square[1], -np.maximum(square[0], 0.0)))
@@ -111,6 +113,7 @@ class Gradient(Smooth):
     def sqrt(self) -> Gradient:
         """Square root."""
         self._require(self.low > 0, "the right-hand side takes a square root of something that may not be positive")
+        # sqrt' = 1 / (2 sqrt)
         value = _monotone(np.sqrt, self.low, self.high)
         return self._of(value, (down(0.5 / value[1]), up(0.5 / value[0])))
 
@@ -127,6 +130,7 @@ class Gradient(Smooth):
 
     def arctan(self) -> Gradient:
         """Arc tangent, with the derivative ``1 / (1 + x^2)``."""
+        # range of x^2 on the interval, from zero on where it holds zero
         least = np.where((self.low <= 0) & (self.high >= 0), 0.0, np.minimum(np.abs(self.low), np.abs(self.high)))
         most = np.maximum(np.abs(self.low), np.abs(self.high))
         slope = 1.0 / (1.0 + most**2) * (1 - LIBRARY), 1.0 / (1.0 + least**2) * (1 + LIBRARY)
@@ -135,6 +139,7 @@ class Gradient(Smooth):
     def tanh(self) -> Gradient:
         """Hyperbolic tangent, with the derivative ``1 - tanh^2``."""
         low, high = _monotone(np.tanh, self.low, self.high)
+        # range of tanh^2, from zero on where the interval holds zero
         squares = times((low, high), (low, high))
         least = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(np.abs(low), np.abs(high)) ** 2 * (1 - LIBRARY))
         return self._of((low, high), (np.maximum(down(1.0 - squares[1]), 0.0), up(1.0 - least)))
@@ -161,6 +166,7 @@ def up(x: Floats) -> Floats:
 
 def times(a: Pair, b: Pair) -> Pair:
     """Bounds of the product of two intervals."""
+    # a bilinear function is extreme at the corners
     products = [x * y for x in a for y in b]
     return down(np.minimum.reduce(products)), up(np.maximum.reduce(products))
 
@@ -187,6 +193,7 @@ def sine(low: Floats, high: Floats, quarter: int = 0) -> Pair:
         last = np.floor((high + wide) / (2 * np.pi) - place / 4 + LIBRARY * (1 + np.abs(high)))
         return np.asarray(~(last < first))
 
+    # -1 and 1 where an extremum is in the interval, else the values at its ends
     least = np.where(holds(3.0 - quarter), -1.0, np.minimum(a, b) - LIBRARY)
     most = np.where(holds(1.0 - quarter), 1.0, np.maximum(a, b) + LIBRARY)
     return np.maximum(least, -1.0), np.minimum(most, 1.0)

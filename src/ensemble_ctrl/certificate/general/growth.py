@@ -41,6 +41,7 @@ class Jacobian:
 
     def comparison(self) -> Floats:
         """The non-negative matrix of the comparison system, shape (steps, cells, states, states)."""
+        # M_ij = sup |J_ij| off the diagonal, M_ii = max(sup J_ii, 0) on it
         matrix = np.maximum(np.abs(self.low), np.abs(self.high))
         k = np.arange(matrix.shape[-1])
         matrix[..., k, k] = np.maximum(self.high[..., k, k], 0.0)
@@ -74,6 +75,7 @@ def radii(jacobian: Jacobian, defect: Floats, jump: Floats, step: float) -> Floa
 def _compared(matrix: Floats, defect: Floats, jump: Floats, step: float) -> Floats:
     """The bound by the comparison system at the end of each piece."""
     found, r = np.empty_like(defect), np.zeros_like(defect[0])
+    # exp(M h) for all pieces at once
     grown = exponential_bound(matrix * (step * UP))
     for k in range(len(defect)):
         # int exp(M (h - s)) defect ds <= h exp(M h) defect, since all entries are non-negative
@@ -88,14 +90,17 @@ def _turned(jacobian: Jacobian, defect: Floats, jump: Floats, step: float) -> Fl
     found, identity = np.empty_like(defect), np.eye(states)
     frame, z = np.tile(identity, (cells, 1, 1)), np.zeros((cells, states))
     with np.errstate(invalid="ignore", over="ignore"):
+        # J = J_m + [-rho, rho]; exp(J_m h), its error, E = exp(h |J_m|) and exp(W h) with W = E rho E
         middle = (jacobian.low + jacobian.high) / 2
         radius = np.maximum(jacobian.high - middle, middle - jacobian.low) * UP
         exacts, errors, bounds = exponential(middle, step)
         swells = exponential_bound(bounds @ radius @ bounds * (step * UP**3))
         for k in range(len(defect)):
             exact, error, bound, swell = exacts[k], errors[k], bounds[k], swells[k]
+            # the jump in the frame: zeta + |A^-1 gamma|; then |w(0)| <= |A| zeta
             z = z + _solved(frame, jump[k][..., None])[..., 0]
             start = (np.abs(frame) @ z[..., None]) * UP
+            # pi = (exp(W h) - 1) |w(0)| + exp(W h) h E delta, and |e| <= E (|A| zeta + pi) (Lohner 1987)
             driven = swell @ (bound @ defect[k][..., None]) * (step * UP**3)
             away = np.maximum(swell - identity * (1 - UNIT), 0.0) @ start * UP + driven
             found[k] = (bound @ (start + away) * UP)[..., 0]
@@ -103,6 +108,7 @@ def _turned(jacobian: Jacobian, defect: Floats, jump: Floats, step: float) -> Fl
             whole = exact @ frame
             slack = (error @ np.abs(frame) + states * UNIT * (np.abs(exact) @ np.abs(frame))) * UP
             frame = _frame(whole, z)
+            # zeta' = |Q^-1 exp(J_m h) A| zeta + |Q^-1| E pi
             inner = _solved(frame, whole) @ z[..., None] + _bounded(frame, slack @ z[..., None])
             outer = _bounded(frame, bound @ away)
             z = ((inner + outer) * UP**2)[..., 0]
@@ -111,6 +117,7 @@ def _turned(jacobian: Jacobian, defect: Floats, jump: Floats, step: float) -> Fl
 
 def _frame(whole: Floats, z: Floats) -> Floats:
     """Orthogonal factors of matrices whose columns are sorted by their weight, so that the longest one is kept."""
+    # columns of exp(J_m h) A by their length times zeta, the heaviest first; QR of that order
     weight = np.linalg.norm(whole, axis=1) * z
     order = np.argsort(-weight, axis=1)
     return np.asarray(np.linalg.qr(np.take_along_axis(whole, order[:, None, :], axis=2))[0])
@@ -121,6 +128,7 @@ def _solved(frame: Floats, columns: Floats) -> Floats:
 
     ``Q^-1 = (1 - G)^-1 Q^T`` with ``G = 1 - Q^T Q``: it differs from ``Q^T`` by at most ``|G| / (1 - |G|)`` of it.
     """
+    # |Q^T y|, and 2 n u |Q^T| |y| for its rounding
     product = np.abs(frame.transpose(0, 2, 1) @ columns)
     return _completed(frame, product + 2 * len(frame[0]) * UNIT * (np.abs(frame.transpose(0, 2, 1)) @ np.abs(columns)))
 
@@ -133,6 +141,7 @@ def _bounded(frame: Floats, size: Floats) -> Floats:
 def _completed(frame: Floats, product: Floats) -> Floats:
     """From bounds of ``|Q^T y|`` to those of ``|Q^-1 y|``."""
     n = frame.shape[-1]
+    # row-sum norm of I - Q^T Q, and 4 n (n + 2) u for its rounding (Higham, section 3.1)
     gap = np.abs(np.eye(n) - frame.transpose(0, 2, 1) @ frame).sum(axis=2).max(axis=1) + 4 * n * (n + 2) * UNIT
     if not (gap < 1e-6).all():
         return np.full_like(product, np.inf)
@@ -148,6 +157,7 @@ def exponential_bound(matrix: Floats) -> Floats:
     last term is at most that term times ``q / (1 - q)`` with ``q = |M| / TERMS``, spread over all entries by its norm.
     """
     n = matrix.shape[-1]
+    # row-sum norms; scaling and squaring: exp(M) = exp(M / 2^k)^(2^k)
     norms = matrix.sum(axis=-1).max(axis=-1, initial=0.0) * UP
     norm, halvings = float(norms.max(initial=0.0)), 0
     if not np.isfinite(norm):
@@ -158,6 +168,7 @@ def exponential_bound(matrix: Floats) -> Floats:
         if halvings > SQUARINGS:
             raise Unenclosed("the right-hand side grows too fast for its steps", int(norms.argmax()))
     matrix = matrix / 2**halvings
+    # sum_j M^j / j!, the tail bounded by a geometric series with ratio q = |M| / TERMS
     term = total = np.broadcast_to(np.eye(n), matrix.shape)
     for j in range(1, TERMS):
         term = term @ matrix / j
@@ -176,6 +187,7 @@ def exponential(matrix: Floats, step: float) -> tuple[Floats, Floats, Floats]:
     """
     bound = exponential_bound(np.abs(matrix) * (step * UP))
     n = matrix.shape[-1]
+    # |h M|: the remainder of the Taylor sum is bounded by its powers
     size = np.abs(matrix) * step
     norm = size.sum(axis=-1).max(axis=-1)[..., None, None]
     if not (norm <= LARGEST).all():

@@ -97,6 +97,7 @@ class Model(Smooth):
     def __abs__(self) -> Model:
         low, high = self.range()
         self._require((low > 0) | (high < 0), "the right-hand side takes |.| of what may vanish", NotSmooth)
+        # |f| = f or -f: the sign is the same on the whole piece
         sign = np.where(low > 0, 1.0, -1.0)
         return Model(self.basis, self.c * sign[:, None, None], self.r)
 
@@ -109,6 +110,7 @@ class Model(Smooth):
         if not isinstance(other, Model):
             number = _numbers(other, len(self.c))
             return self._rounded(self.c * number[:, None, None], self.r * np.abs(number))
+        # a factor that is one number: coefficient by coefficient
         for one, two in ((self, other), (other, self)):
             if not one.c[:, 1:].any() and not one.c[:, 0, 1:].any() and not one.r.any():
                 return two * one.middle
@@ -117,6 +119,7 @@ class Model(Smooth):
     def _times(self, other: Model) -> Model:
         """The product of two polynomials: exact degrees, then what is beyond the basis goes to the remainder."""
         doubled, (times, terms) = self.basis.doubled, self.basis.shape
+        # A = sum |c^a|, B = sum |c^b|; only pairs of terms that occur are multiplied
         here, there = (np.abs(m.c).sum(axis=(1, 2)) for m in (self, other))
         mine, theirs = (np.flatnonzero(m.c.any(axis=(0, 1))) for m in (self, other))
         if not (len(mine) and len(theirs)):
@@ -135,13 +138,16 @@ class Model(Smooth):
                 a, b = (m[:, :1] if model.is_flat else m for m, model in ((a, self), (b, other)))
             else:  # values at the nodes in time
                 a, b = doubled.to_times @ a, doubled.to_times @ b
+            # all pairs of terms, summed by T_a T_b = (T_(a+b) + T_|a-b|) / 2
             outer = (a[..., :, None] * b[..., None, :]).reshape(-1, len(pairs))
             whole = (table @ outer.T).T.reshape(len(a), -1, doubled.terms)
             if not flat:
                 whole = doubled.from_times @ whole
+            # what is beyond the basis in time or in the parameters: its sum |c| goes to the remainder
             kept = whole[:, :times, :terms]
             c[rows, : kept.shape[1]] = kept
             tail[rows] = np.abs(whole[:, times:]).sum(axis=(1, 2)) + np.abs(whole[:, :times, terms:]).sum(axis=(1, 2))
+        # r = dropped + r_a (B + r_b) + r_b A + eps A B (proof_systems.md, section 1)
         here, there = here * UP, there * UP
         error = doubled.flat_error if flat else doubled.error
         remainder = tail + self.r * (there + other.r) + other.r * here + error * here * there
@@ -156,6 +162,7 @@ class Model(Smooth):
 
     def _applied(self, function: Callable[[Floats], Floats], name: str) -> Model:
         """A polynomial near a function of this one; nothing is claimed of how near."""
+        # interpolation of the function at the nodes in time and in the parameters
         found = np.zeros_like(self.c)
         with np.errstate(all="ignore"):
             if self.is_flat:
@@ -211,6 +218,7 @@ class Model(Smooth):
     def tanh(self) -> Model:
         """Hyperbolic tangent: with ``E = exp(2 f)``, ``|tanh f - y| = |E (1 - y) - (1 + y)| / (E + 1)``."""
         y, power = self._applied(np.tanh, "tanh"), (self * 2.0).exp()
+        # E + 1 >= 1, since E = exp(2 f) is positive
         least = np.maximum(power.range()[0], 0.0) + 1.0
         return y.grown((power * (1.0 - y) - (1.0 + y)).size() / least * UP)
 
@@ -218,10 +226,12 @@ class Model(Smooth):
         """Exponential: that of the middle times a Taylor polynomial of the rest."""
         middle, rest, away = self._split()
         terms = _terms(away, 1)
+        # Horner: exp d = 1 + d (1 + d/2 (1 + d/3 (...)))
         series = self._constant(1.0)
         for j in range(terms, 0, -1):
             series = 1.0 + rest * series / j
         with np.errstate(over="ignore"):
+            # Lagrange: |d|^(n+1) / (n+1)! exp |d|
             tail = away ** (terms + 1) / float(factorial(terms + 1)) * np.exp(away) * (1 + 64 * UNIT) * UP
             factor = np.exp(middle)
         return series.grown(tail)._scaled(factor, 16 * UNIT)
@@ -244,9 +254,11 @@ class Model(Smooth):
             sine = 1.0 - square * sine / (j * (j - 1))
         for j in range(terms - terms % 2 + 2, 1, -2):
             cosine = 1.0 - square * cosine / (j * (j - 1))
+        # Lagrange: |d|^(n+2) / (n+2)! for the sine of degree n, one degree more for the cosine
         last = terms - terms % 2 + 1
         sine = (sine * rest).grown(away ** (last + 2) / float(factorial(last + 2)) * UP)
         cosine = cosine.grown(away ** (last + 3) / float(factorial(last + 3)) * UP)
+        # sin(m + d) = sin m cos d + cos m sin d, cos(m + d) = cos m cos d - sin m sin d
         s, c = np.sin(middle), np.cos(middle)
         error = 8 * UNIT
         return (

@@ -45,6 +45,7 @@ def approximate(
     Unenclosed
         If a state runs away.
     """
+    # values at the nodes to coefficients of their integral in time, and to its values from tau = -1 on
     slopes = _antiderivative(basis.times) @ basis.from_times * (step / 2)
     sums = (cosines(basis.times, basis.times) - _signs(basis.times)) @ slopes
     sign = _signs(basis.times)[1:]
@@ -53,6 +54,7 @@ def approximate(
     found = np.empty((len(controls), *start.shape[:2], *basis.shape))
     edge = start
     for k, command in enumerate(np.asarray(controls, dtype=float)):
+        # Picard iteration at the nodes: x <- x(-1) + int f(x, u, psi), from the constant x(-1)
         first = (edge @ basis.to_points.T)[:, :, None, :]
         values = np.repeat(first, basis.times, axis=2)
         for _ in range(ITERATIONS):
@@ -68,6 +70,7 @@ def approximate(
             raise Unenclosed(f"{system.states[state]} runs away or is no number", k * values.shape[1] + cell)
         # integrated term by term: the noise of values would be magnified by the derivative
         found[k] = slopes @ (_rates(system, values, command.tolist(), parameters) @ basis.from_points.T)
+        # the constant term makes the polynomial continuous: sum_j (-1)^j c_j = x(-1); T_j(1) = 1 at the end
         found[k, :, :, 0] = edge - sign @ found[k, :, :, 1:]
         edge = found[k].sum(axis=2)
     return found
@@ -84,6 +87,7 @@ def _rates(system: System, values: Floats, command: list[float], psi: Mapping[st
 
 def _antiderivative(times: int) -> Floats:
     """Coefficients to those of the antiderivative by tau without its constant, the last one left out."""
+    # int T_k = T_(k+1) / (2 (k + 1)) - T_(k-1) / (2 (k - 1)), int T_0 = T_1
     grown = np.zeros((times + 1, times))
     grown[1, 0] = 1.0
     for k in range(1, times):

@@ -101,6 +101,7 @@ class GeneralProof:
         duration, steps, parts = self.problem.duration, len(self.controls), self.enclosure.parts
         bound = TaskBound(str(part), -np.inf, np.inf, {}, covered=False)
         for split in SPLITS:
+            # time cut at the ends of the enclosure's pieces, each in `split` parts
             schedule = Schedule.of(formula, duration, np.full(steps, parts * split, dtype=np.int64))
             if schedule is None:
                 break

@@ -102,6 +102,7 @@ class Smooth(ABC):
         return self.reciprocal() * other
 
     def __pow__(self, power: Any) -> Any:
+        # x^y = exp(y log x); x^-n = 1 / x^n; x^(n/2) = sqrt(x)^n
         if isinstance(power, Smooth):
             return (self.log() * power).exp()
         if power < 0:

@@ -63,11 +63,13 @@ class Elements:
         nothing is known of the interval.
         """
         step = duration / steps
+        # begin and length of each piece of the mesh in pieces of the enclosure, from its step on
         low, size = (mesh.begin - mesh.owner * step) / step * parts, mesh.length / step * parts
         owner = np.append(np.repeat(mesh.owner, 2), mesh.owner[-1])
         begin = np.append(np.repeat(low, 2), low[-1] + size[-1])
         end = begin.copy()
         end[1::2] += size
+        # the piece that holds the middle of an element; an interval across several pieces is not bounded
         part = np.clip(np.floor((begin + end) / 2).astype(np.int64), 0, parts - 1)
         end = np.where(end - begin > 1.5, np.nan, end)
         after = owner >= steps  # after the end robots stand
@@ -119,6 +121,7 @@ class Signals:
         coefficients, offset = predicate.normalised()
         by_name = dict(coefficients)
         row = np.array([by_name.get(name, 0.0) for name in self.states])
+        # mu(x~) as one polynomial; slack: |n| pad, 64 u of all numbers, and the cut in time
         c = np.einsum("q,ckqtp->cktp", row, self.c)
         size = np.einsum("q,ckqtp->ck", np.abs(row), np.abs(self.c))
         slack = np.einsum("q,ckq->ck", np.abs(row), self.pad) + 64 * UNIT * (size + abs(offset))
@@ -127,6 +130,7 @@ class Signals:
         for low, high, rows in self.elements.groups:
             wanted = rows[(rows >= first) & (rows <= last)]
             piece = self.elements.piece[wanted]
+            # c_00 + offset +- (sum' |c| + slack) on the part of the piece
             part = restriction(self.basis.times, low, high) @ c[:, piece]
             middle = part[:, :, 0, 0]
             spread = (np.abs(part).sum(axis=(2, 3)) - np.abs(middle)) * UP + slack[:, piece]
@@ -146,6 +150,7 @@ class Signals:
 
     def averaged(self) -> Signals:
         """Each cell's average member, for a law that is uniform within cells: terms of odd powers vanish."""
+        # (1/2) int T_a(s) ds over [-1, 1] = 1 / (1 - a^2) for even a, 0 for odd a
         powers = self.basis.exponents
         weight = np.where(powers % 2 == 0, 1.0 / (1.0 - np.where(powers == 1, 0.0, powers) ** 2.0), 0.0).prod(axis=1)
         c = self.c @ weight[:, None]
@@ -171,6 +176,7 @@ class MeanSignals:
         if found is None:
             raise AssertionError("a mean is of all cells")
         each = (self.of.averaged() if found.even else self.of).leaf(predicate, first, last)
+        # sum_c mass_c mu_c, each mass wrong by MASS_ERROR of the spread, and (cells + 8) u for rounding
         share = found.mass / found.total
         wrong = (0.0 if found.counted else len(share) * MASS_ERROR) * (each.max(axis=0) - each.min(axis=0))
         rounding = (len(share) + 8) * UNIT * np.abs(each).max(axis=0)
@@ -240,6 +246,7 @@ class TubeCells:
     def tried(self, low: Floats) -> tuple[float, float, Member]:
         """The middles of all cells, and the corners of the one with the lowest bound."""
         count = min(len(self.boxes.wide), CORNERS)
+        # s = +-1 in the first parameters of the cell with the lowest bound, 0 in the others
         corners = np.array(list(product((-1.0, 1.0), repeat=count))).reshape(2**count, count)
         corners = np.pad(corners, ((0, 0), (0, len(self.boxes.wide) - count)))
         cells = np.concatenate([np.arange(len(low)), np.full(len(corners), int(low.argmin()))])
@@ -255,6 +262,7 @@ class TubeCells:
     def halved(self, open_: NDArray[np.bool_], together: bool) -> TubeCells:
         """The open cells in two along the parameter that moves the states most; all alike if `together`."""
         some = self.boxes.where(np.repeat(open_, self.pieces))
+        # the parameter that moves the states most on any piece of a cell; one side for all if together
         sizes = some.sizes()[:, 1:].reshape(-1, self.pieces, len(some.wide)).max(axis=1)
         side = np.full(len(sizes), sizes.max(axis=0).argmax()) if together else sizes.argmax(axis=1)
         return replace(self, boxes=some.halved(np.repeat(side + 1, self.pieces)))
@@ -268,6 +276,7 @@ class TubeCells:
     def _members(self, cells: Ints, s: Floats) -> Signals:
         """Lower bounds over elements for one member of each of some cells; `s` is -1 to 1 in each parameter."""
         all_, basis = self._signals(), self.boxes.basis
+        # T_a(s) of one member: polynomials in time alone are left
         terms = np.cos(np.arccos(s)[:, None, :] * basis.exponents).prod(axis=2)
         c = np.einsum("mkqtp,mp->mkqt", all_.c[cells], terms)[..., None]
         pad = (all_.pad[cells] + 64 * UNIT * np.abs(all_.c[cells]).sum(axis=(3, 4))) * UP

@@ -43,6 +43,7 @@ def hulls(enclosure: Enclosure, rows: Floats, steps: int, slices: int = 1, timed
     """
     pieces = np.arange(steps * enclosure.parts)
     whole = np.ones(len(pieces))
+    # all cells on whole pieces, cut into slices of the first parameter, then where they bend most
     boxes = Boxes.of(enclosure, rows, pieces, -whole, whole)
     if 0 in enclosure.wide:
         while len(np.unique(boxes.centre[:, 0])) < slices:
@@ -50,11 +51,13 @@ def hulls(enclosure: Enclosure, rows: Floats, steps: int, slices: int = 1, timed
     most = max(len(boxes), MOST_CELLS * steps)
     while 2 * len(boxes) <= most and _radius(boxes)[1].max() > TIGHT:
         boxes = _all_halved(boxes, int(_bends(boxes).argmax()))
+    # parts of a step in the order of the first parameter, the piece of time and its part
     step = boxes.piece // enclosure.parts
     first = boxes.centre[:, 0] if boxes.centre.shape[1] else np.zeros(len(boxes))
     boxes = boxes.where(np.lexsort((boxes.begin, boxes.piece, first, step)))
     arms, radius = _radius(boxes)
     middle = boxes.c[:, :, 0, 0]
+    # time as a coordinate: its middle, and half its length as one more arm
     if timed:
         piece = timed / enclosure.parts
         begin, end = (piece * (boxes.piece + (1 + share) / 2) for share in (boxes.begin, boxes.end))
@@ -62,6 +65,7 @@ def hulls(enclosure: Enclosure, rows: Floats, steps: int, slices: int = 1, timed
         moves = np.zeros((len(boxes), 1, arms.shape[2]))
         moves[:, 0, 0] = (end - begin) / 2
         arms = np.concatenate([moves, arms], axis=1)
+    # corners of the linear part: c_00 +- every arm
     points = middle[:, None] + signs_of(arms.shape[2]) @ arms.transpose(0, 2, 1)
     return points.reshape(steps, -1, *points.shape[1:]), radius.reshape(steps, -1)
 
@@ -74,6 +78,7 @@ def _all_halved(boxes: Boxes, side: int) -> Boxes:
 def _linear(boxes: Boxes) -> tuple[Floats, Floats]:
     """The linear terms in time and in the parameters, shape (boxes, d, 1 + parameters), and sizes of the bent ones."""
     lines: Ints = np.array([boxes.basis.line(k) for k in range(len(boxes.wide))], dtype=np.int64)
+    # |c| of all terms but the constant and the linear ones
     bent = np.abs(boxes.c)
     bent[:, :, 0, 0] = bent[:, :, 1, 0] = 0.0
     bent[:, :, 0, lines] = 0.0
@@ -83,6 +88,7 @@ def _linear(boxes: Boxes) -> tuple[Floats, Floats]:
 def _radius(boxes: Boxes) -> tuple[Floats, Floats]:
     """The arms of the hulls, shape (boxes, d, arms), that of time first, and what grows them, shape (boxes,)."""
     linear, bent = _linear(boxes)
+    # the longest arms span the hull; sum |c| of all other terms and the pad are its radius
     longest = 1 + np.argsort(-np.linalg.norm(linear[:, :, 1:], axis=1).max(axis=0), kind="stable")
     kept, others = (np.append(0, longest[: ARMS - 1]), longest[ARMS - 1 :])
     rest = bent.sum(axis=(2, 3)) + np.abs(linear[:, :, others]).sum(axis=2) + boxes.pad

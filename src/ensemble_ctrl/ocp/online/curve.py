@@ -42,6 +42,7 @@ class Curve:
     def __init__(self, problem: Problem, truncation: Truncation, initial: InitialCondition, controls: Floats) -> None:
         self.problem, self.initial, self.controls = problem, initial, controls
         self.robots = initial.path.shape[1]
+        # C for each robot, side by side; P_n = C p_n from the measured pose on, measured places before it
         self._image = np.kron(np.eye(self.robots), truncation.to_points)
         self._nodal = problem.fleet.arcs.paths(controls[initial.at :], initial.coefficients, problem.step)
         ahead = np.einsum("ij,jtd->tid", self._image, self._nodal)
@@ -77,6 +78,7 @@ class Curve:
         turned = system.turned(system.rates(*self.controls[at:].T)[1], step)[free - at :]
         linear, angular, heading = (column[:, None] for column in initial.coefficients[:, :3].T)
 
+        # imaginary steps: d/dv f(v) = Im f(v + i h) / h, exact to rounding
         def slope(dv: complex, dw: complex) -> Floats:
             moves = system.displacement(v + dv, omega + dw, turned, linear, angular, heading, step)
             return np.asarray(np.einsum("ij,djs->sid", self._image, np.stack(moves).imag / TINY))

@@ -113,6 +113,7 @@ class Point:
     def required(self, hyperplanes: Hyperplanes) -> Floats:
         """What ``normal . p`` has to reach for every pair of a side and a step."""
         problem, free = self.model.problem, self.initial.free
+        # support + radius + margin + sagitta + growth at the larger of both ends
         v, omega = problem.fleet.arcs.rates(*self.free.T)
         arc = curvature(problem, self.model.truncation, problem.steps) * np.abs(v * omega)
         growth = self.initial.growth[free:]

@@ -93,6 +93,7 @@ class OnlineProgram(OnlineModel):
         while count < rounds:
             if count and (timer() - began) * (count + 1) / count > deadline:
                 break
+            # one quadratic program: hyperplanes fixed here, a step, a line search on the exact cost
             hyperplanes = point.hyperplanes()
             cost, short = point.cost(hyperplanes)
             step, more = change(point, hyperplanes)

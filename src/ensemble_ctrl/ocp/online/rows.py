@@ -24,6 +24,7 @@ def hyperplane_rows(point: Point, hyperplanes: Hyperplanes) -> tuple[Floats, Flo
     normal = hyperplanes.normal[side, at]
     value = np.einsum("rkd,rd->rk", curve[when, which], normal) - hyperplanes.drift[side, at][:, end]
     b = point.required(hyperplanes)[side, at][:, None] - value
+    # rows that may bind: near ones, at times that can still change, the lowest half of the points at each end
     used = (b > -NEAR) & (when > free)
     for k in (0, 1):
         used[:, k * count : (k + 1) * count] &= _lowest(-b[:, k * count : (k + 1) * count])
@@ -46,6 +47,7 @@ def task_rows(point: Point) -> tuple[Floats, Floats]:
 def _height_rows(point: Point, level: Floats) -> tuple[Floats, Floats]:
     """``d(x px + y py) - d level >= level - height`` for the lowest points of each row that is near its level."""
     task, free, n, count = point.model.levels, point.initial.free, point.free.size, point.curve.points.shape[1]
+    # height - level of each row at each point; rows near their level, and of these the lowest points
     excess = point.heights - level[task.row_level][:, None]
     used = (excess < 2 * NEAR) & _lowest(excess)
     row, which = np.nonzero(used)
@@ -57,6 +59,7 @@ def _height_rows(point: Point, level: Floats) -> tuple[Floats, Floats]:
     for k in np.flatnonzero(later & task.mean[row]):
         same = np.full(count, task.at[row[k]]), np.arange(count), np.tile(normal[k], (count, 1))
         slope[k] = point.mean @ point.curve.slopes(*same)
+    # -1 for the level that the row is below
     one = np.zeros((len(row), task.count))
     one[np.arange(len(row)), task.row_level[row]] = -1.0
     return np.hstack([slope, one]), -excess[used]
@@ -67,6 +70,7 @@ def _level_rows(point: Point, level: Floats) -> list[Floats]:
     task, n = point.model.levels, point.free.size
     rows = []
     for low, high in task.order.tolist():
+        # d second - d first, then d smooth maximum - d level with the softmax as slopes, then d level
         rows.append(np.zeros(n + task.count))
         rows[-1][n + low] -= 1.0
         rows[-1][n + high] += 1.0
@@ -92,6 +96,7 @@ def rate_rows(point: Point) -> tuple[Floats, Floats]:
     bounds = point.model.most
     if bounds is None:
         return np.zeros((0, point.free.size)), np.zeros(0)
+    # -most - change <= D du <= most - change
     D = np.kron(point.differences, np.eye(2))
     change = point.changes.ravel()
     most = np.tile(bounds, len(point.changes))

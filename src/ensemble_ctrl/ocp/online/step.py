@@ -30,6 +30,7 @@ def change(point: Point, hyperplanes: Hyperplanes) -> tuple[Floats, int]:
     """The change of the free commands that the quadratic program here asks for, and its iterations."""
     fleet, u = point.model.problem.fleet, point.free
     n, starts = u.size, groups(len(u))
+    # the quadratic program min du^T H du / 2 + g . du + c sum(slacks), A du + slack >= b
     H, g = point.smooth_cost()
     rows = [hyperplane_rows(point, hyperplanes), task_rows(point), rate_rows(point)]
     A = np.concatenate([np.pad(a, [(0, 0), (0, len(g) - a.shape[1])]) for a, _ in rows])
@@ -38,6 +39,7 @@ def change(point: Point, hyperplanes: Hyperplanes) -> tuple[Floats, int]:
     low = np.maximum.reduceat(np.maximum(fleet.input_lower - u, -most), starts)
     high = np.minimum.reduceat(np.minimum(fleet.input_upper - u, most), starts)
     levels = np.full(len(g) - n, LEVEL_TRUST)
+    # commands of a group change alike: H, g and A summed over the steps of each group
     program = Quadratic(
         _summed(_summed(H, starts, n).T, starts, n),
         _summed(g[None], starts, n)[0],
@@ -68,6 +70,7 @@ def _growth(steps: int) -> float:
     low, high = 1.0, 2.0
     for _ in range(40):
         middle = (low + high) / 2
+        # sum_k growth^k over BLOCKS groups = (growth^BLOCKS - 1) / (growth - 1), by bisection
         covered = BLOCKS if middle == 1 else (middle**BLOCKS - 1) / (middle - 1)
         low, high = (middle, high) if covered < steps else (low, middle)
     return high

@@ -67,6 +67,7 @@ def solve_quadratic(program: Quadratic, tolerance: float = 1e-5, iterations: int
     """
     n, m = len(program.g), len(program.b)
     z = np.clip(np.zeros(n), *_shrunk(program.lower, program.upper))
+    # start: A z - b = over - short with both positive, y and c - y, multipliers of the bounds
     gap = program.A @ z - program.b
     over, short = np.maximum(gap, 0.0) + 1e-2, np.maximum(-gap, 0.0) + 1e-2
     y = np.where(gap > 0, 1e-2, 0.5) * program.penalty
@@ -75,6 +76,7 @@ def solve_quadratic(program: Quadratic, tolerance: float = 1e-5, iterations: int
         system = _System(program, at)
         if system.solved(tolerance):
             return at.z, count
+        # Mehrotra: predictor to complementarity 0, centring (mu_aff / mu)^3, corrector with second-order terms
         guess = system.direction(0.0, np.zeros(2 * (n + m)))
         first, last = at.longest(guess, program, 1.0)
         pairs = at.products(guess, program, first, last)

@@ -131,6 +131,7 @@ class Condensed:
         x[self.nlp.slacks] = 0.0
         g, jacobian = self.rows(x)
         for _ in range(NEWTON):
+            # Newton on c(d, z) = 0 for the dependent variables: d <- d - C_d^-1 c
             defect = (g - self.nlp.program.lower)[self.equations]
             if not np.isfinite(defect).all() or np.abs(defect).max(initial=0.0) <= EQUAL:
                 break
@@ -189,6 +190,7 @@ class _Point:
         diagonal = Z.T @ (upper.diagonal()[:, None] * Z)
         eigen, vectors = np.linalg.eigh(half + half.T - diagonal)
         H = (vectors * (np.maximum(eigen, 0.0) + PROXIMAL)) @ vectors.T
+        # J Z dz >= b, and dz within its bounds and the trust region
         A, b = self._rows(Z)
         low, high = (bound[condensed.independent] - self.x[condensed.independent] for bound in (nlp.lower, nlp.upper))
         width = high - low
@@ -201,6 +203,7 @@ class _Point:
         condensed = self.condensed
         Z = np.zeros((len(self.x), len(condensed.independent)))
         Z[condensed.independent, np.arange(len(condensed.independent))] = 1.0
+        # Z = (-C_d^-1 C_z; I)
         slopes = self.jacobian[condensed.equations][:, condensed.independent].toarray()
         Z[condensed.nlp.dependent] = -condensed.factor(self.jacobian).solve(slopes)
         return Z
