@@ -29,6 +29,7 @@ def curvature(problem: Problem, truncation: Truncation, steps: int) -> float:
 
 def bulge(problem: Problem, curvature: float, first: Any, second: Any) -> Any:
     """Metres for the arc of one step, an expression of its two commands."""
+    # sagitta h^2/8 a b |v omega|, with a smooth absolute value above it
     v, omega = problem.fleet.arcs.rates(first, second, CasadiArrays)
     return curvature * ca.sqrt((v * omega) ** 2 + SMOOTH**2)
 

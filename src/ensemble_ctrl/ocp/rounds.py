@@ -70,6 +70,7 @@ def _round(problem: Problem, attempt: Attempt, options: SolverOptions, watch: Wa
     """One choice of hyperplanes: solve, and solve again with the pairs that the solution violates."""
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
+    # rows for pairs within reach, with the truncation error of the guess as margin
     reach = REACH * map_size(problem, curve)
     hyperplanes = all_hyperplanes(problem, truncation, curve, reach)
     missed = tail(problem, guess, truncation) if truncation.hull else 0.0
@@ -114,6 +115,7 @@ def _after(
 def rank(attempt: Attempt) -> tuple[bool, float, float]:
     """Sorting key: feasible first, then cost; infeasible by how much they fall short."""
     value = attempt.value
+    # total shortfall: clearance, robustness and rates
     short = max(0.0, -value.gap) + max(0.0, -value.robustness) + max(0.0, value.excess)
     return (not value.keeps(0.0), 0.0 if value.keeps(0.0) else short, value.cost)
 

@@ -90,6 +90,7 @@ def _anywhere(problem: Problem) -> Polyhedron:
     fleet = problem.fleet
     if not fleet.system.on_arcs:
         return Polyhedron.box(np.column_stack([fleet.start_place - FAR, fleet.start_place + FAR]))
+    # |p(T) - p_0| <= a_max max|v| T, taken twice
     speed = max(abs(fleet.input_lower[0]), abs(fleet.input_upper[0]))
     reach = 2 * float(speed * fleet.fastest[0]) * problem.duration + 1.0
     return Polyhedron.box(

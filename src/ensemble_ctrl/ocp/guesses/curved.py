@@ -122,6 +122,7 @@ def _surroundings(problem: Problem, clearance: float) -> Surroundings:
     places += [region.vertices for region in problem.regions.values() if region.is_bounded]
     corners = np.concatenate(places)
     size = float(np.ptp(corners, axis=0).max())
+    # obstacles grown by radius, margin, the box of starts and the clearance (a Minkowski sum with a disc)
     more = problem.solve.margin + float(np.linalg.norm(fleet.shift)) + clearance * size / 10
     blocked = unary_union([MultiPoint(piece.vertices).convex_hull.buffer(own + more) for piece, own in pieces])
     shapely.prepare(blocked)
@@ -163,6 +164,7 @@ def _timed(problem: Problem, trip: Trip, legs: list[Floats]) -> tuple[Floats, Fl
     """All poses with the times to be at them: as the routes' arrivals, at an even share of what is possible."""
     now, poses, times = 0.0, [legs[0][:1]], [np.zeros(1)]
     for arrival, dwell, leg in zip(*schedule(problem, trip), legs, strict=True):
+        # times along a leg in proportion to the least seconds that it needs
         along = np.cumsum(needed(problem, leg))
         times.append(now + along / max(float(along[-1]), 1e-9) * max(arrival - now, 1e-6))
         poses.append(leg[1:])

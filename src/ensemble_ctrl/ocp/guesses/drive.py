@@ -19,6 +19,7 @@ def smoothed(path: Floats) -> Floats:
     """A moving average over a sixteenth of the horizon, ends kept."""
     half = max(len(path) // 32, 1)
     padded = np.concatenate([np.repeat(path[:1], half, axis=0), path, np.repeat(path[-1:], half, axis=0)])
+    # moving average with the ends repeated
     kernel = np.full(2 * half + 1, 1 / (2 * half + 1))
     return np.stack([np.convolve(padded[:, axis], kernel, "valid") for axis in (0, 1)], axis=1)
 
@@ -38,11 +39,13 @@ def follow(problem: Problem, path: Floats) -> Floats:
         ahead = path[n + 1] - place
         distance = float(np.hypot(*ahead))
         wanted = np.arctan2(ahead[1], ahead[0]) if distance > 1e-3 else heading
+        # proportional control: the turn that takes 1.4 times the heading error off in a step, slower while it is large
         error = (wanted - heading + np.pi) % (2 * np.pi) - np.pi
         turn = 1.4 * sign * error / (step * angular) if distance > 1e-3 else 0.0
         speed = distance * max(np.cos(error), slowest) / (step * linear)
         controls[n] = fleet.arcs.commands(speed, turn, low, high)
         v, omega = fleet.arcs.rates(*controls[n])
+        # exact arc of the nominal robot: its chord, at the heading in the middle of the step
         half = sign * angular * omega * step / 2
         place = place + linear * v * step * np.array([np.cos(heading + half), np.sin(heading + half)])
         heading += 2 * half

@@ -15,6 +15,7 @@ def tightest(problem: Problem) -> float:
     fleet = problem.fleet
     linear, angular = fleet.coefficients(fleet.center[None])[0, :2].tolist()
     fast = 0.5 * float(np.abs([fleet.input_lower[0], fleet.input_upper[0]]).max())
+    # |a v| / |b omega| for the largest turn rate to either side, the larger radius of both
     turns = [fleet.arcs.commands(fast, side, fleet.input_lower, fleet.input_upper) for side in (-1e6, 1e6)]
     rates = np.array([fleet.arcs.rates(*commands) for commands in turns])
     return float(np.max(np.abs(rates[:, 0] * linear) / np.maximum(np.abs(rates[:, 1] * angular), 1e-9)))
@@ -30,6 +31,7 @@ def needed(problem: Problem, poses: Floats) -> Floats:
     fleet = problem.fleet
     moved, turned = _moves(poses)
     linear, angular = np.abs(fleet.coefficients(fleet.center[None])[0, :2])
+    # |way| / speed, and |turn| / rate where robots turn in place, whichever takes longer
     speeds = np.where(moved < 0, -fleet.input_lower[0], fleet.input_upper[0]) * linear
     seconds = np.abs(moved) / np.maximum(speeds, 1e-3)
     if fleet.arcs.turns_in_place:
@@ -60,6 +62,7 @@ def driven(problem: Problem, poses: Floats, times: Floats, steps: int) -> Floats
     linear, angular = fleet.coefficients(fleet.center[None])[0, :2].tolist()
     sign = 1.0 if fleet.arcs.heading_from == "x" else -1.0
     grid = np.linspace(0.0, problem.duration, steps + 1)
+    # way and turn as functions of time; their mean rates over each step become commands
     totals = [np.concatenate([[0.0], np.cumsum(part)]) for part in _moves(poses)]
     moved, turned = (np.diff(np.interp(grid, times, total)) * steps / problem.duration for total in totals)
     commands = fleet.arcs.commands(moved / linear, sign * turned / angular, fleet.input_lower, fleet.input_upper)
@@ -70,6 +73,7 @@ def _moves(poses: Floats) -> tuple[Floats, Floats]:
     """Signed lengths and turns from each pose to the next."""
     step = np.diff(poses[:, :2], axis=0)
     turned = (np.diff(poses[:, 2]) + np.pi) % (2 * np.pi) - np.pi
+    # the chord's component along the heading in its middle: negative when driven backwards
     middle = poses[:-1, 2] + turned / 2
     ahead = step[:, 0] * np.cos(middle) + step[:, 1] * np.sin(middle)
     return np.where(ahead < 0, -1.0, 1.0) * np.hypot(*step.T), turned

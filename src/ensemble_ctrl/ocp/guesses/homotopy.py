@@ -63,6 +63,7 @@ def _nearest(corners: Floats, point: Floats) -> float:
     """Where on a polyline the point nearest to `point` is, as a share of its length."""
     along = np.diff(corners, axis=0)
     lengths = np.linalg.norm(along, axis=1)
+    # projection on each segment, clipped to it; the nearest one's place along the whole polyline
     share = np.clip(((point - corners[:-1]) * along).sum(axis=1) / np.maximum(lengths**2, 1e-12), 0.0, 1.0)
     gaps = np.linalg.norm(corners[:-1] + share[:, None] * along - point, axis=1)
     k = int(gaps.argmin())

@@ -135,6 +135,7 @@ class _Model:
 
     def __post_init__(self) -> None:
         n = len(self.places)
+        # y_a: a stay of one step at each place, and each journey from each step at which it still fits
         self.arcs = [_Arc(p, p, k, k + 1, -1) for p in range(n) for k in range(self.steps)]
         self.arcs += [
             _Arc(way.begin, way.end, k, k + way.steps, j)
@@ -200,6 +201,7 @@ class _Model:
     def _bound_until(self, left: Formula, right: Formula, window: Sequence[int], k: int, column: int) -> None:
         """``z <= sum of w_j``, where ``w_j`` is at most the right side at j, and the left side from k to j."""
         ends, held = [], None
+        # held_j <= left_j and held_j <= held_(j-1); w_j <= held_j and w_j <= right_j
         for j in range(k, window[-1] + 1 if window else k):
             so_far = self._new()
             self._below(so_far, self.truth(left, j))
@@ -241,6 +243,7 @@ class _Model:
         """The steps of a window from k on, rounded to fewer or to more of them; never none."""
         if formula.a is None or formula.b is None:
             return range(k, self.steps + 1)
+        # an existential window shrinks to grid times, a universal one grows
         a, b = formula.a / self.step, formula.b / self.step
         first, last = (math.ceil(a - 1e-9), math.floor(b + 1e-9)) if inwards else (math.floor(a), math.ceil(b))
         if first > last:
@@ -256,8 +259,10 @@ class _Model:
         count = len(self.arcs)
         cost, whole = np.zeros(self.columns), np.zeros(self.columns, np.uint8)
         for i, arc in enumerate(self.arcs):
+            # c_a: steps of a journey, a little more the later it is; WAITING of that for a stay
             cost[i] = (arc.arrive - arc.leave) * (WAITING if arc.journey < 0 else 1.0 + LATER * arc.leave / self.steps)
         whole[:count] = 1
+        # rows of z >= and flow as one sparse matrix: A y >= lower, 0 <= y <= 1
         entries = [(r, c, v) for r, row in enumerate(self.rows) for c, v in row.items()]
         r, c, v = zip(*entries, strict=True)
         matrix = coo_array((v, (r, c)), shape=(len(self.rows), self.columns)).tocsr()
@@ -284,6 +289,7 @@ class _Model:
                 if last is not None and place != last:
                     self._row({i: -v for i, v in entries.items()})
                 continue
+            # arrivals - departures = 0 at every place and step, -1 where the robot begins
             known = -1.0 if (place, k) == (0, 0) else 0.0
             self._row(entries, known)
             self._row({i: -v for i, v in entries.items()}, -known)

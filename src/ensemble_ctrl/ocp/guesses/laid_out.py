@@ -96,6 +96,7 @@ def _nests(formula: Formula, below: bool = False) -> bool:
 def _trip(problem: Problem, share: float) -> Trip | None:
     """Visits in time with the routes between them, at a share of the top speed."""
     task, legs = _remaining(problem), Legs(problem, 1)
+    # places: start, regions to be visited, target; the coarse grid has about BINARIES arcs
     names = sorted({leaf.name for leaf in leaves(task) if isinstance(leaf, Inside)} & set(problem.regions))
     start, target = problem.fleet.start_place, problem.objective.place
     visits = [Visit(name, problem.regions[name], 0.0, problem.duration) for name in names]
@@ -159,6 +160,7 @@ def _touches(problem: Problem, name: str, points: Sequence[Floats]) -> bool:
 
 def _journey(problem: Problem, begin: int, end: int, route: Route, share: float, step: float) -> Journey:
     """A route driven at a share of the top speed, with the places at the coarse grid's times."""
+    # steps of the coarse grid at a share of the top speed, and where the robot is at the grid times between
     along = np.concatenate([[0.0], np.linalg.norm(np.diff(route.corners, axis=0), axis=1).cumsum()])
     headings = np.arctan2(*np.diff(route.corners, axis=0).T[::-1])
     poses = np.column_stack([route.corners, np.append(headings, headings[-1])])

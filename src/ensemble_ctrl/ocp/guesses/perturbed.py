@@ -45,6 +45,7 @@ def perturbed(problem: Problem, controls: Floats) -> Iterator[Guess]:
         That are no plan, and from which the solver does not leave by itself: by symmetry, no side is the better one.
     """
     random, fleet = np.random.default_rng(problem.solve.seed), problem.fleet
+    # cosines of 0 to WAVES half waves over the horizon with normal amplitudes of `size` together
     phase = np.pi * (np.arange(len(controls)) + 0.5) / len(controls)
     waves = np.cos(phase[:, None] * np.arange(WAVES + 1))
     size = AMPLITUDE * (fleet.input_upper - fleet.input_lower) / 2

@@ -110,6 +110,7 @@ def _random(problem: Problem, k: int, draws: np.random.Generator) -> Floats:
     low, high = np.asarray(problem.fleet.input_lower), np.asarray(problem.fleet.input_upper)
     if k % 2 == 0:
         return np.asarray(low + (high - low) * draws.random((problem.steps, len(low))))
+    # cosines of 0 to WAVES half waves over the horizon with normal amplitudes, in half widths of the bounds
     phase = np.pi * (np.arange(problem.steps) + 0.5) / problem.steps
     waves = np.cos(phase[:, None] * np.arange(WAVES + 1)) @ draws.normal(size=(WAVES + 1, len(low)))
     return np.asarray(np.clip((low + high) / 2 + (high - low) / 2 * waves / np.sqrt(WAVES + 1), low, high))

@@ -142,6 +142,7 @@ class Legs:
         corners = np.concatenate([[start, goal], *(piece.vertices for piece in pieces)])
         scale = float(np.ptp(corners, axis=0).max()) / 10
         fleet = self.problem.fleet
+        # widest clearance first: a kind keeps the route of the widest one that admits it
         base = fleet.radius + self.problem.solve.margin + float(np.linalg.norm(fleet.shift))
         kinds: dict[tuple[int, ...], Route] = {}
         searches = [(FEW, True), (self.most, False)] if self.every else [(self.most, True)]
@@ -164,6 +165,7 @@ def combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route,
     most : int
         Largest number of combinations.
     """
+    # best-first search over the indices of routes: a successor takes the next longer route of one leg
     first = (0,) * len(choices)
     queue, seen = [(0.0, first)], {first}
     found: list[tuple[Route, ...]] = []
@@ -204,6 +206,7 @@ def _projected(region: Polyhedron, point: Floats) -> Floats:
     point = np.array(point, dtype=float)
     for _ in range(100):
         for g, bound in zip(G, h, strict=True):
+            # projection on each violated half-plane, 0.1 m past it
             point -= max(0.0, float(g @ point) - bound + 0.1) * g
     return point
 
@@ -223,6 +226,7 @@ def _timed(problem: Problem, trip: Trip) -> Iterator[tuple[Floats, Floats]]:
     yield np.zeros(1), start[None, :]
     now = 0.0
     for arrival, dwell, leg in zip(*schedule(problem, trip), trip.legs, strict=True):
+        # times at the corners in proportion to the way
         along = np.linalg.norm(np.diff(leg.corners, axis=0), axis=1).cumsum()
         share = along / max(float(along[-1]), 1e-12)
         yield now + share * max(arrival - now, 1e-6), leg.corners[1:]
@@ -240,6 +244,7 @@ def schedule(problem: Problem, trip: Trip) -> tuple[list[float], list[float]]:
         (early + late) / 2 if late - early < 0.5 * problem.duration else min(late, 0.92 * problem.duration - dwell)
         for early, late, dwell in windows
     ]
+    # an even speed over all legs, each arrival moved into its window
     total = max(sum(leg.length for leg in trip.legs), 1e-12)
     moving = max(ends[-1] - sum(dwell for _, _, dwell in windows[:-1]), 0.1 * problem.duration) if ends else 1.0
     arrivals, now = [], 0.0

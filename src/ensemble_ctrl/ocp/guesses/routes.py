@@ -92,6 +92,7 @@ def _is_connected(lengths: Floats) -> bool:
     """Whether any way leads from corner 0 to corner 1; where none does, the search would try every word first."""
     reached = np.arange(len(lengths)) == 0
     while not reached[1]:
+        # breadth-first: all corners that are seen from those reached
         wider = reached | np.isfinite(lengths[reached]).any(axis=0)
         if (wider == reached).all():
             return False
@@ -101,6 +102,7 @@ def _is_connected(lengths: Floats) -> bool:
 
 def corridor_route(start: Floats, goal: Floats, regions: Sequence[Polyhedron]) -> Route | None:
     """The shortest route that never leaves the union of convex `regions`, through the middles of their overlaps."""
+    # nodes: middles of the overlaps of two regions; edges within one region
     middles = [
         both.vertices.mean(axis=0)
         for i, a in enumerate(regions)
@@ -141,6 +143,7 @@ def swept(path: Floats, anchors: Floats) -> Floats:
     """Angle in radians, counter-clockwise, by which a polyline has gone round each anchor; shape (corners, anchors)."""
     rays = path[:, None] - anchors
     a, b = rays[:-1], rays[1:]
+    # angle from one ray to the next: atan2 of cross and dot product
     turns = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1))
     return np.concatenate([np.zeros((1, len(anchors))), turns.cumsum(axis=0)])
 
@@ -150,6 +153,7 @@ def _crosses_itself(path: Floats) -> bool:
     if len(path) < 4:
         return False
     a, b = path[-2], path[-1]
+    # segments cross where each has the ends of the other on both sides
     beside = np.sign(_cross(b - a, path[:-2] - a))
     c, d = path[:-3], path[1:-2]
     across = np.sign(_cross(d - c, a - c)) * np.sign(_cross(d - c, b - c)) < 0
@@ -205,6 +209,7 @@ def _extended(word: Word, a: Floats, b: Floats, anchors: Floats) -> Word:
     """The word after walking from `a` to `b`, with cancelling neighbours removed."""
     if not len(anchors) or a[0] == b[0]:
         return word
+    # rays go up from the anchors: crossed where the segment passes over one, + to the right, - to the left
     crossed = (anchors[:, 0] >= min(a[0], b[0])) & (anchors[:, 0] < max(a[0], b[0]))
     fraction = (anchors[:, 0] - a[0]) / (b[0] - a[0])
     above = crossed & (a[1] + fraction * (b[1] - a[1]) > anchors[:, 1])
@@ -224,6 +229,7 @@ def _corners(pieces: Sequence[Obstacle], clearance: float) -> Iterator[Floats]:
     for piece in pieces:
         v = piece.vertices
         out = _outward(v)
+        # mitred offset: along the bisector by 1 / cos of half the turn, at most 2
         mid = out + np.roll(out, 1, axis=0)
         mid /= np.linalg.norm(mid, axis=1)[:, None]
         stretch = np.minimum(1 / np.maximum((mid * out).sum(axis=1), 1e-3), 2.0)
@@ -240,6 +246,7 @@ def _clear_points(points: Floats, pieces: Sequence[Obstacle], clearance: float) 
 
 def _visible_lengths(corners: Floats, pieces: Sequence[Obstacle], clearance: float) -> Floats:
     """Length of each straight connection, infinite where an obstacle (grown by most of the clearance) is hit."""
+    # visibility graph: lengths of pairs that see each other; boxes first, then the segment test
     i, j = np.triu_indices(len(corners), 1)
     a, b = corners[i], corners[j]
     low, high = np.minimum(a, b).T, np.maximum(a, b).T
@@ -275,6 +282,7 @@ def _hits(a: Floats, b: Floats, piece: Obstacle, grown: float) -> NDArray[np.boo
     """Whether segments a-b meet the convex piece with every side moved outwards by `grown`."""
     length = np.linalg.norm(piece.A, axis=1)
     inward, level = piece.A / length[:, None], piece.b / length - grown
+    # Cyrus-Beck: the share of the segment that is inside of all sides, from `enter` to `leave`
     depth_a, depth_b = a @ inward.T - level, b @ inward.T - level
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = depth_a / (depth_a - depth_b)

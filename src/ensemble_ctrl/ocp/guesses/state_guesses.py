@@ -101,12 +101,14 @@ def _driven(problem: Problem, steps: int, name: str, stops: list[Stop], legs: li
         gone += float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum())
         share = gone / whole if whole > 0 else 1.0
         arrive = max(left + 1e-6, min(stop.late, max(stop.early, share * problem.duration)))
+        # from rest to rest: the share 3 s^2 - 2 s^3 of the way at the share s of the time
         shares = np.clip((times - left) / (arrive - left), 0.0, 1.0)
         moving = times >= left
         path[moving] = resampled(leg, shares**2 * (3 - 2 * shares))[moving]
         left = arrive + stop.dwell
     member = fleet.center[None]
     states = np.tile(fleet.start_states(member)[None], (steps + 1, 1, 1))
+    # velocities by finite differences, where a state is the rate of a coordinate
     speed = np.gradient(path, times, axis=0)
     for axis, (place, rate) in enumerate(_velocities(fleet)):
         states[1:, place, 0] = path[1:, axis]
@@ -120,6 +122,7 @@ def _driven(problem: Problem, steps: int, name: str, stops: list[Stop], legs: li
 
 def _velocities(fleet: Fleet) -> list[tuple[int, int | None]]:
     """For each coordinate of the position its state, and the state that is its rate, if there is one."""
+    # a state that equals the rate of a coordinate at five random states is its velocity
     generator = np.random.default_rng(0)
     members = np.tile(fleet.center, (5, 1))
     x = fleet.start_states(members) + 0.1 * generator.standard_normal((len(fleet.states), 5))

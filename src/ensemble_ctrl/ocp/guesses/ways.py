@@ -41,6 +41,7 @@ def _apart(first: Floats, second: Floats, pieces: Sequence[Obstacle]) -> bool:
     """Whether an obstacle lies between two ways with the same ends."""
     shares = np.linspace(0.0, 1.0, 50)
     a, b = resampled(first, shares), resampled(second, shares)
+    # straight connections of points at equal shares of both ways: do they cross an obstacle?
     between = a[:, None] + shares[None, ::5, None] * (b - a)[:, None]
     return any(bool((piece.distance(between) < 0).any()) for piece in pieces)
 
@@ -68,6 +69,7 @@ def way(start: Floats, end: Floats, pieces: Sequence[Obstacle], keep: float, kno
     if not pieces or len(start) == 1 or (not known and _is_clear(straight, pieces, keep)):
         return straight
     grid = _grid(start, end, pieces)
+    # cost of a cell per metre: 1 to 5 as its clearance falls from SHY to 0, and more on known ways
     free = np.min([piece.distance(grid) for piece in pieces], axis=0) - keep
     slow = 1.0 + 4.0 * np.clip(1.0 - free / SHY, 0.0, 1.0)
     for other in known:
@@ -119,6 +121,7 @@ def _shortest(grid: Floats, free: NDArray[np.bool_], slow: Floats, start: Floats
         return None
     slow = slow.ravel()
     rows, columns, costs = [], [], []
+    # edges between neighbouring cells, each pair once: length times the mean cost of both ends
     for move in product((-1, 0, 1), repeat=d):
         if move <= (0,) * d:
             continue
@@ -133,6 +136,7 @@ def _shortest(grid: Floats, free: NDArray[np.bool_], slow: Floats, start: Floats
     places = (np.concatenate(rows), np.concatenate(columns))
     graph: Any = coo_array((np.concatenate(costs), places), shape=(free.size, free.size)).tocsr()
     first, last = (_nearest(centres, usable, place) for place in (start, end))
+    # Dijkstra from the cell nearest to the start, then back from the end by predecessors
     searched: Any = dijkstra(graph, directed=False, indices=np.array([first]), return_predecessors=True)
     before = searched[1][0]
     if first != last and before[last] < 0:
@@ -153,6 +157,7 @@ def _smoothed(corners: Floats, pieces: Sequence[Obstacle], keep: float) -> Float
     """A way in steps of the grid, made straighter while it stays clear."""
     for _ in range(20):
         tried = corners.copy()
+        # binomial smoothing (1, 2, 1) / 4
         tried[1:-1] = (corners[:-2] + 2 * corners[1:-1] + corners[2:]) / 4
         if not _is_clear(tried, pieces, keep):
             break

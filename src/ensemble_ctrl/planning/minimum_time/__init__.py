@@ -149,6 +149,7 @@ class _Search:
             high, live = rung, self._solved(rung, [])
         if not live:
             return most, guess
+        # bisection at geometric means: `high` has a solution, `low` has none
         while high - low > COARSE * high and not self._over():
             if (middle := self._between(low, high)) is None:
                 break
@@ -159,6 +160,7 @@ class _Search:
     def _ladder(self, low: float, most: float) -> Iterator[float]:
         """Values upwards that depend on the largest as little as can be, with that one, and those beyond it."""
         goal, limit = self.goal.beyond, self.goal.problem.solve.time_limit
+        # exponents of the powers of RUNG from the bound to the largest value, and to those beyond it
         first, last, end = (ceil(log(max(t, 0.01 * most)) / log(RUNG)) for t in (low, most, goal.most))
         for k in range(first, last):
             value = goal.nearest(RUNG**k, low, most)
@@ -225,6 +227,7 @@ class _Search:
             last = self._tried(higher, controls, value)
             value, controls = higher, last.controls
         while self.best is not None and not self._over():
+            # STEP lower, or halfway to the largest value without a plan, whichever is less far
             floor = lowest if self.missed is None else max(self.missed, lowest)
             lower = self.goal.nearest(max(self.value * (1 - STEP), (floor + self.value) / 2), floor, self.value)
             if self.value - floor <= TOLERANCE * self.value or lower is None:

@@ -85,6 +85,7 @@ class Duration:
 
     def nearest(self, value: float, above: float, below: float) -> float | None:
         """A duration in milliseconds, or one at which a window of the task begins or ends with a step."""
+        # candidates: whole milliseconds spread evenly, and durations that put a window on the grid
         low, high = max(above, self.least), min(below, self.most)
         even = [round(t, 3) for t in (value, *np.linspace(low, high, EVEN).tolist())]
         tried = sorted({*even, *self._with_windows(), self.most}, key=lambda t: abs(t - value))
@@ -100,6 +101,7 @@ class Duration:
         n = self.problem.steps
         for a, b in windows(self.problem.task):
             for t in (a, (a + b) / 2, b):
+                # t = k T / n, so T = t n / k
                 yield from (t * n / k for k in range(1, n + 1))
 
     def carried(self, controls: Floats, value: float, to: float) -> Floats:
@@ -107,6 +109,7 @@ class Duration:
         fleet = self.problem.fleet
         if not fleet.system.on_arcs:
             return controls
+        # v and omega scale with 1 / T: the same path
         return np.clip(controls * (value / to), fleet.input_lower, fleet.input_upper)
 
 
@@ -146,6 +149,7 @@ class Passage:
     def nearest(self, value: float, above: float, below: float) -> float | None:
         """The end of a step."""
         step = self.problem.step
+        # the nearest multiple of a step below `below`, the 1e-6 for rounded quotients
         multiple = min(round(value / step), ceil(min(below, self.most + step) / step - 1e-6) - 1)
         return multiple * step if multiple * step > above else None
 
@@ -173,6 +177,7 @@ def bound(goal: Goal) -> float:
     low, high = goal.least, goal.most
     if low > 0 and is_sound(goal, low):
         return low
+    # bisection: soundness is monotone below the largest value
     for _ in range(40):
         middle = (low + high) / 2
         low, high = (low, middle) if middle > 0 and is_sound(goal, middle) else (middle, high)

@@ -87,6 +87,7 @@ class Followed:
         """Drives of its node robots in the middle of a set of poses, shape (nodes, 5)."""
         fleet = self.fleet
         coefficients = fleet.coefficients(fleet.dynamic_members(nodes))
+        # g and p_0 of every node robot are those of the middle of the set
         coefficients[:, 2] = pose.heading if fleet.arcs.heading_from == "x" else np.pi / 2 - pose.heading
         coefficients[:, 3:] = pose.position
         return coefficients
@@ -104,6 +105,7 @@ class Followed:
             Step after which what actuators and drift may add is measured before it matters.
         """
         slip = self.tracker.departures(controls, begin)
+        # away + 2 sin(turn / 2) |p(t) - p(0)|, and what actuators and drift add until they are measured
         grown = pose.away + swung(pose.turn) * np.linalg.norm(middle - pose.position, axis=1)
         grown[1:] += np.minimum(slip, slip[min(soon, len(slip) - 1)])
         return np.asarray(grown)

@@ -173,6 +173,7 @@ class RobotGroup:
 
         There are no sets while one robot is unknown.
         """
+        # sets of poses of all robots at one grid time, by measurements before and after it
         k = max(tracker.at for tracker in self.trackers.values())
         found = {name: robot.pose(k) for name, robot in self.robots.items()}
         poses = {name: pose for name, pose in found.items() if pose is not None}
@@ -189,6 +190,7 @@ class RobotGroup:
             middle = self._middle(coefficients[-1], ahead)
             paths.append(robot.path(base, base + at))
             grown.append(robot.growth(middle, ahead, base + at, pose, soon))
+        # node robots of all robots side by side, grown by the largest of their sets
         growth = np.zeros(len(plan) + 1)
         growth[at:] = np.max(grown, axis=0) + spare
         return InitialCondition(
@@ -208,6 +210,7 @@ class RobotGroup:
         if not poses:
             return NOTHING
         begin = self.sent - self.base if begin is None else begin
+        # a period: up to the first unsent step, the steps applied then, and the deadline of the next plan
         span = begin - at + self.options.applied_steps + self.options.lead(self.problem.step)
         try:
             rests = self._rests(at, poses)
@@ -262,5 +265,6 @@ class RobotGroup:
 
 def _gap(avoid: AvoidConstraint, pose: PoseSet, time: float) -> float:
     """How far the middle of a set of poses is from what must be kept out of, metres."""
+    # places relative to where the obstacle is
     here = pose.position - avoid.offsets(np.array([time]))[0]
     return min(float(piece.distance(here)) for piece in avoid.pieces) - avoid.radius

@@ -380,6 +380,7 @@ class Receding(RobotGroup):
         if self.options.horizon == "receding" and shift > 0:
             self.plan = np.concatenate([self.plan[shift:], np.zeros((min(shift, len(self.plan)), 2))])
             self.base += shift
+            # a proof of the last grid is one of a period of this grid if all windows last throughout
             avoided, end = self.problem.specification.avoid, self.problem.duration
             lasting = all(avoid.begin <= 0 and avoid.end >= end for avoid in avoided)
             self._evidence = self._evidence.of_a_period() if lasting else NOTHING

@@ -150,6 +150,7 @@ class Membership:
 
     def _factor(self, ranges: Floats, place: int) -> Floats:
         """The range of one factor under ranges of the parameters; 1 where it depends on no parameter."""
+        # a factor is linear in the parameters, with one at most that it depends on
         slope = self.directions[:, place]
         return np.asarray(slope @ ranges) if slope.any() else np.ones(2)
 

@@ -101,6 +101,7 @@ class _Element:
         """The lowest value in the sets at the ends, and how much lower it may be in between, shape (1, 1)."""
         coefficients, offset = predicate.normalised()
         row = np.array([dict(coefficients).get(name, 0.0) for name in ("x", "y")])
+        # min of mu over the box of places at both ends, less the bulge in between
         ends = [float(row @ pose.position + offset - np.abs(row) @ pose.half) for pose in self.poses]
         return np.array([[min(ends) - self.bulge]])
 
@@ -158,6 +159,7 @@ class Progress:
 
     def _pass(self, element: _Element, k: int) -> None:
         """An element of time, of which there are two a step, is past."""
+        # two elements a step: the grid time, and the open interval after it
         left = max(2 * self.problem.steps - k, 0)
         read = partial(self._reading, element)
         self.left = tuple(progressed(part, read, 1, left, element.step) for part in self.left)
@@ -202,6 +204,7 @@ def gridded(formula: Formula, step: Fraction) -> Formula | None:
     same = rebuilt(formula, (part for part in parts if part is not None))
     if not isinstance(same, Temporal) or same.a is None or same.b is None:
         return same
+    # existential windows shrink to grid times, universal ones grow: the value never rises
     low, high = exact(same.a) / step, exact(same.b) / step
     shrinks = isinstance(same, Eventually | Until)
     first, last = (ceil(low), floor(high)) if shrinks else (floor(low), ceil(high))
@@ -271,6 +274,7 @@ def _all_of(parts: Iterable[Formula | None]) -> Formula:
 
 def _later(part: AvoidThroughout, gone: Fraction, end: float = np.inf) -> Formula | None:
     """An avoidance read `gone` seconds later, and no longer than to `end`; None if nothing of it is left."""
+    # the window on the later clock, its ends rounded outwards to decimals
     begin, last = exact(part.begin) - gone, exact(part.end) - gone
     if last < 0 or begin > end:
         return None

@@ -200,6 +200,7 @@ class SimulatedRobot:
     def _drive(self) -> None:
         """Move for one part of a step."""
         flaws = self.flaws
+        # the command that is due now, late by the delay; actuator errors are constant in each step
         due = (self._parts * self.step / FINE - flaws.command_delay) / self.step
         k = int(np.floor(due + 1e-9))
         if self._parts % FINE == 0:
@@ -262,6 +263,7 @@ class SimulatedFleet:
 
 def moved(pose: Floats, v: float, omega: float, span: float) -> Floats:
     """A pose after `span` seconds of constant speed and turn rate, on the exact arc."""
+    # chord of an arc: v span sinc(omega span / 2) at the heading in its middle
     half = omega * span / 2
     chord, angle = v * span * np.sinc(half / np.pi), pose[2] + half
     return np.asarray(pose + np.array([chord * np.cos(angle), chord * np.sin(angle), 2 * half]))

@@ -142,6 +142,7 @@ class Swarm:
 
     def expected(self, bounds: tuple[float, float], times: Floats) -> Floats:
         """Mean and deviations at some times under a uniform law, shape (times, 4), metres."""
+        # members at Gauss-Legendre nodes of the range; places between grid times are interpolated
         s, weights = np.polynomial.legendre.leggauss(NODES)
         members = (bounds[0] + bounds[1]) / 2 + (bounds[1] - bounds[0]) / 2 * s[:, None]
         fleet, step = self.problem.fleet, self.problem.step
@@ -149,6 +150,7 @@ class Swarm:
         at = np.clip(times / step, 0, self.problem.steps)
         low = np.minimum(at.astype(int), self.problem.steps - 1)
         places = paths[:, low] + (at - low)[:, None] * (paths[:, low + 1] - paths[:, low])
+        # mean and deviation under the uniform law, whose weights sum to 2
         mean = np.einsum("m,mtd->td", weights / 2, places)
         spread = np.einsum("m,mtd->td", weights / 2, (places - mean) ** 2)
         return np.concatenate([mean, np.sqrt(spread)], axis=1)
@@ -160,6 +162,7 @@ class Swarm:
         low, high = self.assumed
         guess = np.array([(self.range[0] + self.range[1]) / 2, (self.range[1] - self.range[0]) / 2 / SPARE])
         for _ in range(ROUNDS):
+            # Gauss-Newton on (middle, half width): slopes by central differences
             off = (self._explained(guess, times) - wanted).ravel()
             slopes = [
                 (self._explained(guess + h, times) - self._explained(guess - h, times)).ravel() / 2e-5

@@ -152,6 +152,7 @@ class Tracker:
         """The sets at the grid times up to a time that are not remembered yet; None if one is empty."""
         step, first = self.problem.step, len(self.past)
         count = max(int(np.floor(until / step + NEAR)) + 1 - first, 0)
+        # sets at grid times from measurements on both sides of them
         found = [sets.pose(self._commands, k * step) for k in range(first, first + count)] if len(sets.times) else []
         poses = [pose for pose in found if pose is not None]
         return poses if len(poses) == len(found) else None

@@ -30,6 +30,7 @@ def coarse_steps(problem: Problem) -> int:
     """Steps of the coarse grid: a divisor of the problem's, fine enough for every window of the task."""
     wanted = COARSE_STEPS
     for a, b in windows(problem.task):
+        # two grid times in the shortest window
         wanted = max(wanted, int(np.ceil(2 * problem.duration / max(b - a, problem.step))))
     divisors = [n for n in range(1, problem.steps + 1) if problem.steps % n == 0 and n >= wanted]
     return divisors[0] if divisors else problem.steps
@@ -52,5 +53,6 @@ def refined(controls: Floats, steps: int) -> Floats:
     """The same commands on a grid of `steps`, each repeated."""
     if steps % len(controls) == 0:
         return np.repeat(controls, steps // len(controls), axis=0)
+    # the command at the middle of each new step
     middle = (np.arange(steps) + 0.5) / steps * len(controls)
     return np.asarray(controls[middle.astype(int)])

@@ -39,6 +39,7 @@ def certified_with_margin(
         settled = certificate.proven == "yes" or bool(certificate.reason)  # no margin helps where nothing was enclosed
         if settled or not attempt.value.keeps(-CLOSE) or search.over():
             break
+        # the margin grows by 1.5 times what is missing, and 1 mm
         short = max(0.0, -certificate.clearance, -certificate.robustness)
         if not np.isfinite(short):
             break

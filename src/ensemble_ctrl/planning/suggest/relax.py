@@ -222,6 +222,7 @@ def rounded_up(value: float) -> float:
     >>> rounded_up(17.6), rounded_up(4.4), rounded_up(0.213), rounded_up(20.0)
     (18.0, 4.4, 0.22, 20.0)
     """
+    # ceiling at the second significant digit
     digits = 1 - floor(log10(value))
     return round(ceil(round(value * 10.0**digits, 9)) / 10.0**digits, max(digits, 0))
 

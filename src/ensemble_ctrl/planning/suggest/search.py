@@ -209,6 +209,7 @@ def first_true(holds: Callable[[int], bool], count: int, late: Callable[[], bool
     """
     if not holds(count - 1):
         return None
+    # bisection for the first that holds
     low, high = 0, count - 1
     while low < high and not late():
         middle = (low + high) // 2
