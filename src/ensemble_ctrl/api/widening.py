@@ -80,8 +80,10 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
     search = _Search(problem, tell, parameter or names[0])
     law = search.law_of(problem)
     limit = law.center * (1 - NARROWEST) if search.name in problem.fleet.system.parameters else FURTHEST
+    # half widths: certified up to `good`, refused at `bad`
     good, bad = 0.0, limit
     half = min(max(law.half_width, tolerance), limit)
+    # bracket: halved until one is certified, or grown by GROWTH until one is not
     if not search.certified(half):
         bad, half = half, half / 2
         while half > tolerance / 2 and not search.certified(half):
@@ -92,6 +94,7 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
         while good < limit and search.certified(min(good * GROWTH, limit)):
             good = min(good * GROWTH, limit)
         bad = min(good * GROWTH, limit)
+    # bisection to the tolerance
     while search.best is not None and bad - good > tolerance and good < limit:
         middle = (good + bad) / 2
         good, bad = (middle, bad) if search.certified(middle) else (good, middle)

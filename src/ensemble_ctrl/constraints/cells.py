@@ -83,10 +83,12 @@ class Cells:
         """
         import shapely
 
+        # squares of `merge` cells exceed an occupied cell by sqrt(2) (merge - 1); 1.5 squares of tolerance stay
         reach = tolerance / self.size + 1e-9
         merge = max(1, floor((reach + sqrt(2)) / (sqrt(2) + 1.5)))
         mask = np.pad(_coarse(self.occupied, merge), 1, constant_values=True)
         reach = (reach - sqrt(2) * (merge - 1)) / merge
+        # what pieces may cover: squares within reach of an occupied one, or of the frame
         area = shapely.union_all(_boxes(_spread(mask, reach)))
         shapes = joined(_boxes(mask), within(area), min(reach, 1.0))
         found = []
@@ -97,6 +99,7 @@ class Cells:
 
     def _placed(self, corners: Array) -> Array:
         """Columns and rows as places in the plane."""
+        # origin + size R(yaw) (column, row)
         c, s = cos(self.yaw), sin(self.yaw)
         return np.asarray(self.origin + self.size * corners @ np.array([[c, s], [-s, c]]))
 
@@ -113,6 +116,7 @@ def _rounded(corners: Array) -> Array:
         return corners
     if np.abs(near - corners).max() <= noise:
         return near
+    # scaled about the middle so that each side moves outwards by a unit at least
     middle = corners.mean(axis=0)
     A, b = facets(corners, inwards=True)
     factor = unit / float((A @ middle - b).min())
@@ -133,6 +137,7 @@ def _spread(mask: Mask, reach: float) -> Mask:
     """The cells of which no point is further than `reach` cells from an occupied one."""
     rows, columns = mask.shape
     found = mask.copy()
+    # dilation by a disk: union of the mask's shifts by whole cells of length up to reach
     whole = range(-floor(reach), floor(reach) + 1)
     for up, right in product(whole, whole):
         if 0 < up**2 + right**2 <= reach**2:
@@ -149,8 +154,10 @@ def _boxes(mask: Mask) -> Any:
     """Rectangles that the cells are made of: runs of a row, joined with the same run of the next rows."""
     import shapely
 
+    # runs of each row: where the mask rises and where it falls
     edges = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     (row, left), right = np.nonzero(edges == 1), np.nonzero(edges == -1)[1]
+    # equal runs in successive rows are one rectangle
     order = np.lexsort((row, right, left))
     row, left, right = row[order], left[order], right[order]
     first = np.ones(len(row), dtype=bool)

@@ -68,6 +68,7 @@ class _Pairs:
     def disjoint(self) -> NDArray[np.int64]:
         """Indices of pairs that have no polygon in common, those that add least first."""
         taken, chosen = np.zeros(len(self.shapes), dtype=bool), []
+        # greedy matching in the order of the area added
         for k in np.argsort(self._added, kind="stable").tolist():
             a, b = self.pairs[k]
             if not (taken[a] or taken[b]):
@@ -161,6 +162,7 @@ def _tips(corners: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         ahead = np.where(sine > 1e-12, share / sine, np.nan)
         outwards /= 1 + np.einsum("ij,ij->i", before, behind)[:, None]
+    # a few roundings outwards, so that the side stays inside
     further = 64 * np.finfo(float).eps * np.abs(corners).max()
     return np.asarray(corners + ahead[:, None] * before + further * outwards)
 

@@ -31,6 +31,7 @@ def corner_turns(corners: Array) -> Ints:
     """Sign of the turn at each corner of a closed polygon: 1 to the left, -1 to the right, 0 straight on or back."""
     before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
     first, second = corners - before, after - corners
+    # cross product in floats, with Shewchuk's error bound; in rational numbers where its sign is not certain
     one, other = first[:, 0] * second[:, 1], first[:, 1] * second[:, 0]
     signs = np.sign(one - other).astype(np.int64)
     for k in np.flatnonzero(np.abs(one - other) <= FILTER * (np.abs(one) + np.abs(other)) + TINY):
@@ -65,6 +66,7 @@ def hull(points: Array) -> Array:
     distinct, first = np.unique(points, axis=0, return_index=True)
     if len(distinct) < 3:
         return np.asarray(points[np.sort(first)])
+    # Andrew's monotone chain on points sorted by x, then y
     listed = distinct.tolist()
     lower, upper = _chain(listed, range(len(listed))), _chain(listed, reversed(range(len(listed))))
     found = first[[*lower[:-1], *upper[:-1]]]
@@ -98,10 +100,12 @@ def intersection(G: Array, h: Array) -> tuple[Array, bool]:
     bounded : bool
         An empty set is.
     """
+    # a square of side 2 FRAME, cut by every row in homogeneous whole numbers
     lines: list[Whole] = [(0, -1, FRAME), (1, 0, FRAME), (0, 1, FRAME), (-1, 0, FRAME)]
     points: list[Whole] = [_crossing(a, b) for a, b in zip(lines[-1:] + lines[:-1], lines, strict=True)]
     for row in zip(*G.T.tolist(), h.tolist(), strict=True):
         points, lines = _cut(points, lines, _whole(row))
+    # unbounded: a corner lies on the square; corners that round to the same floats are one
     bounded = all(max(abs(x), abs(y)) < FRAME * w for x, y, w in points)
     rounded = [(x / w, y / w) for x, y, w in points]
     corners = [point for k, point in enumerate(rounded) if k == 0 or point not in (rounded[k - 1], rounded[0])]
@@ -120,6 +124,7 @@ def _whole(row: Iterable[float]) -> Whole:
 def _crossing(first: Whole, second: Whole) -> Whole:
     """Where two lines that are not parallel cross."""
     (a, b, c), (d, e, f) = first, second
+    # Cramer's rule
     x, y, w = c * e - b * f, a * f - c * d, a * e - b * d
     return (x, y, w) if w > 0 else (-x, -y, -w)
 
@@ -130,6 +135,7 @@ def _cut(points: list[Whole], lines: list[Whole], row: Whole) -> tuple[list[Whol
     beyond = [a * x + b * y - c * w for x, y, w in points]
     if all(value <= 0 for value in beyond):
         return points, lines
+    # Sutherland and Hodgman 1974: corners on the near side stay, and sides that cross the line end on it
     kept: list[tuple[Whole, Whole]] = []
     for k, (here, point, line) in enumerate(zip(beyond, points, lines, strict=True)):
         there = beyond[(k + 1) % len(points)]
@@ -150,6 +156,7 @@ def space_corners(A: Array, b: Array) -> Array:
     *Guarantee*: no corner is missing, however near it is to another one, or how flat the angle. Crossings of three
     planes are left out in floating point only where that is certain; the others are found in rational numbers.
     """
+    # every three planes; floats discard crossings that are clearly outside, rational numbers decide the others
     triples = np.array(list(combinations(range(len(A)), 3)), dtype=np.int64).reshape(-1, 3)
     size = np.linalg.norm(A, axis=1)
     doubtful = triples[_maybe_inside(A / size[:, None], b / size, triples)]
@@ -166,6 +173,7 @@ def space_corners(A: Array, b: Array) -> Array:
 def _maybe_inside(G: Array, h: Array, triples: Ints) -> NDArray[np.bool_]:
     """Which crossings of three planes may be inside of all others: those that are clearly outside are not."""
     maybe = np.ones(len(triples), dtype=bool)
+    # only well-conditioned crossings, |det| > 1e-4 for unit rows, with a slack far above their error
     sure = np.abs(np.linalg.det(G[triples])) > 1e-4
     points = np.linalg.solve(G[triples[sure]], h[triples[sure]][..., None])[..., 0]
     slack = 1e-6 * (1.0 + np.abs(h).max(initial=0.0) + np.abs(points).max(axis=1, initial=0.0))

@@ -74,6 +74,7 @@ class Motion(ReadOnlyArrays):
         """
         begin, end = np.broadcast_arrays(np.asarray(begin, dtype=float), np.asarray(end, dtype=float))
         first, last, most = self.at(begin), self.at(end), np.zeros(begin.shape)
+        # piecewise linear: the distance from the chord is largest at a knot in (begin, end)
         for time, offset in zip(self.times, self.offsets, strict=True):
             inside = (time > begin) & (time < end)
             share = np.where(inside, (time - begin) / np.where(end > begin, end - begin, 1.0), 0.0)[..., None]

@@ -200,6 +200,7 @@ class Obstacle(ReadOnlyArrays):
         if not (np.isfinite(M) and M > 0):
             raise ProblemError(f"M: expected a positive number, got {M}")
         positive, negative = basis.signed_moments()
+        # eq:setPolyObsArr: -M <= a p(s) + M z <= b + M, bounded as in eq:polyhedron_moment; int phi_k = m_k+ - m_k-
         xi = self.b + M
         lower = -M * positive[:, None] - np.outer(negative, xi)
         upper = np.outer(positive, xi) + M * negative[:, None]
@@ -237,6 +238,7 @@ class Obstacle(ReadOnlyArrays):
         v = self.vertices
         first, second = v[1] - v[0], v[2] - v[1]
         lengths = np.hypot(*np.stack([first, second], axis=1))
+        # a parallelogram with a right angle, to rounding
         square = abs(first @ second) <= 1e-14 * lengths.prod()
         if len(v) != 4 or not square or np.abs(v[0] + v[2] - v[1] - v[3]).max() > 1e-14 * lengths.max():
             return None
@@ -247,6 +249,7 @@ class Obstacle(ReadOnlyArrays):
         if self._rectangle is not None:
             return _rectangle_distance(x, y, *self._rectangle)
         clearance, square = self._clearance(x, y), np.zeros(x.shape)
+        # a corner is nearest past the end of one side and before the start of the next; else facet clearance
         *_, (corner, along, length) = self._sides
         past = (x - corner[0]) * along[0] + (y - corner[1]) * along[1] > length
         for corner, along, length in self._sides:
@@ -260,6 +263,7 @@ class Obstacle(ReadOnlyArrays):
 def _rectangle_distance(x: Array, y: Array, centre: Array, axis: Array, half: Array) -> Array:
     """Signed distance to a rectangle: clamp in its own frame."""
     dx, dy = x - centre[0], y - centre[1]
+    # excess over the half sides in the rectangle's frame
     u = np.abs(axis[0] * dx + axis[1] * dy) - half[0]
     v = np.abs(axis[0] * dy - axis[1] * dx) - half[1]
     inside = np.minimum(np.maximum(u, v), 0.0)

@@ -39,7 +39,9 @@ def convex_parts(triangles: Array) -> list[Array]:
     """
     behind = _sides(triangles)
     before = {after: side for side, after in behind.items()}
+    # a side whose reverse belongs to another triangle is a diagonal
     diagonals = [(u, v) for u, v in behind if u < v and (v, u) in behind]
+    # Hertel and Mehlhorn 1983: a diagonal is inessential if both of its ends stay convex without it
     for u, v in sorted(diagonals, key=_length, reverse=True):
         ends = [(before[side], behind[side[::-1]]) for side in ((u, v), (v, u))]
         if all(_is_convex(come[0], come[1], go[1]) for come, go in ends):
@@ -70,6 +72,7 @@ def _length(side: Side) -> float:
 def _is_convex(come: Point, corner: Point, go: Point) -> bool:
     """Whether a way turns left, or goes straight on but for rounding."""
     first, second = (corner[0] - come[0], corner[1] - come[1]), (go[0] - corner[0], go[1] - corner[1])
+    # sine and cosine of the turn, times both lengths
     cross, along = first[0] * second[1] - first[1] * second[0], first[0] * second[0] + first[1] * second[1]
     return cross >= 0.0 or (along > 0.0 and cross > -STRAIGHT * hypot(*first) * hypot(*second))
 

@@ -88,6 +88,7 @@ def convex_cover(vertices: ArrayLike, holes: Iterable[ArrayLike], tolerance: flo
 
     name = "convex_cover"
     polygon = _valid(ring(vertices, name), [ring(hole, name) for hole in holes], name)
+    # pieces may grow into the polygon offset by the tolerance
     area = polygon.buffer(tolerance)
     parts = np.array([shapely.Polygon(part) for part in convex_parts(_triangles(polygon))], dtype=object)
     pieces = [ring(shapely.get_coordinates(piece), name) for piece in joined(parts, within(area))]
@@ -155,6 +156,7 @@ def facets(corners: Array, inwards: bool) -> tuple[Array, Array]:
     largest coordinate: 2 for the products, 3 for the normal, times a diameter of at most 2.83 coordinates.
     """
     along = directions(corners)
+    # inward normals: counter-clockwise directions turned left
     A = np.stack([-along[:, 1], along[:, 0]], axis=1)
     ends = np.stack([np.einsum("ij,ij->i", A, corners), np.einsum("ij,ij->i", A, np.roll(corners, -1, axis=0))])
     allowance = 8 * np.finfo(float).eps * np.abs(corners).max() * A.all(axis=1)
@@ -170,6 +172,7 @@ def directions(corners: Array) -> Array:
 
 def signed_area(corners: Array) -> float:
     """Area of a polygon in square metres, positive when its corners run counter-clockwise."""
+    # shoelace formula relative to the first corner: no cancellation far from the origin
     x, y = (corners - corners[0]).T
     return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
@@ -186,6 +189,7 @@ def _without_straight_corners(corners: Array) -> Array:
     while len(corners) > 2:
         before = corners - np.roll(corners, 1, axis=0)
         after = np.roll(corners, -1, axis=0) - corners
+        # exactly collinear with both neighbours, and between them
         middle = (exact.corner_turns(corners) == 0) & (np.einsum("ij,ij->i", before, after) > 0)
         if not middle.any():
             break
@@ -209,6 +213,7 @@ def _clearly_convex(corners: Array) -> bool:
     edges = np.roll(corners, -1, axis=0) - corners
     following = np.roll(edges, -1, axis=0)
     cross = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    # exterior angles: of one sign and 2 pi in all for a convex ring
     turns = np.arctan2(cross, (edges * following).sum(axis=1))
     one_way = bool((turns > 1e-9).all() or (turns < -1e-9).all())
     return one_way and abs(float(turns.sum())) < 3 * np.pi

@@ -98,6 +98,7 @@ class Polyhedron(ReadOnlyArrays):
             raise ProblemError("Polyhedron.polygon: expected a convex polygon, got one that is not")
         A, lower = facets(corners, inwards=True)
         made = cls(A, lower, np.full(len(lower), np.inf))
+        # the given corners are the vertices, unless the rounding inwards left no inside
         if made.contains(corners.mean(axis=0)):
             corners.setflags(write=False)
             vars(made)["_plane"] = corners, True
@@ -128,6 +129,7 @@ class Polyhedron(ReadOnlyArrays):
         """
         x = self._points(points)
         G, h = self.unit_rows()
+        # min_i (h_i - g_i x)
         least = np.full(x.shape[:-1], np.inf)
         for normal, offset in zip(G, h, strict=True):
             np.minimum(least, offset - x @ normal, out=least)
@@ -172,9 +174,11 @@ class Polyhedron(ReadOnlyArrays):
         array([0.612, 0.612, 0.612])
         """
         _, low, high, line, scale = self._lines
+        # bounds b <= a p(s) <= c of each row; a negative scale exchanges the ends of its line
         ends = scale * np.stack([low[line], high[line]])
         positive, negative = basis.signed_moments()
         smallest, largest = ends.min(axis=0), ends.max(axis=0)
+        # eq:polyhedron_moment: b m_k+ - c m_k- <= a m_k <= c m_k+ - b m_k-
         lower = _outer(positive, smallest) - _outer(negative, largest)
         upper = _outer(positive, largest) - _outer(negative, smallest)
         return lower, upper
@@ -222,6 +226,7 @@ class Polyhedron(ReadOnlyArrays):
             return self._plane[0]
         G, h = self.unit_rows()
         if self.A.shape[1] == 1:
+            # h / g is an upper bound where g > 0, a lower one where g < 0
             ends = np.array([[(h / G[:, 0])[G[:, 0] < 0].max()], [(h / G[:, 0])[G[:, 0] > 0].min()]])
             ends.setflags(write=False)
             return ends

@@ -47,6 +47,7 @@ class Solid(Obstacle):
         if not is_cone_trivial(G):
             raise ProblemError("Solid: expected a bounded polyhedron, got an unbounded set")
         corners = space_corners(-self.A, -self.b)
+        # distance of the corners' mean from the nearest facet: positive where there is a volume
         depth = (h - G @ corners.mean(axis=0)).min() if len(corners) else 0.0
         if len(corners) < 4 or depth <= TOLERANCE * np.ptp(corners, axis=0).max():
             raise ProblemError("Solid: expected a polyhedron with a volume, got an empty or flat set")
@@ -81,6 +82,7 @@ class Solid(Obstacle):
             found = ConvexHull(corners)
         except (QhullError, ValueError):
             raise ProblemError("Solid.hull: expected points with a volume, got too few or flat ones") from None
+        # Qhull's facet normals, coplanar triangles once; levels rounded outwards
         normals = np.unique(np.round(found.equations[:, :3], 12), axis=0)
         levels = (normals @ corners.T).max(axis=1) + 8 * np.finfo(float).eps * np.abs(corners).max()
         return cls._of(-normals, -levels, corners[found.vertices])
@@ -89,6 +91,7 @@ class Solid(Obstacle):
     def edges(self) -> Array:
         """Both ends of every edge, shape (edges, 2, 3), metres."""
         G, h = self.unit_rows()
+        # two corners that share two facets are the ends of an edge
         near = 1e-7 * np.ptp(self.vertices, axis=0).max() + 64 * np.finfo(float).eps * np.abs(self.vertices).max()
         on = np.abs(self.vertices @ G.T - h) <= near
         shared = on.astype(int) @ on.T.astype(int)
@@ -129,11 +132,13 @@ class Solid(Obstacle):
     def _distance_of(self, p: Array) -> Array:
         """Signed distance of points of shape (points, 3)."""
         G, h = self.unit_rows()
+        # inside: minus the distance from the nearest facet, max_i (g_i x - h_i)
         heights = p @ G.T - h
         result = heights.max(axis=1)
         outside = np.flatnonzero(result > 0)
         if not len(outside):
             return np.asarray(result)
+        # outside: the foot on a facet's plane, where it lies on the solid, or the nearest point of an edge
         q, least = p[outside], np.full(len(outside), np.inf)
         slack = 1e-9 * max(1.0, float(np.abs(h).max()))
         for k, normal in enumerate(G):
@@ -142,6 +147,7 @@ class Solid(Obstacle):
             within = (height > 0) & (foot @ G.T <= h + slack).all(axis=1)
             np.minimum(least, height, out=least, where=within)
         for start, end in self.edges:
+            # foot on the segment, clipped to its ends
             along = end - start
             share = np.clip((q - start) @ along / (along @ along), 0.0, 1.0)
             np.minimum(least, np.linalg.norm(q - start - share[:, None] * along, axis=1), out=least)

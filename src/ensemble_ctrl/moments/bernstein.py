@@ -160,12 +160,14 @@ def _checked_part(lower: float, upper: float) -> Interval:
 @lru_cache(maxsize=4096)
 def _nodes_to_bernstein(basis: Basis, part: Interval, degree: int) -> FloatArray:
     """The matrix behind `nodes_to_bernstein`, made once."""
+    # x_j -> m_k -> Bernstein coefficients
     return frozen(_moments_to_bernstein(basis, part, degree) @ nodes_to_moments(basis))
 
 
 @lru_cache(maxsize=4096)
 def _moments_to_bernstein(basis: Basis, part: Interval, degree: int) -> FloatArray:
     """The matrix behind `moments_to_bernstein`, made once."""
+    # a degree below the order: the coefficients of the projection onto m_0 .. m_degree
     kept = min(degree, basis.order)
     matrix = np.zeros((degree + 1, basis.order + 1))
     matrix[:, : kept + 1] = _legendre_in_bernstein(degree, kept) @ _restriction(basis, kept, part)
@@ -191,6 +193,7 @@ def _legendre_in_bernstein(degree: int, order: int) -> FloatArray:
 
 def _elevated(k: int, i: int, degree: int) -> int:
     """binom(degree, i) times Bernstein coefficient i of P_k."""
+    # P_k = sum_j c_j B_j^k, c_j = (-1)^(k+j) binom(k, j), raised to degree n (Farouki 2000)
     return sum((-1) ** (k + j) * comb(k, j) ** 2 * comb(degree - k, i - j) for j in range(min(k, i) + 1))
 
 
@@ -198,6 +201,7 @@ def _elevated(k: int, i: int, degree: int) -> int:
 def _bernstein_to_moments(basis: Basis, degree: int) -> FloatArray:
     """The matrix behind `bernstein_to_moments`, made once."""
     if not isinstance(basis, LegendreBasis):
+        # other measures: the Legendre moments of the same polynomial, then a change of basis
         legendre = LegendreBasis(degree)
         return frozen(change_of_basis(legendre, basis) @ _bernstein_to_moments(legendre, degree))
     # m_k of a Bernstein polynomial: int B_i P_k, exact whole numbers over one quotient
@@ -207,6 +211,7 @@ def _bernstein_to_moments(basis: Basis, degree: int) -> FloatArray:
 
 def _legendre_moment(k: int, i: int, degree: int) -> float:
     """Integral over [-1, 1] of P_k times Bernstein polynomial i of the given degree."""
+    # B_j^k B_i^n = binom(i+j, j) binom(n-i+k-j, k-j) / binom(n+k, k) B_{i+j}^{n+k}, whose integral is 2 / (n+k+1)
     total: int = sum(
         (-1) ** (k + j) * comb(k, j) * comb(i + j, j) * comb(degree - i + k - j, k - j) for j in range(k + 1)
     )

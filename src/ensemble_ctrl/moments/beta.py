@@ -81,11 +81,13 @@ class Beta(WeightedLaw):
         share = (1 + np.clip(s, -1.0, 1.0)) / 2
         k = np.arange(1, recurrence.order + 1)
         edge = self._edge(share)[..., None]
+        # for k >= 1: int_{-1}^s w phi_k = -(1 - s^2) w phi_k' / (k (k + a + b - 1)); for k = 0 the cdf
         later = -edge * slopes(recurrence, 2 * share - 1)[..., 1:] / (k * (k + self.a + self.b - 1))
         return np.concatenate([np.sqrt(2.0) * self._share(share)[..., None], later], axis=-1)
 
     def _edge(self, share: FloatArray) -> FloatArray:
         """``(1 - s^2) w(s)`` for the density w of mass 2."""
+        # 4 q^a (1 - q)^b / B(a, b) for q = (1 + s) / 2, in logarithms
         scale = log(4.0) + lgamma(self.a + self.b) - lgamma(self.a) - lgamma(self.b)
         with np.errstate(divide="ignore"):
             return np.asarray(np.exp(scale + self.a * np.log(share) + self.b * np.log1p(-share)))

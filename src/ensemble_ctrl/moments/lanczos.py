@@ -61,6 +61,7 @@ def recurrence_of_points(s: FloatArray, weights: FloatArray, order: int) -> Recu
         for _ in range(2):
             residual = residual - known.T @ (known @ residual)
         beside[k] = np.linalg.norm(residual)
+        # a vanishing residual: as many polynomials as there are different points
         if beside[k] < least or k + 1 == len(s):
             beside[k] = 0.0
             return Recurrence.of(centre + spread * diagonal[: k + 1], spread * beside[: k + 1])
@@ -111,6 +112,7 @@ def condensed(s: FloatArray, weights: FloatArray, count: int) -> tuple[FloatArra
     """
     if len(s) <= max(BLOCK, 2 * count):
         return s, weights
+    # each block by its Gauss rule of `count` points, then all of them together
     blocks = [gauss_of_points(s[i : i + BLOCK], weights[i : i + BLOCK], count) for i in range(0, len(s), BLOCK)]
     points, masses = (np.concatenate(part) for part in zip(*blocks, strict=True))
     return merged(points, masses)

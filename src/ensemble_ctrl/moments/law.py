@@ -186,6 +186,7 @@ class Law(ABC):
         wanted = finite_array("share", share)
         low, high = np.full(wanted.shape, self.lower), np.full(wanted.shape, self.upper)
         high = np.where(self.cdf(low) >= wanted, low, high)
+        # bisection with cdf(low) < share <= cdf(high); 60 halvings reach rounding
         for _ in range(60):
             middle = low / 2 + high / 2
             enough = self.cdf(middle) >= wanted

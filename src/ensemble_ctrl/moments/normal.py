@@ -83,6 +83,7 @@ class TruncatedNormal(WeightedLaw):
 
     def recurrence(self, order: int) -> Recurrence:
         """Coefficients up to `order`."""
+        # discretised measure: polynomials of degree 2 order + 1 times the density (Gautschi 2004, section 2.2)
         s, weights = self._panels(self._edges(), max(POINTS, order + 41))
         return recurrence_of_points(s, weights, order)
 
@@ -111,6 +112,7 @@ class TruncatedNormal(WeightedLaw):
         outside = abs(mean - peak)
         # panels two deviations wide, or as wide as the density falls by e^2 where its peak is cut off
         width = 2 * deviation / max(1.0, outside / deviation)
+        # the density falls by exp(-SILENT) at r from its peak: r^2 / 2 + r |mean - peak| = SILENT deviation^2
         reach = deviation * (2 * SILENT * deviation / (hypot(outside, np.sqrt(2 * SILENT) * deviation) + outside))
         low, high = max(-1.0, peak - reach), min(1.0, peak + reach)
         left = np.linspace(low, peak, 1 + ceil((peak - low) / width))
@@ -138,6 +140,7 @@ class TruncatedNormal(WeightedLaw):
             return np.where(at >= self.lower, 1.0, 0.0)
         low, high, flipped = self._tails()
         z = (np.clip(at, self.lower, self.upper) - self.mean) / self.deviation
+        # (Phi(z) - Phi(low)) / (Phi(high) - Phi(low)), in logarithms
         below = np.exp(_log_difference(log_ndtr(-z if flipped else z), low) - _log_difference(high, low))
         return np.asarray(np.clip(1 - below if flipped else below, 0.0, 1.0))
 

@@ -95,6 +95,7 @@ def gauss(recurrence: Recurrence, count: int) -> tuple[FloatArray, FloatArray]:
     the polynomials, which grow there, so that their recurrence is stable.
     """
     nodes, first = _eigen(recurrence, count)
+    # Golub and Welsch 1969: w_j = 2 v_0j^2; small weights as Christoffel numbers 1 / sum_k phi_k(s_j)^2
     weights = 2 * first**2
     small = weights < SMALL
     weights[small] = 1 / np.square(values(recurrence.upto(count - 1), nodes[small])).sum(axis=-1)

@@ -94,6 +94,7 @@ class Samples(WeightedLaw):
 
     def recurrence(self, order: int) -> Recurrence:
         """Coefficients up to `order`, or up to the highest order that the values can tell apart."""
+        # Lanczos process on condensed points, kept as far as it is orthonormal on all of them
         points = condensed(*self._points, order + 2)
         return usable(recurrence_of_points(*points, order), *self._points)
 

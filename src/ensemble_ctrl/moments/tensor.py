@@ -113,6 +113,7 @@ class TensorBasis:
         *Guarantee*: the values on the whole box are in the convex hull of the coefficients, if the degrees are the
         orders; with lower degrees so is the projection onto the moments up to them.
         """
+        # coefficients of a product: Kronecker product of the factors' matrices
         pairs = zip(self.factors, degrees, strict=True)
         return kron([nodes_to_bernstein(f, degree=degree) for f, degree in pairs])
 
@@ -122,6 +123,7 @@ class TensorBasis:
 
     def _scaled(self, matrix: Callable[[Basis], FloatArray]) -> FloatArray:
         """The product of a matrix of every factor, for a measure of mass 2."""
+        # sqrt(1/2) of each factor's matrix: measures of mass 1, whose product has mass 1
         return np.asarray(np.sqrt(2.0) * kron([matrix(f) / np.sqrt(2.0) for f in self.factors]))
 
 

@@ -115,6 +115,7 @@ def moments_of_function(
     array([1.4142, 0.8165])
     """
     count = basis.order + 32 if quadrature is None else quadrature
+    # m_k = sum_q w_q phi_k(s_q) f(s_q)
     s, weights = basis.rule(whole_number("quadrature", count, basis.order + 1, 200))
     values = along_order_axis("values of f", f(s), s.size)
     return np.asarray((weights[:, None] * basis.evaluate(s)).T @ values)
@@ -199,6 +200,7 @@ def evaluate_moments(basis: Basis, moments: ArrayLike, s: ArrayLike) -> FloatArr
     """
     array = along_order_axis("moments", moments, basis.order + 1)
     points = finite_array("s", s)
+    # x(s) = sum_k m_k phi_k(s)
     states = basis.evaluate(points.ravel()) @ array
     return np.asarray(states.reshape(array.shape[:-2] + points.shape + array.shape[1:][-1:]))
 

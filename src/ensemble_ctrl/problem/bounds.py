@@ -67,6 +67,7 @@ def beyond_bounds(problem: Problem, controls: Floats) -> Beyond | None:
     found = _first(problem, u, lower, upper, "input", 0)
     if fleet.rate_bounds is not None:
         most = np.asarray(fleet.rate_bounds, dtype=float)
+        # |u_{n+1} - u_n| / dt <= rate bound
         late = _first(problem, np.diff(u, axis=0) / problem.step, -most, most, "rate", 1)
         found = min((one for one in (found, late) if one is not None), key=lambda one: one.time, default=None)
     return found

@@ -174,6 +174,7 @@ def outlines(problem: Problem, paths: Sequence[Floats] = ()) -> dict[str, Floats
     if len(problem.fleet.places) != 2:
         return bounded
     drawn = [piece.vertices for _, piece in problem.pieces] + [*bounded.values(), *paths]
+    # unbounded regions are cut by a window around everything else
     low, size = frame([problem.fleet.start_place[None, :], *drawn])
     window = (low - 0.1 * size - 0.5, low + 1.1 * size + 0.5)
     parts = {name: region if name in bounded else _within(region, *window) for name, region in problem.regions.items()}
@@ -196,6 +197,7 @@ def shadow(points: Floats, view: tuple[int, int] = (0, 1)) -> Floats:
     if points.shape[1] == 1:
         low, high = points.min(), points.max()
         return np.array([[low, -BAND], [high, -BAND], [high, BAND], [low, BAND]])
+    # convex hull in the view: Andrew's monotone chain, lower and upper part
     flat = np.unique(np.round(points[:, list(view)], 12), axis=0)
     return np.concatenate([_chain(flat)[:-1], _chain(flat[::-1])[:-1]])
 
@@ -228,6 +230,7 @@ def target_lines(problem: Problem) -> list[Floats]:
     if isinstance(target, Formation):
         return [target.places]
     if isinstance(target, SpreadTarget):
+        # ellipse of one standard deviation: m + V diag(lambda)^(1/2) (cos t, sin t)
         values, vectors = np.linalg.eigh(target.covariance)
         turn = np.linspace(0, 2 * np.pi, 65)
         circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -251,6 +254,7 @@ def frame(shapes: Iterable[Floats]) -> tuple[Floats, Floats]:
     """Lower left corner and size of what is drawn: everything with a border, neither too tall nor too flat."""
     points = np.concatenate(list(shapes))
     low, high = points.min(axis=0), points.max(axis=0)
+    # a border of 6 %, then grown about the middle to a height of FLATTEST to TALLEST widths
     border = 0.06 * max(float((high - low).max()), 1e-3)
     middle, size = (low + high) / 2, high - low + 2 * border
     size = np.array([max(size[0], size[1] / TALLEST), max(size[1], size[0] * FLATTEST)])

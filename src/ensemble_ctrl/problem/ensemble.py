@@ -71,6 +71,7 @@ class Ensemble(ReadOnlyArrays):
         for k, law in enumerate(self.parameters.values()):
             drawn[:, k] = law.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
         if self.samples is not None:
+            # joint samples: whole rows, drawn with replacement
             robots = np.random.default_rng(seed).integers(0, len(next(iter(self.samples.values()))), count)
             for name, column in self.samples.items():
                 drawn[:, self.names.index(name)] = column[robots]
@@ -92,6 +93,7 @@ class Ensemble(ReadOnlyArrays):
         if self.samples is None:
             return tensor_rule(self.dynamic_laws, count)
         own = [self.names[k] in self.samples for k in self.dynamic]
+        # every row of the joint samples with the product rule of the other parameters
         others, weights = tensor_rule(
             [law for law, mine in zip(self.dynamic_laws, own, strict=True) if not mine], count
         )
@@ -154,6 +156,7 @@ class Ensemble(ReadOnlyArrays):
     def grid(self, count: int) -> Floats:
         """About `count` members spread evenly over the ranges, both ends of each included, shape (.., parameters)."""
         wide = [law.upper > law.lower for law in self.parameters.values()]
+        # count^(1 / n) values in each of the n ranges that have a width
         each = max(2, round(count ** (1 / max(sum(wide), 1))))
         axes = [
             np.linspace(law.lower, law.upper, each if w else 1)
@@ -163,6 +166,7 @@ class Ensemble(ReadOnlyArrays):
 
     def spread(self, count: int) -> Floats:
         """Exactly `count` members to draw: even in the first parameter, scattered in the others, shape (count, ..)."""
+        # Kronecker sequence: fractional parts of 1/2 + k sqrt(q) for different q, and even steps in the first parameter
         share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
         share[:, :1] = np.linspace(0.0, 1.0, count)[:, None]
         return np.asarray(self.lower + share * (self.upper - self.lower))
@@ -172,6 +176,7 @@ class Ensemble(ReadOnlyArrays):
 
         Even in the distribution of the first parameter, scattered evenly in the others; joint samples stay whole.
         """
+        # quantiles at the points of a Kronecker sequence, in the first parameter at midpoints
         share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
         share[:, :1] = (0.5 + np.arange(count)[:, None]) / count
         laws = self.parameters.values()
@@ -196,6 +201,7 @@ class Ensemble(ReadOnlyArrays):
         float
             0 to 1; measured members are counted.
         """
+        # continuous distributions: product of cdf differences; measured values: counted, joint ones row by row
         samples, share, together = self.samples or {}, 1.0, []
         counted = whole = 1
         for k, (name, law) in enumerate(self.parameters.items()):

@@ -255,6 +255,7 @@ class Fleet(Ensemble):
         total = np.zeros((len(self.places), len(self.places)))
         for direction, law in zip(self.shifting, self.parameters.values(), strict=True):
             if direction.any():
+                # variance of psi by two Gauss points, exact for degree 3
                 s, weights = law.rule(2)
                 psi = law.to_parameter(s)
                 variance = float(weights @ psi**2 / 2 - (weights @ psi / 2) ** 2)

@@ -31,6 +31,7 @@ def accurate(fleet: Fleet, controls: Floats, members: Floats, step: float) -> Fl
     RunawayError
         If a state is not finite, or the system is too stiff for the rule.
     """
+    # substeps are counted once for these commands and serve every block of members
     key = np.asarray(controls, dtype=float).tobytes(), step
     if (count := fleet.counted.get(key)) is None:
         fleet.counted.clear()
@@ -62,6 +63,7 @@ def needed(fleet: Fleet, controls: Floats, step: float, accuracy: float = ACCURA
     members = np.concatenate([fleet.corners, fleet.center[None]])
     if fleet.system.has_exact:
         return 1
+    # step halving on the corners and the middle of the ranges, with Richardson's estimate of the finer run's error
     count, coarse = 1, integrated(fleet, controls, members, step, 1, rule)
     while True:
         fine = integrated(fleet, controls, members, step, 2 * count, rule)

@@ -79,6 +79,7 @@ def value_at_risk(losses: ArrayLike, level: float) -> tuple[float, float]:
     >>> value_at_risk([1.0, 2.0, 3.0, 4.0], 0.5)
     (2.0, 3.5)
     """
+    # VaR: the ceil(level n)-th smallest loss; CVaR = VaR + E[(loss - VaR)+] / (1 - level) (Rockafellar and Uryasev)
     ordered = np.sort(np.asarray(losses, dtype=float))
     n = len(ordered)
     threshold = float(ordered[max(ceil(exact(level) * n) - 1, 0)])

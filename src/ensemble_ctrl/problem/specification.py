@@ -77,6 +77,7 @@ class AvoidConstraint:
     def distances(self, paths: Floats, times: Floats) -> Floats:
         """Distance of members from it during its window, shape (members, times in the window), metres."""
         when = self.during(times)
+        # min over the pieces of the distance in the obstacle's frame, p(t) - offset(t), less the radius
         seen = paths[:, when] - self.offsets(times[when])
         return np.asarray(np.minimum.reduce([piece.distance(seen) for piece in self.pieces]) - self.radius)
 
@@ -87,6 +88,7 @@ class AvoidConstraint:
         it. For the planner: a proof looks at the window itself (`ensemble_ctrl.certificate.instants`).
         """
         edges = np.linspace(begin, begin + duration, steps + 1)
+        # steps that overlap the window by more than rounding; a window of one instant counts for the steps it touches
         slack = 1e-9 * duration
         slack = -slack if self.end - self.begin <= 2 * slack else slack
         return np.asarray((edges[:-1] < self.end - slack) & (edges[1:] > self.begin + slack))

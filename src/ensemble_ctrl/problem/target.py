@@ -142,8 +142,10 @@ Target = Formation | MomentTarget | SpreadTarget
 
 def wasserstein(mean: Floats, covariance: Floats, target: SpreadTarget) -> float:
     """Squared Wasserstein distance in square metres between normal laws, from a mean and a covariance to a target."""
+    # W^2 = |m - m_F|^2 + tr C + tr F - 2 tr (C F)^(1/2) (Dowson and Landau 1982)
     C, F = covariance, target.covariance
     inner = np.trace(C @ F) + 2 * np.sqrt(max(np.linalg.det(C) * np.linalg.det(F), 0.0))
+    # for 2 x 2 matrices (tr (C F)^(1/2))^2 = tr C F + 2 sqrt(det C det F)
     off = ((mean - target.mean) ** 2).sum()
     return float(off + np.trace(C) + np.trace(F) - 2 * np.sqrt(max(inner, 0.0)))
 

@@ -74,6 +74,7 @@ def _frames(problem: Problem, controls: Floats, times: Floats, width: int) -> It
     along = [(panel, panel.content.paths, _along(panel.content.paths, grid, times)) for panel in raster.panels]
     seen = 0
     for k, time in enumerate(times):
+        # trails are added to the ground, which is kept; robots are drawn on a copy of it
         upto = int(np.searchsorted(grid, time, side="right"))
         pen = ImageDraw.Draw(ground)
         for panel, paths, places in along:
@@ -92,6 +93,7 @@ def _frames(problem: Problem, controls: Floats, times: Floats, width: int) -> It
 
 def _along(paths: Floats, grid: Floats, times: Floats) -> Floats:
     """Places at some times, shape (members, times, 2), linear between those of the grid."""
+    # p(t_n) + share (p(t_n+1) - p(t_n)) on the grid's interval of each time
     at = np.clip(np.searchsorted(grid, times, side="right") - 1, 0, len(grid) - 2)
     share = ((times - grid[at]) / (grid[at + 1] - grid[at]))[:, None]
     return np.asarray(paths[:, at] + share * (paths[:, at + 1] - paths[:, at]))

@@ -181,6 +181,7 @@ def _bands(problem: Problem) -> Iterator[tuple[str, Floats]]:
 
 def _beside(corners: Floats, view: View, paths: Floats) -> bool:
     """Whether no way is as far along the coordinates that are not drawn."""
+    # the intervals in some hidden coordinate do not overlap
     hidden = [k for k in range(corners.shape[1]) if k not in view]
     low, high = paths[..., hidden].min(axis=(0, 1)), paths[..., hidden].max(axis=(0, 1))
     return bool((corners[:, hidden].min(axis=0) > high).any() or (corners[:, hidden].max(axis=0) < low).any())

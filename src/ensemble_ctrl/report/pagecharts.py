@@ -132,6 +132,7 @@ def ticks(low: float, high: float, count: int = 5) -> list[float]:
     >>> ticks(-0.3, 16.2)
     [0.0, 5.0, 10.0, 15.0]
     """
+    # the least of 1, 2, 2.5, 5, 10 times a power of ten that is not below range / count
     raw = (high - low) / count
     size = 10.0 ** floor(log10(raw))
     step = next(size * m for m in (1, 2, 2.5, 5, 10) if size * m >= raw * (1 - 1e-9))

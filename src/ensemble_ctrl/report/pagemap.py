@@ -66,6 +66,7 @@ def map_and_motion(
         canvas = content.canvas(WIDTH - MARGIN[0], MARGIN[0], more=areas)
         ways = content.paths[:, shown]
         drawings.append(_svg(content, canvas, ways, colours, ribbons, marks))
+        # whole tenths of a drawing unit keep the JSON short
         tracks += np.rint(10 * canvas.at(ways[:, keep])).astype(int).tolist()
         for shape in content.obstacles:
             if shape.motion is not None:

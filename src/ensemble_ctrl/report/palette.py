@@ -47,6 +47,7 @@ VIRIDIS = np.array(
 
 def viridis(share: ArrayLike) -> NDArray[np.uint8]:
     """Colours from dark (0) to light (1), shape (..., 3)."""
+    # linear interpolation of each channel
     at = np.clip(np.asarray(share, dtype=float), 0.0, 1.0) * (len(VIRIDIS) - 1)
     channels = [np.interp(at, np.arange(len(VIRIDIS)), VIRIDIS[:, k]) for k in range(3)]
     return np.stack(channels, axis=-1).round().astype(np.uint8)

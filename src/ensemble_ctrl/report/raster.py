@@ -166,6 +166,7 @@ def _draw_start(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
     if heading is None:
         pen.ellipse((x - 4 * unit, y - 4 * unit, x + 4 * unit, y + 4 * unit), "black")
         return
+    # R(heading) on an arrow head; y runs down on the canvas
     turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
     head = np.array([[8.0, 0.0], [-6.0, 5.0], [-6.0, -5.0]]) * unit @ turn.T
     pen.polygon([(x + dx, y - dy) for dx, dy in head.tolist()], "black")

@@ -141,6 +141,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
 def _closest(curves: dict[str, Floats], far: float = np.inf) -> dict[str, Floats]:
     """Those that come closest to failing, of those that are finite and not `far` times as far from it."""
     finite = sorted((float(curve.min()), name) for name, curve in curves.items() if np.isfinite(curve).all())
+    # curves up to `far` times the least clearance, or NEAR
     reach = max(NEAR, far * max(finite[0][0], 0.1 * NEAR)) if finite else 0.0
     return {name: curves[name] for least, name in finite[:CURVES] if least <= reach}
 

@@ -66,6 +66,7 @@ def conflict_places(plan: PlanLike) -> list[tuple[Conflict, Floats]]:
     for conflict in plan.conflicts()[:CONFLICTS]:
         way = trajectories(plan.problem, plan.controls, plan.problem.fleet.members([conflict.parameters]), 4)[0]
         times = np.linspace(0.0, plan.problem.duration, len(way))
+        # position at the conflict's time, linear between samples
         place = np.array([np.interp(conflict.time, times, column) for column in way.T])
         found.append((conflict, place))
     return found

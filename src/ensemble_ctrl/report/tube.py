@@ -85,6 +85,7 @@ def _of_arcs(problem: Problem, controls: Floats) -> tuple[Floats, Floats, int]:
     flow = Flow.of(problem, controls)
     count = len(flow.lower)
     most = min(SLICES, max(2, SLICE_STEPS // problem.steps))
+    # `most` cells along the first parameter times CELLS along each other one
     each = np.array([most, *[CELLS.get(count, 2)] * (count - 1)][:count], dtype=int)
     slices = most if count and flow.upper[0] > flow.lower[0] else 1
     found = enclosed(flow, each)

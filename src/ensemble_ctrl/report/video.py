@@ -62,6 +62,7 @@ def _colours(more: Iterable[str]) -> list[tuple[int, ...]]:
         for name in (OUTLINE, OBSTACLE, OBSTACLE_EDGE, REGION, INSIDE, SOFT, GRID, "black", *more)
     ]
     pure = np.concatenate([np.array(named), viridis(np.linspace(0, 1, 21)).astype(int)])
+    # blends with white, as smoothed edges have them
     blends = [np.rint(share * pure + (1 - share) * 255).astype(int) for share in (1.0, 0.7, 0.4, 0.15)]
     far = [tuple(colour) for colour in np.concatenate(blends).tolist() if sum(colour) < 735]  # from the ground's white
     return [(255, 255, 255), *far]

@@ -89,6 +89,7 @@ class ArcSystem(System):
 
     def attitude(self, x: Floats) -> Floats:
         """Turned about the vertical by the heading."""
+        # rotation by theta about z: (x, y, z, w) = (0, 0, sin(theta / 2), cos(theta / 2))
         half = x[2] / 2
         return np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)])
 
@@ -106,6 +107,7 @@ class ArcSystem(System):
 
     def turned(self, omega: Floats, step: float) -> Floats:
         """Integral of `omega` before each step, radians, shape of `omega`: the same for every member."""
+        # Omega_n = dt sum_{i < n} omega_i
         return step * (np.cumsum(omega) - omega)
 
     def displacement(
@@ -155,6 +157,7 @@ class ArcSystem(System):
         >>> round(float(dx), 12), round(float(dy), 12)
         (1.0, 1.0)
         """
+        # d(v, omega, Omega): chord psi_1 v dt sinc(psi_2 omega dt / 2) along the heading at mid-step
         half = angular * omega * (step / 2)
         chord = linear * v * step * sinc(half, arrays)
         angle = heading + angular * turned + half
@@ -181,6 +184,7 @@ class ArcSystem(System):
         v, omega = self.rates(*np.asarray(controls, dtype=float).T)
         linear, angular, heading = (column[:, None] for column in coefficients[:, :3].T)
         moves = self.displacement(v, omega, self.turned(omega, step), linear, angular, heading, step)
+        # p_{n+1} = p_n + d_n from the start position (x, y)
         path = np.empty((len(coefficients), len(controls) + 1, 2))
         path[:, 0] = coefficients[:, 3:]
         for axis, move in enumerate(moves):
@@ -192,6 +196,7 @@ class ArcSystem(System):
         """Headings of members at the ends of all steps, from +x, not wrapped, shape (members, steps + 1), radians."""
         _, omega = self.rates(*np.asarray(controls, dtype=float).T)
         turned = np.concatenate([[0.0], step * np.cumsum(omega)])
+        # theta_n = theta_0 + psi_2 Omega_n
         own = coefficients[:, 2, None] + coefficients[:, 1, None] * turned
         return np.asarray(own if self.heading_from == "x" else np.pi / 2 - own)
 

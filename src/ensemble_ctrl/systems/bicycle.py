@@ -65,6 +65,7 @@ class Bicycle(ArcSystem):
     def commands(self, v: Any, omega: Any, lower: Floats, upper: Floats) -> tuple[Any, Any]:
         """The speed, and the steering angle that turns at `omega`, each within its bounds."""
         v = np.clip(v, lower[0], upper[0])
+        # v tan(delta) / L = omega, with the sign of v moved to omega so that |delta| < pi/2
         sign = np.where(np.asarray(v) < 0, -1.0, 1.0)
         delta = np.arctan2(sign * omega * self.wheelbase, np.maximum(np.abs(v), 1e-9))
         return v, np.clip(delta, lower[1], upper[1])

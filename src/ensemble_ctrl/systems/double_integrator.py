@@ -37,6 +37,7 @@ class DoubleIntegrator(System):
         """A parabola."""
         px, py, vx, vy = x
         ax, ay = u[0] / psi["mass"], u[1] / psi["mass"]
+        # p + v dt + (f / m) dt^2 / 2 and v + (f / m) dt
         half = step * step / 2
         return [px + step * vx + half * ax, py + step * vy + half * ay, vx + step * ax, vy + step * ay]
 

@@ -42,6 +42,7 @@ def rk4(rates: Rates, x: Any, step: float, substeps: int) -> Any:
     """
     h = step / substeps
     for _ in range(substeps):
+        # classical tableau: nodes 0, 1/2, 1/2, 1 and weights 1/6, 1/3, 1/3, 1/6 (Hairer, Norsett, Wanner 1993, II.1)
         a = rates(x)
         b = rates(x + h / 2 * a)
         c = rates(x + h / 2 * b)
@@ -67,6 +68,7 @@ def extrapolated(rates: Rates, x: Any, step: float, substeps: int) -> Any:
     h = step / substeps
     for _ in range(substeps):
         first = rates(x)
+        # Aitken-Neville in h^2: T_jk = T_j,k-1 + (T_j,k-1 - T_j-1,k-1) / ((n_j / n_j-k)^2 - 1) (same, II.9)
         row: list[Any] = []
         for j, n in enumerate(SEQUENCE):
             entries = [_midpoint(rates, x, first, h, n)]
@@ -81,9 +83,11 @@ def extrapolated(rates: Rates, x: Any, step: float, substeps: int) -> Any:
 def _midpoint(rates: Rates, x: Any, first: Any, step: float, count: int) -> Any:
     """Gragg's smoothed midpoint rule with `count` substeps, an even number."""
     h = step / count
+    # Euler's step, then x_{i+1} = x_{i-1} + 2 h f(x_i) (Gragg 1965)
     before, here = x, x + h * first
     for _ in range(count - 1):
         before, here = here, before + 2 * h * rates(here)
+    # smoothing (x_{n-1} + 2 x_n + x_{n+1}) / 4
     return (here + before + h * rates(here)) / 2
 
 

@@ -53,6 +53,7 @@ class PlanarQuadrotor(System):
         """Velocity, acceleration, turn rate and angular acceleration."""
         _, _, vx, vz, tilt, rate = x
         thrust, torque = u
+        # m dv/dt = thrust (-sin tilt, cos tilt) - drag v - m g e_z, and J d(rate)/dt = torque
         mass, drag = psi["mass"], psi["drag"]
         return [
             vx,
@@ -74,6 +75,7 @@ class PlanarQuadrotor(System):
 
     def attitude(self, x: Floats) -> Floats:
         """Turned by the tilt, from z to -x."""
+        # rotation by -tilt about y, which turns z towards -x
         half, none = x[4] / 2, np.zeros_like(x[4])
         return np.stack([none, -np.sin(half), none, np.cos(half)])
 

@@ -69,7 +69,9 @@ class Quadrotor(System):
         """Velocity, acceleration, turn of the quaternion, and Euler's equations."""
         _, _, _, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz = x
         thrust, tau_x, tau_y, tau_z = u
+        # thrust over mass along the body's z axis, the third column of R(q) for q of any length
         lift = thrust / (self.mass + psi["payload"]) / (qw * qw + qx * qx + qy * qy + qz * qz)
+        # the payload adds m_p arm^2 to each moment of inertia
         jx, jy, jz = (moment + psi["payload"] * self.payload_arm**2 for moment in self.inertia)
         return [
             vx,
@@ -78,10 +80,12 @@ class Quadrotor(System):
             2 * (qx * qz + qw * qy) * lift,
             2 * (qy * qz - qw * qx) * lift,
             (qw * qw - qx * qx - qy * qy + qz * qz) * lift - GRAVITY,
+            # dq/dt = q (0, omega) / 2
             -(qx * wx + qy * wy + qz * wz) / 2,
             (qw * wx + qy * wz - qz * wy) / 2,
             (qw * wy + qz * wx - qx * wz) / 2,
             (qw * wz + qx * wy - qy * wx) / 2,
+            # Euler's equations: J domega/dt = tau - omega x J omega
             (tau_x + (jy - jz) * wy * wz) / jx,
             (tau_y + (jz - jx) * wz * wx) / jy,
             (tau_z + (jx - jy) * wx * wy) / jz,

@@ -52,6 +52,7 @@ class Unicycle(ArcSystem):
         -----
         Arias et al., One Ring to Rule Them All, ``eq:unicycle_bilinear``, for ``heading_from="y"``.
         """
+        # eq:unicycle_bilinear: d(px, py)/dt = psi v (cos, sin), d(cos, sin)/dt = psi omega (-sin, cos)
         b1, b2 = np.zeros((4, 4)), np.zeros((4, 4))
         b1[:2, 2:] = np.eye(2) if self.heading_from == "x" else np.eye(2)[::-1]
         b2[2:, 2:] = [[0.0, -1.0], [1.0, 0.0]]

@@ -65,6 +65,7 @@ class Ops(ABC):
     def until(self, left: Value, right: Value, low: int, high: int) -> Value:
         """Until over steps [low, high], for all t with t + high in `left`; `right` starts at `low`."""
         count = left.shape[1] - high
+        # max_i min(right(t + i), min_{j <= i} left(t + j)) over i = low .. high, the inner minimum carried along
         held = self.all_of(left[:, i : i + count] for i in range(low + 1))
         cases = [self.all_of([right[:, :count], held])]
         for i in range(1, high - low + 1):
@@ -75,6 +76,7 @@ class Ops(ABC):
     def release(self, left: Value, right: Value, low: int, high: int) -> Value:
         """The dual of `until`, with the same arguments. Quadratic in `high` here."""
         count = left.shape[1] - high
+        # min_i max(right(t + i), max_{j <= i} left(t + j)) over i = low .. high
         freed = [left[:, i : i + count] for i in range(high + 1)]
         return self.all_of(
             self.any_of([right[:, i - low : i - low + count], *freed[: i + 1]]) for i in range(low, high + 1)
@@ -126,6 +128,7 @@ class ExactOps(Ops):
 
     def ranked(self, value: Value, share: Share) -> Array:
         """Exact order statistic of members that weigh the same."""
+        # the rank-th largest value of each column
         place = value.shape[0] - share.rank(value.shape[0])
         return np.asarray(np.partition(value, place, axis=0)[place : place + 1])
 
@@ -144,6 +147,7 @@ class ExactOps(Ops):
     def until(self, left: Value, right: Value, low: int, high: int) -> Array:
         """Until by one backward pass and two sliding windows."""
         count = left.shape[1] - high
+        # G[0,low] left and F[low,high] right and F[low,low] (left U right) (Donze, Ferrere, Maler 2013)
         open_ended = self.until_end(left[:, low:], right, count)
         held = self.always(left, low + 1, count)
         return np.minimum(np.minimum(held, self.eventually(right, high - low + 1, count)), open_ended)
@@ -182,11 +186,13 @@ def _reduced(values: Iterable[Array], pick: np.ufunc) -> Array:
 def _sliding(value: Array, width: int, count: int, pick: np.ufunc) -> Array:
     """Extremum of `width` entries (0: of all that follow) from each of the first `count` times."""
     if width == 0:
+        # running extremum from the end
         value = np.hstack([value[:, : count - 1], pick.reduce(value[:, count - 1 :], axis=1, keepdims=True)])
         return np.asarray(pick.accumulate(value[:, ::-1], axis=1)[:, ::-1])
     value = value[:, : count + width - 1]
     if count == 1:
         return np.asarray(pick.reduce(value, axis=1, keepdims=True))
+    # extrema of spans 1, 2, 4 ..; two of the longest that fit cover a window
     span = 1  # value[:, t] covers [t, t + span)
     while 2 * span <= width:
         value = pick(value[:, :-span], value[:, span:])
@@ -258,12 +264,14 @@ class SmoothOps(Ops):
     def all_of(self, values: Iterable[Value]) -> Value:
         """Smooth minimum."""
         items = list(values)
+        # eq:minLSE: min a - log(sum_i exp(K (min a - a_i))) / K, never above the minimum
         least = reduce(self.backend.fmin, items)
         return least - self._log_mean_exp([least - item for item in items], 1)
 
     def any_of(self, values: Iterable[Value]) -> Value:
         """Smooth maximum, less log(n)/K."""
         items = list(values)
+        # eq:maxLSE less log(n) / K: max a + log(sum_i exp(K (a_i - max a)) / n) / K, never above the maximum
         most = reduce(self.backend.fmax, items)
         return most + self._log_mean_exp([item - most for item in items], len(items))
 

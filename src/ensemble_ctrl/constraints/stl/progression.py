@@ -126,12 +126,14 @@ class _Step:
 
     def _due(self, kind: type[And | Or], formula: Eventually | Always, child: Formula) -> Formula:
         """``F`` joins by `or`, ``G`` by `and`."""
+        # F f = f or next F f, G f = f and next G f, where f counts once the window has begun (Bacchus and Kabanza 1998)
         later = self._later(formula)
         parts = [self.of(child)] if self._begun(formula) else []
         return _joined(kind, parts + ([] if later is None else [later]))
 
     def _held(self, hold: type[And | Or], reach_: type[And | Or], formula: Until | Release) -> Formula:
         """``left`` is held until ``right`` comes; a release is the same with `and` and `or` exchanged."""
+        # f U g = f and (g or next (f U g))
         later = self._later(formula)
         cases = [self.of(formula.right)] if self._begun(formula) else []
         waiting = _joined(reach_, cases + ([] if later is None else [later]))
@@ -148,6 +150,7 @@ class _Step:
             return formula if self.now < self.horizon - below else None
         if formula.b < self.step * (1 - NEAR):
             return None
+        # the window one step nearer, unless no grid time is left in it
         a, b = self._earlier(formula.a), self._earlier(formula.b)
         if math.ceil(a / self.step - NEAR) > math.floor(b / self.step + NEAR):
             return None

@@ -112,6 +112,7 @@ def negation_normal_form(formula: Formula, negate: bool = False) -> Formula:
 
 def _dual(formula: Formula, parts: tuple[Formula, ...]) -> Formula:
     """The operator that a negation turns this one into, over negated parts."""
+    # not F f = G not f, not (f U g) = not f R not g
     match formula:
         case And():
             return Or(parts)
@@ -125,6 +126,7 @@ def _dual(formula: Formula, parts: tuple[Formula, ...]) -> Formula:
             return Release(parts[0], parts[1], formula.a, formula.b, formula.column)
         case Release():
             return Until(parts[0], parts[1], formula.a, formula.b, formula.column)
+        # not (at least p do f) = more than 1 - p do not f
         case Share():
             return Share(rest_of(formula.p), parts[0], strict=not formula.strict)
     return rebuilt(formula, parts)
@@ -183,6 +185,7 @@ def ground(
     def change(leaf: Formula) -> Formula:
         match leaf:
             case Inside(name=name):
+                # inside of G x <= h: min_i (h_i - g_i x)
                 G, h = _place(regions, name, "region").unit_rows()
                 return _joined(And, [_face(-g, bound, leaf, position) for g, bound in zip(G, h, strict=True)])
             case Avoid():
@@ -216,6 +219,7 @@ def _place(regions: Mapping[str, Polyhedron], name: str, kind: str) -> Polyhedro
 
 def _outside(place: Obstacle | Polyhedron, leaf: Avoid, position: Sequence[str], radius: float) -> Formula:
     """On the free side of some facet, a radius away from its line."""
+    # outside of G x <= h: max_i (g_i x - h_i - radius)
     G, h = place.unit_rows()
     return _joined(Or, [_face(g, -bound - radius, leaf, position) for g, bound in zip(G, h, strict=True)])
 

@@ -88,6 +88,7 @@ def member_robustness(formula: Formula, signals: Signals, ops: Ops, first: int =
         raise ProblemError(f"formula: expected windows within {span}, got one that ends at step {end}")
     if not isinstance(signals, StateSignals) or _reads_fleet(formula):
         return _walk(formula, signals, ops, first, last)
+    # members do not depend on each other: one block at a time
     values = [_walk(formula, block, ops, first, last) for block in signals.blocks(BLOCK)]
     return values[0] if len(values) == 1 else ops.members(values)
 
@@ -112,12 +113,15 @@ def _walk(formula: Formula, signals: Signals, ops: Ops, first: int, last: int) -
             return signals.leaf(formula, first, last)
         case Known(value=value):
             return ops.known(value, signals.members, last - first + 1)
+        # min over a conjunction, max over a disjunction (Donze and Maler 2010)
         case And(children=children):
             return ops.all_of(_walk(child, signals, ops, first, last) for child in children)
         case Or(children=children):
             return ops.any_of(_walk(child, signals, ops, first, last) for child in children)
+        # mean(f): robustness of the mean state, the same for every member
         case Mean(child=child):
             return _repeated(_walk(child, signals.mean(), ops, first, last), signals, ops)
+        # share(p, f): the value that a share p of the members reaches
         case Share(child=child):
             value = _walk(child, signals, ops, first, last)
             return _repeated(ops.ranked(value, formula), signals, ops)
@@ -131,6 +135,7 @@ def _walk(formula: Formula, signals: Signals, ops: Ops, first: int, last: int) -
 def _window(formula: Temporal, signals: Signals, ops: Ops, first: int, last: int) -> Value:
     """A temporal operator with a window."""
     low, high = _window_steps(formula, signals.step)
+    # operands at every step of [t + low, t + high] for t = first .. last
     right = _walk(formula.parts[-1], signals, ops, first + low, last + high)
     match formula:
         case Eventually():

@@ -73,6 +73,7 @@ class StateSignals:
 
     def leaf(self, predicate: Predicate, first: int, last: int) -> Array:
         """Robustness of a predicate at the times first..last, shape (members, last - first + 1)."""
+        # rho = c x + offset with |c| = 1 (see Predicate.normalised), one state at a time
         ((name, value), *more), offset = predicate.normalised()
         result = _affine(self._column(name)[:, first : last + 1], value, offset)
         for name, value in more:

@@ -73,6 +73,7 @@ def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tup
         pixels, opaque = _pixels(checked_path(path.parent, name))
     except Wrong as error:
         raise fields.wrong("image", error.message, error.hint) from None
+    # ROS map_server: free below free_thresh, occupied above occupied_thresh, else unknown; so is map_saver's grey 205
     occupancy = _raw(pixels) if raw else _occupancy(pixels, negate)
     below = opaque & (occupancy < free) & (occupancy <= occupied)
     grey = opaque & (np.abs(pixels - GREY).max(axis=2) < EXACT) if not (negate or raw) else np.zeros_like(opaque)

@@ -108,6 +108,7 @@ def _poses(problem: Problem, members: Members) -> list[tuple[Floats, Floats]]:
     values = members.values
     places = np.zeros((*values.shape[:2], 3))
     fleet = problem.fleet
+    # positions under other names take the free axes in order; an axis without position stays 0
     left = [k for k, axis in enumerate("xyz") if axis not in fleet.places]
     for name in fleet.places:
         axis = "xyz".index(name) if name in tuple("xyz") else left.pop(0)

@@ -61,12 +61,14 @@ def areas(problem: Problem, controls: Floats) -> list[Area]:
         found = tube(problem, controls)
     except Unenclosed as error:
         raise UnsupportedError(f"geojson: nothing is proven of where the fleet is: {error}") from None
+    # least and largest coordinates of each step over cells and corners, with the radius and two roundings to GRID
     low, high = ((found.points + way * found.radius[..., None, None]) for way in (-1, 1))
     low, high = low.min(axis=(1, 2)) - 2 * GRID, high.max(axis=(1, 2)) + 2 * GRID
     if low.shape[1] == 1:
         lines = (shapely.LineString([(a, 0.0), (b, 0.0)]) for a, b in zip(low[:, 0], high[:, 0], strict=True))
         return [Area(shapely.set_precision(line, GRID)) for line in lines]
     hulls = shapely.convex_hull(shapely.multipoints(found.points[..., :2]))
+    # a polygon of 4 QUARTER sides holds a disk if its corners are 1 / cos(pi / (4 QUARTER)) times as far out
     grown = shapely.buffer(hulls, (found.radius + 2 * GRID) / cos(pi / (4 * QUARTER)), quad_segs=QUARTER)
     shapes = [shapely.set_precision(shapely.union_all(cells), GRID) for cells in np.atleast_2d(grown)]
     ends = np.stack([low, high], axis=1)[..., 2:].reshape(len(low), -1).tolist()

@@ -82,6 +82,7 @@ def _always(formula: Formula, now: Window, duration: float) -> Iterator[tuple[st
             for part in formula.parts:
                 yield from _always(part, now, duration)
         case Always(child=child, a=a, b=b):
+            # G[a,b] at all times of [c, d] holds its operand at all times of [c + a, d + b]
             end = duration if b is None else now[1] + b
             yield from _always(child, (now[0] + (a or 0.0), end), duration)
 

@@ -59,6 +59,7 @@ def _is_covered(region: Polyhedron, problem: Problem) -> bool:
         return False
     from shapely import Polygon, union_all
 
+    # covered: the region less the obstacles, grown by the radius, has no area
     grown = union_all([Polygon(piece.vertices).buffer(problem.fleet.radius) for piece in near])
     area = Polygon(region.vertices)
     return bool(area.difference(grown).area <= SLACK * area.area)

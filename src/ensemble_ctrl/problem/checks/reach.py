@@ -59,6 +59,7 @@ def required(formula: Formula, latest: float, duration: float) -> Iterator[tuple
 def _furthest(region: Polyhedron, problem: Problem) -> tuple[float, Floats]:
     """Distance from a region of the start that is furthest from it, and that start: a corner of the box of starts."""
     fleet = problem.fleet
+    # the distance from a convex set is convex: largest at a corner of the box of starts
     starts = fleet.start_place + np.array(list(product((-1.0, 1.0), repeat=len(fleet.places)))) * fleet.shift
     distances = _distances(region, starts)
     k = int(distances.argmax())

@@ -70,5 +70,6 @@ def _bound(problem: Problem, differences: Floats, factor: float) -> float:
     """The bound above for differences in a, b and g."""
     fleet, T, v = problem.fleet, problem.duration, top_speed(problem)
     linear, angular, heading = differences.tolist()
+    # |a - a'| v T + a v min(2 T, |g - g'| T + |b - b'| w T^2 / 2)
     turn = abs(float(fleet.arcs.rates(*np.maximum(np.abs(fleet.input_lower), np.abs(fleet.input_upper)))[1]))
     return float(v * (linear * T + factor * min(2 * T, heading * T + angular * turn * T**2 / 2)))

@@ -153,6 +153,7 @@ def _moments(problem: Problem, target: MomentTarget) -> Iterator[Finding]:
         yield Finding((*PATH, "moments"), f"expected at most {most} moments, got {len(target.moments)}")
     else:
         yield from _mean(problem, target.middle, "moments")
+        # |m_k| <= sqrt(2) max_s |p(s) - p(0)| for k >= 1, by Cauchy and Schwarz
         size = np.sqrt((target.moments[1:] ** 2).sum(axis=1)) * (np.asarray(target.weights)[1:] > 0)
         limit = float(np.sqrt(2.0) * widest(problem))
         for k in np.flatnonzero(size > limit + SLACK).tolist():
@@ -166,6 +167,7 @@ def _moments(problem: Problem, target: MomentTarget) -> Iterator[Finding]:
 def _spread(problem: Problem, target: SpreadTarget) -> Iterator[Finding]:
     """A start that is spread stays spread: one control shifts all members alike."""
     start = problem.fleet.shift_covariance
+    # C minus the starts' covariance has to be positive semidefinite
     missing = float(np.linalg.eigvalsh(target.covariance - start)[0])
     if missing < -SLACK:
         message = (
@@ -174,6 +176,7 @@ def _spread(problem: Problem, target: SpreadTarget) -> Iterator[Finding]:
         )
         yield Finding((*PATH, "covariance"), message, "one control moves all starts alike; ask for at least as much")
     yield from _mean(problem, np.asarray(target.mean), "mean")
+    # tr C <= max_s |p(s) - p(0)|^2 + tr of the starts' covariance
     wanted, most = float(np.trace(target.covariance)), widest(problem) ** 2 + float(np.trace(start))
     if wanted > most + SLACK:
         message = (

@@ -124,6 +124,7 @@ def _closest_time(problem: Problem, part: TaskPart, path: Floats) -> float:
     margin = problem.regions[inside[0].name].margin(path[:, problem.fleet.place_columns])
     low, high = _window(problem, part)
     window = margin[low : high + 1]
+    # the largest margin of a visit, the smallest of a stay
     best = window.argmax() if isinstance(part.written, Eventually) else window.argmin()
     return float(problem.times[low + int(best)])
 

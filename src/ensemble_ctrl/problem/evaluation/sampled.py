@@ -168,6 +168,7 @@ def wilson(kept: NDArray[np.bool_], z: float = 1.96) -> tuple[float, float]:
     """Wilson's interval for a share, from members drawn at random; (0, 1) if there are none."""
     if not len(kept):
         return 0.0, 1.0
+    # Wilson 1927: (p + z^2 / 2n +- z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n)
     n, p = len(kept), float(kept.mean())
     middle, spread = (p + z**2 / (2 * n)), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
     scale = 1 + z**2 / n
@@ -224,6 +225,7 @@ def replay(
     substeps = whole("substeps", substeps, 1)
     controls = problem.fleet.checked_controls(controls)
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
+    # blocks of bounded memory, but all members at once where mean(f) or share(p, f) is inside of the task
     size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = (drawn[i : i + size] for i in range(0, len(drawn), size))
     results = _watched(blocks, lambda block: _run(problem, controls, block, substeps), watch)
@@ -304,6 +306,7 @@ def _watched(blocks: Iterable[Floats], run: Callable[[Floats], T], watch: Callab
     threads = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)
     with ThreadPoolExecutor(threads) as pool:
         try:
+            # two blocks wait for each thread; the None at the end empty the queue
             for block in chain(blocks, [None] * (2 * threads)):
                 if block is not None:
                     begun.append((len(block), pool.submit(run, block)))
@@ -336,6 +339,7 @@ def _run(
         found.append((float(closest[member]), float(times[at[member]]), problem.fleet.named(parameters[member])))
         inside[o] = closest < 0
         np.minimum(robustness, closest, out=robustness)
+    # chance parts: each member's least over all of the part
     each = []
     for chance in specification.chance:
         least = _robustness(problem, chance.rest, whole[:, ::substeps])
