@@ -70,6 +70,7 @@ def nearest_piece(search: Search, avoid: AvoidConstraint, spans: Spans) -> Bound
     """The worst piece; those that look nearest come first, so that the others need only be far enough."""
     found: list[Bound] = []
     for piece in sorted(avoid.pieces, key=lambda piece: search.nearness(piece, spans, avoid.motion)):
+        # further pieces need a bound above the distance already seen, no tighter one
         enough = min((b.sampled for b in found), default=np.inf)
         found.append(search.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, enough=enough))
     worst = min(found, key=lambda b: b.sampled)

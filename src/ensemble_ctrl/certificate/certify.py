@@ -293,6 +293,7 @@ def part_bound(
 
     `wanted` is the robustness in metres that would do, `fleet` and `cells` as for `bound_task`.
     """
+    # finer time until the bound is good enough, or an upper bound says that it never will be
     for split in SPLITS:
         bound = bound_task(problem, controls, ranges, part.formula, fleet, split, cells)
         if bound.proven >= wanted or bound.sampled < wanted:

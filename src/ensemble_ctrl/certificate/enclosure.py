@@ -326,6 +326,7 @@ def _extent(problem: Problem) -> float:
 
     With the way that a moving obstacle would go at its greatest speed, as times are rounded too.
     """
+    # X: corners, levels of faces, offsets of motions and the way at their greatest speed (docs/proof.md, section 5)
     sizes = [float(np.abs(piece.vertices).max()) for _, piece in problem.pieces]
     levels = (np.abs(region.unit_rows()[1]) for region in problem.regions.values())
     for motion in problem.motions.values():

@@ -121,6 +121,7 @@ def certify_set(
             found.append((bound.proven, f"avoid({avoid.name})"))
     clearance, nearest = min(found)
     largest = float(growth.max())
+    # predicates are distances: a member that is `growth` away has lost no more than that
     robustness, hardest = np.inf, ""
     for part in problem.specification.parts:
         value = -np.inf

@@ -115,6 +115,7 @@ class CellSignals:
         coefficients, offset = predicate.normalised()
         by_name = dict(coefficients)
         row = np.array([by_name.get("x", 0.0), by_name.get("y", 0.0)])
+        # A_k -+ (R_k + eps) at grid times, A_k = mu(p(t_k, c)) -+ sum_j h_j |n . dp_j|; in between the worse end -+ D
         some = slice(first // 2, (last + 1) // 2 + 1)
         value = self.position[:, some] @ row + offset
         reach = (np.abs(self.slope[:, some] @ row) * self.half[:, None]).sum(axis=-1)

@@ -66,6 +66,7 @@ def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = 
     each = CELLS.get(len(flow.lower), 2)
     found = enclosed(flow, each)
     while found.radius.max() > TIGHT and (2 * each) ** len(flow.lower) <= MOST_CELLS and len(flow.lower):
+        # twice as many cells of each parameter: the remainder falls with the square of their width
         each *= 2
         found = enclosed(flow, each)
     # members that only start elsewhere: the Minkowski sum with the box of starts

@@ -53,6 +53,7 @@ def _choices(dynamic: int) -> Iterator[Sides]:
         return 0.0, 1.0
 
     if dynamic > 1:
+        # the same part of every law, or all of every law but one
         yield (middle,) * dynamic
     for k in range(dynamic):
         for side in (middle, low, high):
@@ -67,6 +68,7 @@ def _box(problem: Problem, sides: Sides, share: float) -> Range:
     def ends(mass: float) -> tuple[Floats, Floats]:
         for k, law, side in zip(fleet.dynamic, fleet.dynamic_laws, sides, strict=True):
             a, b = side(mass)
+            # ends of the side as quantiles of the law
             lower[k] = law.lower if a <= 0 else float(law.quantile(a))
             upper[k] = law.upper if b >= 1 else float(law.quantile(b))
         return lower, upper
@@ -88,6 +90,7 @@ def _box(problem: Problem, sides: Sides, share: float) -> Range:
 def members_within(scaled: Floats, within: Range) -> Floats:
     """Scaled points of the dynamic parameters moved from all of their ranges into a box."""
     low, high = np.array(within).T
+    # affine map from [-1, 1] to [low, high]
     return np.asarray(low + (scaled + 1) / 2 * (high - low))
 
 

@@ -92,6 +92,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     else:
         curve = points(problem, controls, truncation)
         hyperplanes = all_hyperplanes(problem, truncation, curve, REACH * map_size(problem, curve))
+    # clearance of the hull from separating hyperplanes, a lower bound; the largest change of a command
     gap, excess = float(hyperplanes.gap.min(initial=np.inf)), rate_excess(fleet.rate_bounds, controls, step)
     return Value(cost(aim, effort, terminal, worst, risk), worst, terminal, effort, gap, excess, risk)
 
@@ -123,6 +124,7 @@ def _fleet(problem: Problem, controls: Floats) -> StateSignals:
 
     With one parameter they are its quantiles.
     """
+    # every 50th of 20,000 draws, in order of a single parameter: its quantiles
     members = problem.fleet.sample(20_000, seed=0)
     if members.shape[1] == 1:
         members = np.sort(members, axis=0)

@@ -178,6 +178,7 @@ def facets(problem: Problem, steps: int) -> Facets:
     """Every facet of what the task avoids, on a grid of `steps`."""
     pieces = [(piece, avoid) for avoid in problem.specification.avoid for piece in avoid.pieces]
     rows = [(*piece.unit_rows(), avoid) for piece, avoid in pieces]
+    # b_f = h_f + radius + |n_f| . shift (the Minkowski sum with the box of starts)
     index = [np.full(len(h), i) for i, (_, h, _) in enumerate(rows)]
     active = [np.tile(avoid.steps(steps, problem.duration), (len(h), 1)) for _, h, avoid in rows]
     shift = np.zeros(2) if problem.solve.guarantee == "moment" else problem.fleet.shift
@@ -292,6 +293,7 @@ def _shared(
         piece = int(sides.piece[f])
         if options[piece, k] < 2:
             continue
+        # a binary for each facet, block of steps and set of facets offered
         menu = offered[sides.piece == piece, k].tobytes()
         key = (f, k // block, menu)
         if key not in numbers:
@@ -355,6 +357,7 @@ def _moment_rows(
 ) -> Block:
     """The paper's rows on the moments of every order, at both ends of the step; without a binary, with z = 1."""
     n, image = truncation.count, ca.DM(truncation.to_moments)
+    # m_k^+ and m_k^-; m_k^+ - m_k^- is sqrt(2) for k = 0 and 0 after
     positive, negative = truncation.basis.signed_moments()
     chosen_here = columns.shape[1] > 3 + 4 * n
     by_slack, by_binary = ca.DM(np.eye(len(positive))[0] * positive[0]), ca.DM(positive - negative)
@@ -370,6 +373,7 @@ def _moment_rows(
     offset = sides.offset[facet] + keeping(problem, truncation, tail)
     m = chosen.big_m[read]
     xi = m - offset  # b + M of a row a x <= b with a = -normal and b = -offset
+    # -M <= a . p <= b + M in moments: -M m^+ - (b + M) m^- <= m_k <= (b + M) m^+ + M m^-
     lower, upper = (np.outer(-m, positive) - np.outer(xi, negative), np.outer(xi, positive) + np.outer(m, negative))
     data = np.column_stack([sides.normal[facet], m])
     return Block("avoiding (moments)", build, columns, data, np.tile(lower, 2), np.tile(upper, 2))

@@ -139,6 +139,7 @@ def separate(
     ]
     normal, support, gap = (np.stack(column) for column in zip(*found, strict=True))
     drift = np.stack([np.einsum("otd,otd->ot", normal, end) for end in (moved[:, :-1], moved[:, 1:])], axis=-1)
+    # gap beyond the radius, less what a moving piece bends within the step
     radius = np.tile([each.radius for _, each in pieces], len(parts))
     active = np.tile([each.steps(steps, duration, begin) for _, each in pieces], (len(parts), 1)) & (gap < np.inf)
     gap = np.where(active, gap - bends - radius[:, None], np.inf)

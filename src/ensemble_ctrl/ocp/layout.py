@@ -108,6 +108,7 @@ class Layout(Numbers):
     @property
     def points(self) -> Ints:
         """Indices of the points, shape (steps + 1, 2 * count): all x, then all y."""
+        # after v and omega of S steps and Omega at S + 1 grid times
         first = 3 * self.steps + 1
         return first + np.arange((self.steps + 1) * 2 * self.count).reshape(self.steps + 1, -1)
 

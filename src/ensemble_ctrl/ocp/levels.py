@@ -68,6 +68,7 @@ class TaskLevels:
         whole = minimum_of([(part.formula, signals) for part in problem.specification.parts], ops)
         if whole:
             ops.below.append((layout.level(), whole))
+        # levels numbered from 0; rows (level, time, x, y, offset) and pairs of levels from the terms of each minimum
         pairs = [(low - first, term) for low, part in ops.below for term in part]
         rows = [(low, term) for low, term in pairs if isinstance(term, Row)]
         order = [(low, term.index - first) for low, term in pairs if isinstance(term, Level)]

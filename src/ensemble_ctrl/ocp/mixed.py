@@ -176,6 +176,7 @@ def best(sides: Facets, gaps: Floats) -> Bools:
     chosen = np.zeros(gaps.shape, dtype=bool)
     for piece in range(sides.pieces):
         own = np.flatnonzero(sides.piece == piece)
+        # argmax over the piece's facets in each step
         chosen[own[gaps[own].argmax(axis=0)], np.arange(gaps.shape[1])] = True
     return chosen
 
@@ -184,6 +185,7 @@ def widened(allowed: Bools, steps: int) -> Bools:
     """What is allowed up to so many steps earlier or later is allowed too."""
     wide = allowed.copy()
     for shift in range(1, min(steps, allowed.shape[1] - 1) + 1):
+        # the same facet from k steps before to k steps after
         wide[:, shift:] |= allowed[:, :-shift]
         wide[:, :-shift] |= allowed[:, shift:]
     return wide
@@ -230,6 +232,7 @@ def _round(search: _Search, name: str, neighbourhood: Neighbourhood) -> Round:
     search.seconds()
     problem, centre, sides = search.problem, search.centre, search.sides
     curve = points(problem, centre.controls, centre.truncation)
+    # facets to choose from at each pair, and the program around the centre
     allowed = neighbourhood(sides, sides.gaps(curve), problem.solve.margin)
     transcription, choice = program(problem, centre, sides, allowed)
     count = choice.rows.count

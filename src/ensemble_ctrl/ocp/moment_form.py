@@ -102,6 +102,7 @@ def region_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> 
     for part in problem.specification.parts:
         if isinstance(part.written, Always) and isinstance(part.written.child, Inside):
             grid = np.linspace(0.0, problem.duration, layout.steps + 1)
+            # grid times of the window, but for the start
             inside = (grid >= part.begin - 1e-9) & (grid <= part.end + 1e-9)
             times = np.flatnonzero(inside & (grid > 0))
             blocks.append(_region_block(problem.regions[part.written.child.name], times, truncation, layout))
@@ -113,6 +114,7 @@ def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layou
     # b m_k^+ - c m_k^- <= m_k <= c m_k^+ - b m_k^- for b <= a . p <= c (docs/method.md)
     region = region.two_sided()
     lower, upper = region.moment_bounds(truncation.basis)
+    # an instance for each time and face: a . p on all points, its moments between their bounds
     pairs = [(k, face) for k in times.tolist() for face in range(len(region.A))]
     at, face = (np.array(part) for part in zip(*pairs, strict=True))
     build = _moments_along(truncation, layout, 0)

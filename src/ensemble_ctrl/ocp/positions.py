@@ -129,12 +129,14 @@ class Positions:
         """The points move by the image C of the Gauss-node robots' exact displacements d."""
         system, layout, step, n = self.problem.fleet.arcs, self.layout, self.step, self.layout.count
         image = ca.DM(self.image)
+        # drives (a_j, b_j, g_j) of the node robots are numbers of the program
         linear, angular, heading = (ca.DM(column) for column in node_drives(self.problem, self.truncation)[:, :3].T)
 
         def build(z: ca.SX, d: ca.SX) -> ca.SX:
             before, after = z[3 : 3 + 2 * n], z[3 + 2 * n :]
             dx: ca.SX
             dy: ca.SX
+            # exact arcs: d(v, omega, Omega) of every node robot, then its image C for x and for y
             v, omega = system.rates(z[0], z[1], CasadiArrays)
             dx, dy = system.displacement(v, omega, z[2], linear, angular, heading, step, CasadiArrays)
             # P_(n+1) - P_n - C d(v_n, omega_n, Omega_n) = 0
@@ -149,6 +151,7 @@ class Positions:
         fleet, layout = self.problem.fleet, self.layout
         lower[layout.controls], upper[layout.controls] = fleet.input_lower, fleet.input_upper
         for bound in (lower, upper):
+            # Omega_0 = 0, and all points start at p_0: the box of starts is a constant of the rows
             bound[layout.turned[0]] = 0.0
             bound[layout.points[0]] = np.repeat(fleet.start_place, layout.count)
 
@@ -157,6 +160,7 @@ class Positions:
         controls, layout = self.guess.controls, self.layout
         _, omega = self.problem.fleet.arcs.rates(*controls.T)
         x[layout.controls] = controls
+        # Omega_n = sum_(m<n) omega_m dt under the guess
         x[layout.turned] = np.concatenate([[0.0], np.cumsum(omega) * self.step])
         x[layout.points] = np.concatenate([self.curve[..., 0], self.curve[..., 1]], axis=1)
 

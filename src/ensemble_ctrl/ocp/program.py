@@ -86,6 +86,7 @@ def assemble(size: int, blocks: Sequence[Block], terms: Sequence[Block]) -> Prog
     x = ca.MX.sym("x", size)
     data = [b.data.ravel() for b in (*blocks, *terms)]
     p = ca.MX.sym("p", sum(d.size for d in data))
+    # data of all blocks one after the other in p, rows of all blocks one after the other in g
     starts = np.concatenate([[0], np.cumsum([d.size for d in data])]).astype(int)
     pieces = [p[int(starts[i]) : int(starts[i + 1])] for i in range(len(data))]
     row_counts = [b.lower.size for b in blocks]

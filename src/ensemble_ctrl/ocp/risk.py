@@ -100,6 +100,7 @@ def risk_rows(
         )
         loss = -value
         blocks = [_losses(int(level[0]), excess, clear), *_clearances(ends, seen, offset, hyperplanes, pairs, clear)]
+    # start: t at the quantile of the losses, e_i at max(L_i - t, 0), and e_i and c_i a little inside
     threshold, _ = value_at_risk(loss, risk.level)
     return RiskRows(
         blocks,
@@ -162,6 +163,7 @@ def _distances(final: Ints, seen: Floats, offset: Floats, level: int, excess: In
         row: ca.SX = z[dims * n] + z[dims * n + 1] - ca.sqrt(square + ROUND**2)
         return row
 
+    # an instance for each member: all final points, t, and its own e_i
     columns = np.column_stack([np.tile(final, (count, 1)), np.full(count, level), excess])
     low = np.zeros((count, 1))
     return Block("risk", build, columns, np.column_stack([offset, seen]), low, low + np.inf)
@@ -169,6 +171,7 @@ def _distances(final: Ints, seen: Floats, offset: Floats, level: int, excess: In
 
 def _losses(level: int, excess: Ints, clear: Ints) -> Block:
     """``e + t >= -c`` for each member."""
+    # t + e_i + c_i >= 0
     columns = np.column_stack([np.full(len(excess), level), excess, clear])
     low = np.zeros((len(excess), 1))
     none = np.zeros((len(excess), 0))

@@ -79,6 +79,7 @@ def rate_rows(layout: Numbers, bounds: Floats | None, half: Floats, step: float)
     if bounds is None or layout.steps < 2:
         return []
     n_u = layout.controls.shape[1]
+    # |s_(n+1) - s_n| <= rate bound * dt / half
     most = np.tile((1 - RATE_SPARE) * bounds * step / half, (layout.steps - 1, 1))
     columns = np.column_stack([layout.controls[:-1], layout.controls[1:]])
     return [Block("rates", lambda z, d: z[n_u:] - z[:n_u], columns, np.zeros((layout.steps - 1, 0)), -most, most)]
@@ -103,6 +104,7 @@ def command_terms(layout: Numbers, cost: CommandCost) -> list[Block]:
         value: ca.SX = cost.roughness(ca.vertsplit(z[n_u:] - z[:n_u]))
         return value
 
+    # an instance for each step, and for each two steps in turn
     terms = [_term("effort", effort, layout.controls)]
     if cost.smoothness and layout.steps > 1:
         terms.append(_term("smoothness", roughness, np.column_stack([layout.controls[:-1], layout.controls[1:]])))

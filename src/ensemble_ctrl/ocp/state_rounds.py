@@ -146,6 +146,7 @@ def runs_away(attempt: Attempt) -> bool:
 def _substeps(problem: Problem, controls: Floats) -> int:
     """Runge-Kutta steps within the program."""
     try:
+        # Runge-Kutta steps for ACCURACY; half of them is enough within the program
         found = problem.fleet.substeps(controls, problem.duration / len(controls), ACCURACY, rk4)
     except ProblemError:
         return MOST_SUBSTEPS
@@ -170,6 +171,7 @@ def _rounds(
         better = place < standing or (best.iterations == 0 and solved.value.keeps(0.0))
         standing = place if better else standing
         gain = best.value.cost - solved.value.cost
+        # ends: feasible and the cost falls by less than GAIN, or more to spare has changed nothing
         settled = solved.value.keeps(0.0) and best.value.keeps(0.0) and gain < GAIN
         stuck = k > 0 and not solved.value.keeps(0.0) and _as_short(solved, before)
         before = solved

@@ -123,6 +123,7 @@ class States:
         step, substeps = self.problem.duration / layout.steps, self.guess.substeps
 
         def build(z: ca.SX, d: ca.SX) -> ca.SX:
+            # commands in their units: u_i = middle_i + half_i s_i
             u = [m + h * z[i] for i, (m, h) in enumerate(zip(middle, half, strict=True))]
             own = {name: d[i] for i, name in enumerate(names)}
             before, after = z[n_u : n_u + n_x], z[n_u + n_x :]
@@ -155,5 +156,6 @@ class States:
 
     def iterate(self, x: Floats) -> Iterate:
         """Commands, clipped to their bounds, and states in a decision vector."""
+        # a solver's bounds hold to its tolerance only
         scaled = np.clip(x[self.layout.controls], -1.0, 1.0)
         return Iterate(self.scale.commands(scaled), x[self.layout.states], self.guess.substeps)

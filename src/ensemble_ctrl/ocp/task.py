@@ -201,6 +201,7 @@ class LevelOps(Ops):
         parts = [part for part, value in zip(parts, values, strict=True) if value >= max(values) - self.band]
         if len(parts) == 1:
             return parts[0]
+        # a new variable, one smooth row for it, and a level below each part that is a minimum
         level = self.layout.level()
         self.guess.note(level, [self.guess.of(part) for part in parts])
         self.maxima.append(([self._level(part) for part in parts], level))
@@ -262,6 +263,7 @@ def task_rows(
     some : pair of sequence of Formula and ndarray, optional
         Ground formulas for some members alone, and the matrix from the points to theirs.
     """
+    # for each reading the matrix from variables to the places at which its rows hold
     everybody = np.eye(layout.count) if places is None else places
     readings: dict[Reading, Floats] = {"all": everybody, "mean": mean[None, :]}
     fewer, readings["some"] = ((), everybody) if some is None else some
@@ -269,6 +271,7 @@ def task_rows(
     signals = PointSignals(layout.steps, step, tuple(shift.tolist()), states=states)
     ops = LevelOps(layout, guess)
     read = [(part, signals) for part in parts] + [(part, replace(signals, of="some")) for part in fewer]
+    # the walk over the formula: rows and levels whose minimum is the whole task's robustness
     whole = minimum_of(read, ops)
     if whole:
         ops.below.append((level, whole))

@@ -63,6 +63,7 @@ def terminal_blocks(problem: Problem, truncation: Truncation, final: Ints, place
     image = None if places is None else ca.DM(places)
 
     def terminal(z: ca.SX, d: ca.SX) -> ca.SX:
+        # the points' x, then y, from the variables of each coordinate
         coordinates = [z[i : i + n] for i in range(0, len(final), n)]
         cost: ca.SX = aim.terminal * error(*(c if image is None else ca.mtimes(image, c) for c in coordinates))
         return cost
@@ -145,6 +146,7 @@ def _moments_error(target: MomentTarget, truncation: Truncation) -> Any:
 
 def _spread_error(target: SpreadTarget, truncation: Truncation, start: Floats) -> Any:
     """Twice the squared Wasserstein distance."""
+    # S is half the matrix of twice the mean square: E[p p] = P^T S P
     average, square, F = ca.DM(truncation.mean), ca.DM(truncation.square / 2), target.covariance
     det_f = max(float(np.linalg.det(F)), 0.0)
 

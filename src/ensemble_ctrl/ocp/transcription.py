@@ -138,6 +138,7 @@ def transcribe(
     if risk is not None:
         blocks += risk.blocks
         terms += risk.terms
+    # a task without rows leaves its level at 0
     lower, upper = _bounds(model, None if rated else level)
     x = _start(model, task)
     if risk is not None:
@@ -154,9 +155,11 @@ def _task(
     """Rows that keep the level below the task's robustness, and whether the task has one."""
     in_moments = problem.solve.guarantee == "moment"
     everybody, some = asked(problem, truncation.within)
+    # with the guarantee `moment` every part is about the mean member
     parts = [Mean(part.formula) if in_moments else part.formula for part in everybody]
     fewer = [part.formula for part in some]
     places = np.eye(model.layout.count) if model.places is None else model.places
+    # mean, everybody and some are matrices from the variables: weights, places, and places of the members in `within`
     task = task_rows(
         parts,
         level,
@@ -211,6 +214,7 @@ def _set_binaries(choice: Choice, layout: Numbers, x: Floats, lower: Floats, upp
     """Start and bounds of the binaries, and the workspace that their rows rely on."""
     n, index = layout.count, layout.binaries
     x[index], lower[index], upper[index] = choice.setting, 0.0, 1.0
+    # big-M values hold for points in the workspace, so points are bounded by it
     for at, low, high in zip(layout.points[1:], choice.where.low[1:], choice.where.high[1:], strict=True):
         lower[at], upper[at] = np.repeat(low, n), np.repeat(high, n)
 

@@ -120,6 +120,7 @@ class Truncation:
         # cells [a, b] of the first parameter: its Bernstein coefficients on [a, b] by way of the moments
         ends = list(pairwise(np.linspace(-1.0, 1.0, self.cells + 1).tolist()))
         if not self.hull:
+            # nodes in the cell, ends included: a node on an edge is in both cells
             at = self.nodes[:, 0]
             inside = [np.flatnonzero((at >= a - 1e-12) & (at <= b + 1e-12)) for a, b in ends]
             return tuple(np.eye(self.count)[rows] for rows in inside if len(rows))
@@ -162,6 +163,7 @@ class Truncation:
     def square(self) -> Floats:
         """Matrix of the quadratic form that is twice the fleet's mean square, shape (points, points)."""
         if self.joint is not None:
+            # sum_i w_i p(s_i) . p(s_i) over the joint samples, whose weights sum to 2
             values = self.evaluation(self.joint[0])
             return np.asarray(values.T @ (self.joint[1][:, None] * values))
         # int p . p dmu = m^T (int phi phi^T dmu) m, the identity for uniform laws
@@ -175,11 +177,13 @@ class Truncation:
     def mean(self) -> Floats:
         """Weights of the points in the mean position, shape (points,)."""
         if self.joint is not None:
+            # (1/2) sum_i w_i p(s_i); under the laws m_0 / sqrt(2), since phi_0 = 1 / sqrt(2)
             return np.asarray(self.joint[1] @ self.evaluation(self.joint[0]) / 2)
         return np.asarray(self.to_moments[0] / np.sqrt(2.0))
 
     def evaluation(self, s: Floats) -> Floats:
         """Matrix from points to positions at scaled parameters `s`, shape (len(s), points)."""
+        # p(s) = sum_k m_k phi_k(s), with m_k linear in the points
         return np.asarray(_basis(self.degrees).evaluate(s) @ self.to_legendre)
 
     @property
@@ -271,6 +275,7 @@ def raised(truncation: Truncation) -> Truncation:
 def _degrees(problem: Problem, controls: Floats, hull: bool, ceiling: int) -> tuple[int, ...]:
     """The lowest degrees whose tail is small enough."""
     target = problem.objective.target
+    # moments that the target speaks of are carried in any case
     least = max(1, len(target.moments) - 1) if isinstance(target, MomentTarget) else 1
     degrees = (min(least, ceiling),) * len(problem.fleet.dynamic)
     error = tail(problem, controls, plain(degrees, hull))
@@ -295,5 +300,6 @@ def _basis(orders: tuple[int, ...]) -> TensorBasis:
 
 def _dense(dynamic: int) -> Floats:
     """A tensor grid of Chebyshev points."""
+    # Chebyshev points with the ends: cos(pi j / (n - 1))
     axis = np.cos(np.linspace(0.0, np.pi, DENSE.get(dynamic, 5)))
     return np.array(list(product(*[axis] * dynamic)), dtype=float).reshape(len(axis) ** dynamic, dynamic)

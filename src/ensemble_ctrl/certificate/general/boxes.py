@@ -121,6 +121,7 @@ class Boxes:
         pad = self.pad + restriction_error(self.basis.degrees[parameter] + 1) * np.abs(self.c).sum(axis=(2, 3))
         k = int(self.wide[parameter])
         centre, half = self.centre.copy(), self.half.copy()
+        # the middle of [low, high] in half widths of the cell
         centre[:, k] += (low + high) / 2 * half[:, k]
         half[:, k] /= 2
         return replace(self, c=c, pad=pad * UP, centre=centre, half=half)

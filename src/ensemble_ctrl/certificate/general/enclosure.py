@@ -363,6 +363,7 @@ class Pieces:
 
     def _models(self, c: Floats, centre: Floats, half: Floats) -> dict[str, Any]:
         """The system's parameters as models on all pieces."""
+        # psi_k = c_k + H_k s_k: the constant term and the term that is s_k, without remainder
         count = len(c)
         one = Model.of(self.basis, np.ones(count * len(centre)))
         found = self._numbers(one)

@@ -52,6 +52,7 @@ class Gradient(Smooth):
 
     def _uses(self, piece: int) -> tuple[int, ...]:
         """The states whose derivative is not zero."""
+        # sup |d f / d x_k| > 0
         by = np.maximum(np.abs(self.low_by[:, piece]), np.abs(self.high_by[:, piece]))
         return tuple(np.flatnonzero(by > 0).tolist())
 

@@ -87,6 +87,7 @@ def promising(request: Request, batch: Sequence[Curves]) -> list[Guess]:
 
     every = [guess for some in request.side_by_side("curves", work, len(batch)) for guess in some or ()]
     found = list({(guess.name, round(guess.length, 6)): guess for guess in every}.values())
+    # the best by what they fall short as they are, and the shortest
     ranks = [rank(start(problem, guess.controls, coarse(problem))) for guess in found]
     ranked = sorted(range(len(found)), key=lambda i: ranks[i])
     shortest = sorted(range(len(found)), key=lambda i: found[i].length)
@@ -143,6 +144,7 @@ def _driven_legs(
         for k in range(HEADINGS):
             if stop() or (k == MISSES and not found):
                 return
+            # headings at the place: straight ahead first, then in equal turns
             goal = np.array([*place, ahead + 2 * np.pi * k / HEADINGS])
             path = curve(around, radius, reverses(problem), start, goal, problem.solve.seed + k + 1, stop)
             if path is not None:

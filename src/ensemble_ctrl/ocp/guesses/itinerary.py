@@ -275,6 +275,7 @@ class _Model:
         )
         if found.x is None:
             return None
+        # y_a = 1 up to the solver's tolerance
         taken = [arc for arc, y in zip(self.arcs, found.x[:count], strict=True) if y > 0.5]
         return sorted(taken, key=lambda arc: arc.leave)
 

@@ -180,6 +180,7 @@ def _holds(problem: Problem, formula: Formula, points: Floats) -> NDArray[np.boo
             inside = [piece.facet_clearance(points) < 0 for piece in named_pieces(problem, name)]
             return np.asarray(~np.logical_or.reduce([*inside, np.zeros(len(points), bool)]))
         case Predicate(coefficients=coefficients, offset=offset):
+            # coefficients . place + offset >= 0, where the predicate is about the place alone
             columns = dict(zip(problem.fleet.states[:2], points.T, strict=True))
             if any(name not in columns for name, _ in coefficients):
                 return np.ones(len(points), bool)

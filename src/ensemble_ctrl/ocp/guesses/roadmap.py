@@ -99,6 +99,7 @@ class Legs:
         best = sorted(firsts, key=lambda t: t[0].length)[: self.most]
         if not best:
             return []
+        # other routes for the legs of the best order, or of each of the best
         varied = best if self.every else best[:1]
         others = [Trip(trip.visits, legs) for trip, choices in varied for legs in combined(choices, self.most)[1:]]
         whole = [trip for trip, _ in best] + others
@@ -213,6 +214,7 @@ def _projected(region: Polyhedron, point: Floats) -> Floats:
 
 def driven_trip(problem: Problem, trip: Trip, steps: int, name: str, kind: str = "route") -> Guess:
     """Controls that follow a trip in time, on a grid of `steps`."""
+    # the trip as a polyline in time, at the grid times
     grid = np.linspace(0.0, problem.duration, steps + 1)
     times, corners = (np.concatenate(part) for part in zip(*_timed(problem, trip), strict=True))
     path = np.stack([np.interp(grid, times, corners[:, axis]) for axis in (0, 1)], axis=1)
@@ -240,6 +242,7 @@ def schedule(problem: Problem, trip: Trip) -> tuple[list[float], list[float]]:
     """Arrival and dwelling time of each leg: an even speed, moved into the visits' windows."""
     windows = [(v.early, v.late, v.dwell) for v in trip.visits]
     windows += [(problem.duration, problem.duration, 0.0)] * (len(trip.legs) - len(windows))
+    # when to be at each place: the middle of a short window, near the end of a long one
     ends = [
         (early + late) / 2 if late - early < 0.5 * problem.duration else min(late, 0.92 * problem.duration - dwell)
         for early, late, dwell in windows

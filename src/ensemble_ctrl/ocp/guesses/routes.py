@@ -187,6 +187,7 @@ def _search(
             yield Route(corners[list(path)], length, word)
             continue
         for there in np.flatnonzero(np.isfinite(lengths[here])).tolist():
+            # the word of the way with this segment; the estimate is the length so far and the shortest way left
             longer = _extended(word, corners[here], corners[there], anchors)
             if there not in path and (there, longer) not in seen:
                 step = length + float(lengths[here, there])
@@ -267,6 +268,7 @@ def _box(piece: Obstacle, grown: float) -> tuple[Floats, Floats]:
     """Low and high corner of the box round a piece with every side moved outwards by `grown`."""
     out = _outward(piece.vertices)
     before = np.roll(out, 1, axis=0)
+    # corners of the polygon with all sides moved out: v + grown (n_1 + n_2) / (1 + n_1 . n_2)
     tips = piece.vertices + grown * (out + before) / (1 + (out * before).sum(axis=1))[:, None]
     return tips.min(axis=0), tips.max(axis=0)
 

@@ -93,6 +93,7 @@ class Skeleton:
         before = {(j, i) for i, j in self.order}
 
         def allowed(order: tuple[int, ...]) -> bool:
+            # every pair in its order: no visit before one that must precede it, none too late
             pairs = [(a, b) for k, a in enumerate(order) for b in order[k + 1 :]]
             return not any(pair in before or self._too_late(*pair) for pair in pairs)
 
@@ -129,6 +130,7 @@ class _Reader:
                 return self._always(formula, early, late)
             case Until(left=left, right=right):
                 a, b = self._window(formula)
+                # doors close until the first visit of the right side
                 found = self.read(right, early + a, late + b)
                 return [replace(s, doors=s.doors + self._doors(left)) if s.visits else s for s in found]
             case Mean(child=child) | Share(child=child):

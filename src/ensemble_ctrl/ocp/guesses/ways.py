@@ -80,6 +80,7 @@ def way(start: Floats, end: Floats, pieces: Sequence[Obstacle], keep: float, kno
 
 def resampled(corners: Floats, shares: Floats) -> Floats:
     """Points of a polyline at shares of its length from 0 to 1, shape (shares, d)."""
+    # interpolation over the length along the polyline
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
     at = shares * lengths[-1]
     return np.stack([np.interp(at, lengths, column) for column in corners.T], axis=1)
@@ -104,6 +105,7 @@ def _grid(start: Floats, end: Floats, pieces: Sequence[Obstacle]) -> Floats:
 
 def _trodden(grid: Floats, way: Floats) -> Floats:
     """How much slower each cell gets for lying on a way that is known, but near its ends."""
+    # distance from the middle 80 % of the way; slower by up to 6 on it
     middle = resampled(way, np.linspace(0.1, 0.9, 60))
     near = np.min([np.linalg.norm(grid - point, axis=-1) for point in middle], axis=0)
     width = TRODDEN * float(np.ptp(grid.reshape(-1, grid.shape[-1]), axis=0).max())

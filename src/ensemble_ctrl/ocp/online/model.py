@@ -104,6 +104,7 @@ def _terminal(problem: Problem, truncation: Truncation) -> ca.Function | None:
     blocks = terminal_blocks(problem, truncation, Layout(problem.steps, truncation.count).points[-1])
     if not blocks:
         return None
+    # value, gradient and dense Hessian of the terminal term by (x_1..x_n, y_1..y_n)
     z = ca.SX.sym("z", 2 * truncation.count)
     value = blocks[0].build(z, ca.SX(0, 1))
     hessian, gradient = ca.hessian(value, z)

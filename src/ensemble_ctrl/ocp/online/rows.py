@@ -37,6 +37,7 @@ def task_rows(point: Point) -> tuple[Floats, Floats]:
     task, n = point.model.levels, point.free.size
     if not task.count:
         return np.zeros((0, n)), np.zeros(0)
+    # linearised at the levels' values here; a level without rows counts as 0
     level = np.where(np.isfinite(point.levels), point.levels, 0.0)
     A, b = _height_rows(point, level)
     parts = [A, *(row[None] for row in _level_rows(point, level))]

@@ -109,6 +109,7 @@ class _Iterate:
 
     def longest(self, step: _Iterate, program: Quadratic, share: float) -> tuple[float, float]:
         """The longest steps on both sides, 1 at most, that keep everything positive."""
+        # ratio test on both sides; INSIDE of the way, and never more than a full Newton step
         primal = _longest(self.primal(program), step.change)
         return min(1.0, share * primal), min(1.0, share * _longest(self.dual, step.dual))
 
@@ -183,6 +184,7 @@ class _System:
 
 def _shrunk(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
     """Bounds moved in a little, so that there is room on both sides."""
+    # strictly inside of both bounds
     room = np.minimum(1e-2, 0.1 * (upper - lower))
     return lower + room, upper - room
 

@@ -106,6 +106,7 @@ class Condensed:
 
     def __init__(self, nlp: Nlp) -> None:
         self.nlp, self.functions, self.p = nlp, nlp.program.functions, nlp.program.parameters
+        # z: variables that are neither fixed, dependent nor slacks
         free = nlp.lower < nlp.upper
         free[nlp.dependent] = free[nlp.slacks] = False
         self.independent = np.flatnonzero(free)
@@ -213,6 +214,7 @@ class _Point:
         program, inequality = self.condensed.nlp.program, ~self.condensed.equations
         parts = []
         for sign, bound in ((1.0, program.lower), (-1.0, program.upper)):
+            # lower <= g and g <= upper as rows of one sign, within NEAR of their bounds
             gap = sign * (self.g - bound)
             near = np.flatnonzero(inequality & np.isfinite(bound) & (gap < NEAR))
             parts.append((sign * (self.jacobian[near] @ Z), -gap[near]))
@@ -222,5 +224,6 @@ class _Point:
         """The vector with the slacks that its rows need."""
         x, slacks = self.x.copy(), self.condensed.nlp.slacks
         reads = self.jacobian[:, slacks].tocoo()
+        # each slack is the largest shortfall of the rows that read it
         np.maximum.at(x, slacks[reads.col], self.short[reads.row])
         return x

@@ -221,6 +221,7 @@ class _Search:
         """
         last = self._tried(value, controls, value)
         while self.best is None and not self._over() and value < self.goal.most:
+            # up by STEP until a whole search succeeds
             higher = self.goal.nearest(value * (1 + STEP), value, np.inf)
             if higher is None:
                 break

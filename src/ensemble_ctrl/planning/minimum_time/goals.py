@@ -87,6 +87,7 @@ class Duration:
         """A duration in milliseconds, or one at which a window of the task begins or ends with a step."""
         # candidates: whole milliseconds spread evenly, and durations that put a window on the grid
         low, high = max(above, self.least), min(below, self.most)
+        # the wanted value itself, and EVEN values between the bounds
         even = [round(t, 3) for t in (value, *np.linspace(low, high, EVEN).tolist())]
         tried = sorted({*even, *self._with_windows(), self.most}, key=lambda t: abs(t - value))
         return next((t for t in tried if above < t < below and low <= t <= high and self._fits(t)), None)

@@ -80,6 +80,7 @@ class Followed:
         if self.options.horizon == "receding":
             return read_anew(problem, begin, pose, ranges)
         sent, at = len(self.tracker.sent), self.progress.at
+        # sets at the grid times up to `begin`; after the commands that were sent it stands in `pose`
         until = [(self.pose(k) if k <= sent else None) or pose for k in range(at, begin + 1)]
         return remaining(problem, begin, self.progress.after(until, self.tracker.bulge).left, pose, ranges)
 

@@ -199,6 +199,7 @@ class RobotGroup:
 
     def _middle(self, coefficients: Floats, controls: Floats) -> Floats:
         """Where the middle one of some members goes, shape (steps + 1, 2), metres."""
+        # the path of the middle node robot, by exact arcs
         middle = coefficients[len(coefficients) // 2][None]
         return np.asarray(self.problem.fleet.arcs.paths(controls, middle, self.problem.step)[0])
 
@@ -250,6 +251,7 @@ class RobotGroup:
         poses = self._now()[1]
         if not poses:
             return None
+        # planned for the robot nearest to the middle of all
         midst = np.mean([pose.position for pose in poses.values()], axis=0)
         name = min(poses, key=lambda each: float(np.linalg.norm(poses[each].position - midst)))
         try:

@@ -247,6 +247,7 @@ class Receding(RobotGroup):
         """From a measurement of one robot."""
         robot = self.robots[name]
         if self.over and measurement.finite:
+            # steps that are past without commands count as standing
             late = math.ceil(measurement.time / self.problem.step - 1e-6) - self.sent
             self._send(np.zeros((min(max(late, 0), len(self.plan)), self.plan.shape[1])))
         events = robot.tracker.observe(measurement)
@@ -286,6 +287,7 @@ class Receding(RobotGroup):
         for name, tracker in self.trackers.items():
             if tracker.last is None:
                 self.stop("there is no measurement" + (f" of {name}" if len(self.robots) > 1 else ""))
+            # seconds from the last measurement to the next commands
             silent = self.sent * self.problem.step - tracker.time
             if silent > self.options.silence + self.options.deadline:
                 self.stop(f"{self._called(name)} has said nothing for {silent:.1f} s")
@@ -338,6 +340,7 @@ class Receding(RobotGroup):
     def _recover(self, work: Work) -> None:
         """Look for a way from where the robot stands; it takes over when `recovery` seconds have passed."""
         self._stand()
+        # the new plan takes over when it has been made, `recovery` seconds from now
         begin = self.sent + math.ceil(self.options.recovery / self.problem.step)
         fresh = self.sent * self.problem.step - self.time <= self.options.silence + self.options.deadline
         self._rebase()
@@ -363,6 +366,7 @@ class Receding(RobotGroup):
         if certificate is None or certificate.clearance >= 0:
             self._tighter *= 0.7
         else:
+            # more margin for the next plan by TIGHTER times what the proof lacks, up to TIGHTEST
             self._tighter = min(self._tighter - TIGHTER * certificate.clearance, TIGHTEST)
 
     # --- where things stand; grid times count from the base

@@ -128,6 +128,7 @@ class Commands:
     def __init__(self, system: ArcSystem, controls: Floats, step: float) -> None:
         self.step = step
         sign = 1.0 if system.heading_from == "x" else -1.0
+        # rates of each step, turning counter-clockwise, 0 after the last; Omega at the begin of each
         v, omega = system.rates(*np.asarray(controls, dtype=float).reshape(-1, 2).T)
         self.v, self.omega = np.append(v, 0.0), np.append(sign * omega, 0.0)
         self.grid = step * np.arange(len(self.v))

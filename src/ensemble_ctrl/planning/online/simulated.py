@@ -191,6 +191,7 @@ class SimulatedRobot:
         """Send the present pose off."""
         flaws, noise = self.flaws, self._random.uniform(-1.0, 1.0, 3)
         lost = self._random.random() < flaws.lost_measurements
+        # uniform errors within their bounds; the message arrives after the delay
         x, y, heading = self.pose + noise * [flaws.position, flaws.position, flaws.heading]
         now = round(self.now(), 9)
         if not lost:
@@ -220,6 +221,7 @@ class SimulatedRobot:
         """A command as the actuators understand it."""
         quantum, most = self.flaws.quantum, self.flaws.saturation
         if quantum is not None:
+            # quantised, then saturated
             command = np.round(command / quantum) * quantum
         return command if most is None else np.clip(command, -np.asarray(most), most)
 

@@ -147,6 +147,7 @@ class Swarm:
         members = (bounds[0] + bounds[1]) / 2 + (bounds[1] - bounds[0]) / 2 * s[:, None]
         fleet, step = self.problem.fleet, self.problem.step
         paths = fleet.arcs.paths(self.plan, fleet.coefficients(members), step)
+        # step and share of it at each time
         at = np.clip(times / step, 0, self.problem.steps)
         low = np.minimum(at.astype(int), self.problem.steps - 1)
         places = paths[:, low] + (at - low)[:, None] * (paths[:, low + 1] - paths[:, low])
@@ -173,6 +174,7 @@ class Swarm:
             if np.abs(change).max() < 1e-7:
                 break
         self.misfit = float(np.sqrt(((self._explained(guess, times) - wanted) ** 2).mean()))
+        # the learnt range, SPARE times as wide, within the assumed one
         half = SPARE * guess[1]
         self.range = max(low, float(guess[0] - half)), min(high, float(guess[0] + half))
 

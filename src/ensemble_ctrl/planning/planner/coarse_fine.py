@@ -106,6 +106,7 @@ def fine(search: Search, found: Attempt, problem: Problem) -> Attempt:
 def _on_own_grid(found: Attempt, problem: Problem, search: Search) -> Attempt:
     """The problem's own grid and order, started from what was found before on that grid."""
     controls = refined(found.controls, problem.steps)
+    # one more moment while the truncated curve is further than TAIL_LIMIT from the true one
     truncation = replace(choose(problem, controls), within=found.truncation.within)
     attempt = start(problem, controls, truncation)
     for _ in range(3):

@@ -114,6 +114,7 @@ def _for_fleet(search: Search, problem: Problem, starts: list[Guess], found: lis
         if solved is None:
             return chosen
         chosen.take(solved, origin, solver)
+    # other starts only where the middle member has a plan and the fleet has none
     middle, states = found[ranked[0]]
     if not starts or chosen.attempt.value.keeps(0.0) or not shooting.middle_does(middle):
         return chosen

@@ -160,6 +160,7 @@ def reversing(problem: Problem, share: float) -> Relaxed:
 def turned(problem: Problem, angle: float) -> Relaxed:
     """The start turned by some degrees, counter-clockwise."""
     fleet = problem.fleet
+    # heading + angle in [-180, 180) degrees
     degrees = float(f"{(np.rad2deg(fleet.heading) + angle + 180) % 360 - 180:.6g}")
     changed = problem.with_(fleet=fleet.with_(heading=float(np.deg2rad(degrees))))
     own = float(f"{np.rad2deg(changed.fleet.own_heading):.6g}")
