@@ -75,7 +75,7 @@ def compare(
 
 
 def left_out(problem: Problem, variants: Sequence[str] = tuple(VARIANTS)) -> dict[str, str]:
-    """The variants that are not for a problem, and why: moving obstacles, say, are not for ``minlp``."""
+    """The variants that are not for a problem, and why: moving obstacles, for example, are not for ``minlp``."""
     found = {}
     for name in variants:
         try:

@@ -39,7 +39,7 @@ def plan(
     Parameters
     ----------
     problem : Problem or path
-        What to plan, or the problem file that says it.
+        What to plan, or its problem file.
     progress : callable, optional
         ``progress(phase, iteration or None) -> bool``; returning True stops with the best plan so far.
     guess : Plan or ndarray of shape (steps', n_u), optional
@@ -100,7 +100,7 @@ def plan(
 def _replayed(found: Plan, began: float, progress: Progress | None) -> Plan:
     """The plan with its replay, as far as that gets in what is left of the time, but at least in `AFTERWARDS`.
 
-    After a wish to stop, that is all there is. A plan that fewer members ran than were asked for is not finished.
+    After a wish to stop, that is all there is. A plan replayed on fewer members than requested is not finished.
     """
     from ensemble_ctrl.ocp.solvers import AT_WORK
     from ensemble_ctrl.planning.planner import AFTERWARDS
@@ -143,7 +143,7 @@ def with_baseline(plan: Plan, progress: Progress | None = None) -> Plan:
 
 
 def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
-    """The plan with what would help in its details, where none was found and there is a second left to look for it."""
+    """The plan with what would help in its details, where none was found and a second is left to search for it."""
     from ensemble_ctrl.planning.suggest import SECONDS
 
     left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())

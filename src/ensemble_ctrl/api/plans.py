@@ -44,17 +44,17 @@ class Plan(ReadOnlyArrays):
     Attributes
     ----------
     problem : Problem
-        What was asked.
+        The problem that was solved.
     controls : ndarray, shape (steps, n_u)
         Commands of every step, in the units of the system's controls; read-only.
     status : {"planned", "infeasible", "limit", "interrupted"}
-        How the search ended. Only `replayed` and `certificate` say whether members are safe.
+        How the search ended. Only `replayed` and `certificate` show whether members are safe.
     details : dict
         What the search did: order, cost and its parts, iterations, routes, seconds.
     replayed : Replay or None
         The last replay that was run on this plan when it was made.
     certificate : Certificate or None
-        What is proven of it for every parameter and instant, if that was asked for.
+        What is proven of it for every parameter and instant, if a certificate was requested.
     baseline : ndarray of shape (steps, n_u), or None
         Commands of the problem's unconstrained baseline, for figures only; not saved.
 
@@ -90,7 +90,7 @@ class Plan(ReadOnlyArrays):
 
     @property
     def verified(self) -> bool:
-        """Whether a plan was found, no replayed member violates it, and its certificate, if any, says ``yes``."""
+        """Whether a plan was found, no replayed member violates it, and its certificate, if any, is ``yes``."""
         replayed = self.replayed is not None and not self.replayed.violating.any()
         proven = self.certificate is None or self.certificate.proven == "yes"
         return self.status != "infeasible" and replayed and proven
@@ -115,7 +115,7 @@ class Plan(ReadOnlyArrays):
 
     @cached_property
     def _conflicts(self) -> tuple[Conflict, ...]:
-        """Found once: a failing plan's summary, page and files all ask."""
+        """Found once: a failing plan's summary, page and files all need them."""
         return conflicts(self.problem, self.controls)
 
     def suggest(self, seconds: float = 30.0, *, progress: Progress | None = None) -> Suggestions:
@@ -228,7 +228,7 @@ class Plan(ReadOnlyArrays):
 
         Notes
         -----
-        *Guarantee*: what is proven of a plan is proven of robots that receive its commands. It says nothing of robots
+        *Guarantee*: what is proven of a plan is proven of robots that receive its commands. It does not hold for robots
         that follow one of the paths by a controller of their own.
         """
         from ensemble_ctrl.files.export import export

@@ -48,7 +48,7 @@ def write_report(plan: Plan, path: Path, folder: Path) -> Path:
     Parameters
     ----------
     plan : Plan
-        Replayed, and certified if its problem asks for that.
+        Replayed, and certified if its problem requires that.
     path : Path
         The file to write, whole or not at all.
     folder : Path

@@ -59,7 +59,7 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
     tolerance : float
         The half width is found to within this, in units of the parameter.
     tell : callable, optional
-        Told of each range tried.
+        Called after each range tried.
     parameter : str, optional
         The parameter to widen, the fleet's first if not given; the others keep their ranges.
 

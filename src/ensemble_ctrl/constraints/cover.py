@@ -123,7 +123,7 @@ def with_fewer_corners(corners: Floats, area: Any, most: int) -> Floats:
     corners : ndarray, shape (n, 2)
         Counter-clockwise, without straight ones.
     area : shapely geometry
-        Prepared, if many polygons are asked about.
+        Prepared (`shapely.prepare`), if many polygons are tested against it.
     most : int
         Sides are taken out one by one, those that add least first, and their neighbours extended until they meet.
 

@@ -1,4 +1,4 @@
-"""A convex polygon to keep out of, its distances and its big-M rows in moment space."""
+"""A convex polygon as an obstacle, its distances and its big-M rows in moment space."""
 
 from __future__ import annotations
 

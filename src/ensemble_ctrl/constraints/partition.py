@@ -1,6 +1,6 @@
 """Triangles of a polygon joined to convex pieces: diagonals that no reflex corner needs are taken out, longest first.
 
-Hertel and Mehlhorn, Fast triangulation of simple polygons (1983). Every diagonal is looked at once, and the pieces are
+Hertel and Mehlhorn, Fast triangulation of simple polygons (1983). Every diagonal is tested once, and the pieces are
 bounded by diagonals and sides alone, so that together they are the polygon.
 """
 

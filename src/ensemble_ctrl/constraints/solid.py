@@ -1,4 +1,4 @@
-"""A convex polyhedron in space to keep out of, with its corners, edges and exact distances."""
+"""A convex polyhedron in space as an obstacle, with its corners, edges and exact distances."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class ResultsFolder:
     Raises
     ------
     FolderError
-        If the target can't be used, or another process is about to write there; said before any solving.
+        If the target can't be used, or another process is about to write there; raised before any solving.
 
     Notes
     -----
@@ -335,6 +335,6 @@ def write_text(path: Path, text: str, overwrite: bool = False) -> None:
 
 
 def _taken(path: Path) -> FolderError:
-    """What is said of a name that is taken."""
+    """The message about a name that is taken."""
     hint = "add --overwrite to replace it" if path.is_file() else "choose another name"
     return FolderError(f"{path}: this exists already; {hint}")

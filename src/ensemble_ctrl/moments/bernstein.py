@@ -144,12 +144,12 @@ def bernstein_to_moments(basis: Basis, degree: int | None = None) -> FloatArray:
 
 
 def _checked_degree(basis: Basis, degree: int | None) -> int:
-    """The degree asked for, or the order."""
+    """The requested degree, by default the order."""
     return basis.order if degree is None else whole_number("degree", degree, 0, MAX_ORDER)
 
 
 def _checked_part(lower: float, upper: float) -> Interval:
-    """The range asked for, inside [-1, 1]."""
+    """The requested range, inside [-1, 1]."""
     part = Interval(finite_number("lower", lower), finite_number("upper", upper))
     if part.lower < -1 or part.upper > 1:
         got = f"{part.lower:g} to {part.upper:g}"

@@ -20,7 +20,7 @@ TIED = 1e-13
 
 
 def recurrence_of_points(s: FloatArray, weights: FloatArray, order: int) -> Recurrence:
-    """Recurrence up to `order`, or up to the highest order that the points can tell apart.
+    """Recurrence up to `order`, or up to the highest order that the points determine.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 r"""What every law of the parameter can do.
 
-A law says how the parameter is spread over the fleet. Its basis lives on :math:`s \in [-1, 1]`, where the law is a
+A law is the parameter's distribution over the fleet. Its basis lives on :math:`s \in [-1, 1]`, where the law is a
 measure of total mass 2, so that :math:`\phi_0 = 1/\sqrt 2` and the mean is :math:`m_0/\sqrt 2` whatever the law.
 """
 

@@ -71,7 +71,7 @@ class Mixture(WeightedLaw):
         return np.asarray(weights / weights.sum())
 
     def recurrence(self, order: int) -> Recurrence:
-        """Coefficients up to `order`, or up to the highest order that the values can tell apart."""
+        """Coefficients up to `order`, or up to the highest order that the values determine."""
         # the mixture's measure on the parts' Gauss points: polynomials of degree 2 order + 3 are integrated exactly
         points = self.points(order + 2)
         return usable(recurrence_of_points(*points, order), *points)

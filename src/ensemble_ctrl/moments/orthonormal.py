@@ -39,7 +39,7 @@ class WeightedLaw(Law):
 
     @abstractmethod
     def recurrence(self, order: int) -> Recurrence:
-        """Coefficients up to `order`, or up to the highest order that the law's values can tell apart."""
+        """Coefficients up to `order`, or up to the highest order that the law's values determine."""
 
     @abstractmethod
     def partial_moments(self, recurrence: Recurrence, s: FloatArray) -> FloatArray:

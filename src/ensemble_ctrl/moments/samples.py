@@ -77,7 +77,7 @@ class Samples(WeightedLaw):
 
     @cached_property
     def _sum(self) -> float:
-        """Something that tells most samples apart."""
+        """Sum of the values, which differs for most samples."""
         return float(self.values.sum())
 
     @cached_property
@@ -93,7 +93,7 @@ class Samples(WeightedLaw):
         return self.values
 
     def recurrence(self, order: int) -> Recurrence:
-        """Coefficients up to `order`, or up to the highest order that the values can tell apart."""
+        """Coefficients up to `order`, or up to the highest order that the values determine."""
         # Lanczos process on condensed points, kept as far as it is orthonormal on all of them
         points = condensed(*self._points, order + 2)
         return usable(recurrence_of_points(*points, order), *self._points)

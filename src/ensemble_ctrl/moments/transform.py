@@ -166,7 +166,7 @@ def moments_of_samples(basis: Basis, s: ArrayLike, values: ArrayLike) -> FloatAr
 
 
 def evaluate_moments(basis: Basis, moments: ArrayLike, s: ArrayLike) -> FloatArray:
-    """The state that moments stand for, at scaled parameters.
+    """The state with the given moments, at scaled parameters.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def change_of_basis(old: Basis, new: Basis) -> FloatArray:
 
     Notes
     -----
-    **Guarantee**: exact, up to rounding, for what the moments in the old basis stand for.
+    **Guarantee**: exact, up to rounding, for the polynomial with the given moments in the old basis.
 
     Examples
     --------

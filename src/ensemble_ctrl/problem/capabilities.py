@@ -1,8 +1,8 @@
-"""What a problem may ask of its system: one table of features, each with what it needs and why.
+"""What a problem may use of its system: one table of features, each with what it needs and why.
 
-Nothing asks a system of what type it is.  A feature needs a trait of the system, such as one transcription or an exact
-flow on arcs; where that is missing, the refusal says which feature, which system, and the reason.  The checks of a
-problem refuse from this table what the problem asks for, and the commands refuse what they do.
+No module checks the type of a system.  A feature needs a trait of the system, such as one transcription or an exact
+flow on arcs; where that is missing, the refusal names the feature, the system and the reason.  The checks of a
+problem refuse from this table what the problem uses, and the commands refuse what they do.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ class Feature:
     why : str
         What it uses that trait for: the reason of a refusal.
     path : tuple of str
-        The key of a problem file that asks for it, if there is one.
+        The key of a problem file that turns it on, if there is one.
     hint : str
         What to do where it is not there.
     requested : callable
-        Whether a problem asks for it.
+        Whether a problem uses it.
     plural : bool
         Of the words.
     """
@@ -138,7 +138,7 @@ def supports(problem: Problem, feature: str) -> Literal[True] | Refusal:
     Returns
     -------
     True or Refusal
-        A refusal is false, and says why.
+        A refusal is false, and gives the reason.
     """
     return allows(problem.fleet.system, feature)
 

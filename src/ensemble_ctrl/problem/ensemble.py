@@ -172,7 +172,7 @@ class Ensemble(ReadOnlyArrays):
         return np.asarray(self.lower + share * (self.upper - self.lower))
 
     def representatives(self, count: int) -> Floats:
-        """Exactly `count` members of equal weight that stand for the laws, shape (count, parameters).
+        """Exactly `count` members of equal weight that represent the laws, shape (count, parameters).
 
         Even in the distribution of the first parameter, scattered evenly in the others; joint samples stay whole.
         """

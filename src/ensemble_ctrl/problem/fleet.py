@@ -65,7 +65,7 @@ class Fleet(Ensemble):
     Raises
     ------
     ProblemError
-        For names that the system does not know or that say the same thing twice, numbers that are not finite,
+        For names that the system does not know or that give the same thing twice, numbers that are not finite,
         parameters that the system refuses, and rates that are not finite or of another shape at the start.
 
     Examples
@@ -124,7 +124,7 @@ class Fleet(Ensemble):
             object.__setattr__(self, name, value)
 
     def _check_names(self) -> None:
-        """Known parameters and states; states that a task can speak of."""
+        """Known parameters and states; states that a task can refer to."""
         for name in self.system.states:
             if name in RESERVED:
                 wanted = "names that are no words of the task language"
@@ -177,7 +177,7 @@ class Fleet(Ensemble):
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the states that a task speaks of, the columns of `trajectories`."""
+        """Names of the states that a task may refer to, the columns of `trajectories`."""
         return self.system.spoken
 
     @property
@@ -187,7 +187,7 @@ class Fleet(Ensemble):
 
     @property
     def state_units(self) -> dict[str, str]:
-        """What the system says; metres for the position where it says nothing."""
+        """As the system declares them; metres for a position without a declared unit."""
         known = dict(zip(self.states, self.system.state_units, strict=False))
         return dict.fromkeys(self.places, "m") | known
 
@@ -328,7 +328,7 @@ class Fleet(Ensemble):
 
     @cached_property
     def origin(self) -> Floats:
-        """The drive from which `directions` count, shape (5,)."""
+        """The coefficients from which `directions` count, shape (5,)."""
         given = self.directions[:, :2].any(axis=0)
         return np.array([*np.where(given, 0.0, 1.0), self.own_heading, *self.position])
 
@@ -380,7 +380,7 @@ class Fleet(Ensemble):
 
     @cached_property
     def counted(self) -> dict[tuple[bytes, float], int]:
-        """The substeps that the last controls need: a replay asks block by block."""
+        """The substeps that the last controls need: a replay needs them block by block."""
         return {}
 
     def integrated(

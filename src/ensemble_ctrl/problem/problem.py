@@ -131,7 +131,7 @@ class SolveOptions:
         Iterations of one solve.
     cells : int
         Equal parts of the (first) parameter's range that have separating hyperplanes of their own: more rows, and less
-        is asked of a wide fleet, whose members may be on different sides of an obstacle at one time.
+        is required of a wide fleet, whose members may be on different sides of an obstacle at one time.
     solver : str
         Which solver each nonlinear program is given to, by its name in the registry: ``ipopt``, ``sqp``, or one of
         your own.
@@ -184,7 +184,7 @@ class ReportOptions:
     baseline : bool
         Whether to plan the problem without constraints too, and draw it dashed (`ensemble_ctrl.planning.baseline`).
     suggest : bool
-        Whether a run that finds no plan looks for a change of the problem that would help
+        Whether a run that finds no plan searches for a change of the problem that would help
         (`ensemble_ctrl.planning.suggest`).
     """
 
@@ -213,9 +213,9 @@ class Problem:
     task : Formula or str
         What every member has to do.
     regions : mapping of str to Polyhedron
-        Named areas the task speaks of; a box may be written as ``[[x low, x high], [y low, y high]]``.
+        Named areas that the task refers to; a box may be written as ``[[x low, x high], [y low, y high]]``.
     obstacles : mapping of str to tuple of Obstacle
-        Named obstacles, each a union of convex pieces. One piece stands for itself, and may be an Obstacle, a bounded
+        Named obstacles, each a union of convex pieces. A single piece needs no list, and may be an Obstacle, a bounded
         Polyhedron or a box. Obstacles without names are called o1, o2, ...
     motions : mapping of str to Motion
         How some of the obstacles move from where they are drawn.
@@ -233,7 +233,7 @@ class Problem:
         If given, the plan is as short as possible, from this to `duration` seconds, before all else
         (`ensemble_ctrl.planning.minimum_time`); windows without an end, and ``T``, then follow the plan's own duration.
     online : OnlineSettings or None
-        How a loop runs that plans again and again (`ensemble_ctrl.planning.online`), as its file says; not for plans.
+        How a loop runs that plans again and again (`ensemble_ctrl.planning.online`), from its file; not for plans.
     ignore : collection of str
         Obstacles that need not be avoided throughout: nothing is changed but that there is no warning of it.
 

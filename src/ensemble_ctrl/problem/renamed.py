@@ -32,7 +32,7 @@ RENAMED: Mapping[str, tuple[str, Callable[..., Any]]] = {
 
 
 def renamed(name: str) -> Callable[..., Any]:
-    """What an old name stands for, with a warning."""
+    """The object of an old name, with a warning."""
     new, what = RENAMED[name]
     message = f"ensemble_ctrl.{name} is deprecated and goes with the next release: use ensemble_ctrl.{new}"
     warnings.warn(message, DeprecationWarning, stacklevel=3)

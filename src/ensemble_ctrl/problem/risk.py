@@ -39,7 +39,7 @@ class Risk:
     of : {"terminal", "clearance"}
         The loss, in metres: a member's distance from its place at the end, or minus its smallest clearance on the way.
     level : float
-        The share of the fleet that is left out, 0 to below 1: 0.9 looks at the worst tenth, 0 at all members.
+        The share of the fleet that is left out, 0 to below 1: 0.9 is about the worst tenth, 0 about all members.
     weight : float
         Weight per metre.
 

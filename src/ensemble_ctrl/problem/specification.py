@@ -82,10 +82,10 @@ class AvoidConstraint:
         return np.asarray(np.minimum.reduce([piece.distance(seen) for piece in self.pieces]) - self.radius)
 
     def steps(self, steps: int, duration: float, begin: float = 0.0) -> NDArray[np.bool_]:
-        """Which of `steps` equal steps from time `begin` on a plan keeps out in, shape (steps,).
+        """Which of `steps` equal steps from time `begin` on a plan has to avoid it in, shape (steps,).
 
         Those that share more than an instant with the window; for a window that is about an instant, those that touch
-        it. For the planner: a proof looks at the window itself (`ensemble_ctrl.certificate.instants`).
+        it. For the planner: a proof uses the window itself (`ensemble_ctrl.certificate.instants`).
         """
         edges = np.linspace(begin, begin + duration, steps + 1)
         # steps that overlap the window by more than rounding; a window of one instant counts for the steps it touches
@@ -285,7 +285,7 @@ def _avoid(problem: Problem, parts: Iterable[AvoidThroughout]) -> tuple[AvoidCon
 
 
 def avoided(problem: Problem, leaf: Avoid) -> tuple[str, ...]:
-    """The obstacles or regions that a leaf keeps out of, by their names."""
+    """The obstacles or regions that a leaf avoids, by their names."""
     everything = leaf.name == ALL_OBSTACLES and leaf.name not in problem.obstacles
     return tuple(problem.obstacles) if everything else (leaf.name,)
 
@@ -299,7 +299,7 @@ def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
 
 
 def clearances(problem: Problem, paths: Floats, most: float) -> Floats:
-    """Smallest distance of each path from what everybody keeps out of, at most `most`, shape (members,), metres."""
+    """Smallest distance of each path from what every member avoids, at most `most`, shape (members,), metres."""
     least = np.full(len(paths), most)
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     for avoid in problem.specification.avoid:

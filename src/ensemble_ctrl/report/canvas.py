@@ -27,7 +27,7 @@ PAPER: Any = {
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
 }
-"""What text and lines look like in a column."""
+"""Style of text and lines in a column."""
 FORMATS = ("png", "pdf", "svg")
 
 

@@ -247,7 +247,7 @@ def map_size(
 
 
 def line_style(k: int) -> dict[str, Any]:
-    """Colour and dashes of the line that stands for thing number `k`."""
+    """Colour and dashes of line number `k`."""
     dashes = DASHES[k % len(DASHES)]
     pattern = (0, tuple(float(d) for d in dashes.split())) if dashes else "-"
     return {"color": LINES[k % len(LINES)], "linestyle": pattern}

@@ -1,4 +1,4 @@
-"""``report.html``: one file that says of a plan what it does and what is proven, without a network, on any screen.
+"""``report.html``: one file with what a plan does and what is proven of it, without a network, on any screen.
 
 Everything that comes from a problem is escaped; beyond that, the page's own policy lets the browser run no script but
 the one that is written here.
@@ -165,7 +165,7 @@ def _controls(problem: Problem, controls: Floats) -> str:
 
 
 def _robustness(problem: Problem, controls: Floats) -> str:
-    """How far the fleet is from failing what the task speaks of."""
+    """How far the fleet is from failing each part of the task."""
     times, series = over_time(problem, controls)
     if not series:
         return ""

@@ -1,4 +1,4 @@
-"""Colours that pictures, pages and animations share: told apart by colour-blind people, and in print without colour."""
+"""Colours that pictures, pages and animations share: distinct for colour-blind readers, and in print without colour."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OUTLINE, INSIDE = "#33373d", "#dfe8f2"
 GRID, SOFT = "#e2e5ea", "#5b6470"
 """Of lines behind what is drawn, and of their numbers."""
 LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
-"""Okabe and Ito's colours, for lines that stand for different things; pair them with `DASHES`."""
+"""Okabe and Ito's colours, for different lines; pair them with `DASHES`."""
 DASHES = ("", "6 3", "2 2", "8 2 2 2", "10 4", "4 1", "1 3")
 """Dash patterns as in SVG: line k is recognised by its pattern as well as by its colour."""
 VIRIDIS = np.array(

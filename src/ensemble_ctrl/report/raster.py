@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 Colour = str | tuple[int, ...]
 
 NARROW = 440
-"""Width in pixels for which lengths are told; a unit is one of these."""
+"""Width in pixels for which lengths are given; a unit is one of these."""
 HEAD, FOOT = 26, 34
 """Units above the map, for name and time, and below it, for the scales."""
 FINE = 2
@@ -88,7 +88,7 @@ class Raster:
     ) -> Raster:
         """The layout for ways of shape (members, times, d), `width` pixels wide.
 
-        Video and GIF need even sizes. Where colours stand for no parameter, it is not `scaled`. It has room for `more`
+        Video and GIF need even sizes. Where colours show no parameter, it is not `scaled`. It has room for `more`
         lines of shape (points, 2).
         """
         from PIL import ImageFont

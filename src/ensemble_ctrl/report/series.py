@@ -16,9 +16,9 @@ from ensemble_ctrl.problem.specification import TaskPart
 Floats = NDArray[np.float64]
 
 MEMBERS = 41
-"""Members looked at over time, spread over the parameters' ranges."""
+"""Members evaluated over time, spread over the parameters' ranges."""
 VALUES = 121
-"""About as many members are looked at over one parameter, at even distances."""
+"""About as many members are evaluated over one parameter, at even distances."""
 GRID = 600
 """The same for fleets with several parameters."""
 DRAWN_CLEARANCE = 5.0
@@ -40,9 +40,9 @@ class Series:
     name : str
         A place or predicate of the task, or ``closest obstacle``.
     low, high : ndarray, shape (times,)
-        Worst and best member's distance from failing it, metres or the unit of the state; NaN where it is not asked.
+        Worst and best member's distance from failing it, metres or the unit of the state; NaN where it is not required.
     begin, end : float
-        The window that asks for it, seconds.
+        The window in which it is required, seconds.
     """
 
     name: str
@@ -84,13 +84,13 @@ class Profile:
 
 
 def distance_label(problem: Problem) -> str:
-    """What charts of robustness measure: metres, where a task can speak of nothing but the position."""
+    """What charts of robustness measure: metres, where a task can refer to nothing but the position."""
     unit = "m" if problem.fleet.states == problem.fleet.places else "SI"
     return f"distance from failing [{unit}]"
 
 
 def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series, ...]]:
-    """Seconds, shape (times,), and a series for every place that the task speaks of, most critical first.
+    """Seconds, shape (times,), and a series for every place that the task refers to, most critical first.
 
     Notes
     -----

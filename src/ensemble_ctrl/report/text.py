@@ -51,7 +51,7 @@ class PlanLike(Protocol):
 
     @property
     def certificate(self) -> Certificate | None:
-        """What is proven, if that was asked for."""
+        """What is proven, if a certificate was requested."""
 
     def conflicts(self) -> tuple[Conflict, ...]:
         """What fails."""
@@ -136,7 +136,7 @@ def _wrapped(texts: Iterable[str]) -> Iterator[str]:
 
 
 def _suggested(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """What would help, if that was looked for; what could, where nothing was found."""
+    """What would help, if that was searched for; what could, where nothing was found."""
     helps, failed = suggestions.get("helps", []), suggestions.get("failed", [])
     for i, found in enumerate(helps):
         yield ("" if i else "it works", f"{'or ' if i else ''}with {found['change']}: planned and proven")
@@ -241,19 +241,19 @@ def minimum_time(found: dict[str, Any] | None) -> list[tuple[str, str]]:
 
 
 def _seen(share: ShareSeen) -> str:
-    """The share that does a part, and what that says of the whole fleet."""
+    """The share that does a part, and its interval for the whole fleet."""
     bounds = f"({percent(share.low)} to {percent(share.high, up=True)} % of all, 95 % confidence)"
     return f"{percent(share.satisfied)} % do what {100 * share.asked:g} % have to {bounds}"
 
 
 def _share(run: Replay) -> str:
-    """What the drawn members say of the whole fleet, if any were drawn."""
+    """The interval for the whole fleet from the drawn members, if any were drawn."""
     low, _ = run.share()
     return f" (>= {percent(low)} % of all, 95 % confidence)" if run.corners < run.members else ""
 
 
 def conflict_text(c: Conflict) -> str:
-    """One violated constraint, with amount, parameter and time; a state that runs away is said with all of that."""
+    """One violated constraint, with amount, parameter and time; a state that runs away is reported with all of that."""
     if not np.isfinite(c.amount):
         return c.what
     return f"{c.what} by {c.amount:.3g} {c.unit} ({member_text(c.parameters)}, t = {c.time:.2f} s)"

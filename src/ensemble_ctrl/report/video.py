@@ -33,7 +33,7 @@ def require(what: str, kind: str) -> None:
     Raises
     ------
     AnimationError
-        For others than `FORMATS`, and for a video without ``ffmpeg``; `what` was asked for.
+        For others than `FORMATS`, and for a video without ``ffmpeg``; `what` was requested.
     """
     if kind not in FORMATS:
         raise AnimationError(f"{what}: expected an animation as .gif or .mp4")

@@ -34,7 +34,7 @@ class Words:
 
 
 def certificate_words(problem: Problem, certificate: Certificate | None) -> Words:
-    """What a certificate says."""
+    """What a certificate proves, in words."""
     if certificate is None:
         lead = "No certificate was asked for: nothing is claimed beyond the robots that were replayed."
         hint = "Set verify.certificate: true in the problem file, or run ensemble-plan verify on the results."

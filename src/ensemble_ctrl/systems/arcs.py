@@ -20,7 +20,7 @@ from ensemble_ctrl.systems.system import System
 Floats = NDArray[np.float64]
 
 DRIVE = ("linear", "angular", "heading", "x", "y")
-"""The five numbers that tell one member's motion from another's, in order."""
+"""The five member coefficients, which distinguish one member's motion from another's, in order."""
 FACTORS: Mapping[str, tuple[float, float]] = {
     "traction": (1.0, 1.0),
     "linear_traction": (1.0, 0.0),
@@ -98,7 +98,7 @@ class ArcSystem(System):
         return heading if self.heading_from == "x" else np.pi / 2 - heading
 
     def rates(self, first: Any, second: Any, arrays: Arrays = np) -> tuple[Any, Any]:
-        """Speed `v` in m/s and turn rate `omega` in rad/s that the two commands ask for."""
+        """Speed `v` in m/s and turn rate `omega` in rad/s that the two commands give."""
         raise NotImplementedError
 
     def commands(self, v: Any, omega: Any, lower: Floats, upper: Floats) -> tuple[Any, Any]:
@@ -172,7 +172,7 @@ class ArcSystem(System):
         controls : ndarray, shape (steps, 2)
             Commands of every step.
         coefficients : ndarray, shape (members, 5)
-            The drive of every member.
+            The coefficients of every member.
         step : float
             Length of a step in seconds.
 

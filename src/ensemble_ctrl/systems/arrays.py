@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Arrays(Protocol):
-    """What a system asks of an array library; `numpy` itself is one."""
+    """What a system needs of an array library; `numpy` itself is one."""
 
     def sin(self, x: Any, /) -> Any:
         """Sine of an angle in radians."""

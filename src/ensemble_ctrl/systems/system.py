@@ -1,8 +1,8 @@
 r"""What every system gives: its states, commands and parameters, and the ODE that they follow.
 
 A member's state `x` follows ``xdot(x, u, psi)`` while its command `u` is constant over a step.  The right-hand side is
-written once, over numbers, NumPy arrays of members and CasADi expressions alike.  Nothing else asks what kind of system
-it has: what differs between systems is an attribute here, and what a problem may ask of one is in
+written once, over numbers, NumPy arrays of members and CasADi expressions alike.  Nothing else checks the kind of a
+system: what differs between systems is an attribute here, and what a problem may use of one is in
 `ensemble_ctrl.problem.capabilities`.
 """
 
@@ -30,7 +30,7 @@ class System:
     name, summary : str
         For lists and reports.
     states : tuple of str
-        Names of the states, in order; tasks speak of them.
+        Names of the states, in order; tasks refer to them.
     positions : tuple of str
         Which states are the position, one to three of them, metres: regions and obstacles are about these.
     state_units : tuple of str, optional
@@ -44,7 +44,7 @@ class System:
     heading_state : str, optional
         The state that is a heading in the plane, radians from +x counter-clockwise, if there is one.
     transcription, enclosure : str
-        By name: which optimisation variables stand for members (`ensemble_ctrl.planning.planner`), and what encloses
+        By name: which optimisation variables represent members (`ensemble_ctrl.planning.planner`), and what encloses
         them in a proof (`ensemble_ctrl.certificate`).
     on_arcs : bool
         Whether members move on exact arcs, each by its own member coefficients (`ensemble_ctrl.systems.arcs`).
@@ -150,7 +150,7 @@ class System:
         return [0.0] * len(self.controls)
 
     def start(self) -> Mapping[str, float]:
-        """States that do not start at zero unless a fleet says so, such as the scalar part of a quaternion."""
+        """States that do not start at zero unless a fleet sets them, such as the scalar part of a quaternion."""
         return {}
 
     def attitude(self, x: Floats) -> Floats:
@@ -172,7 +172,7 @@ class System:
 
     @property
     def spoken(self) -> tuple[str, ...]:
-        """The states that a task speaks of: all of them."""
+        """The states that a task may refer to: all of them."""
         return self.states
 
     @property
@@ -236,7 +236,7 @@ class System:
         return result
 
     def require_complete(self) -> None:
-        """Refuse a system that does not say what it is.
+        """Refuse a system whose attributes are incomplete or inconsistent.
 
         Raises
         ------

@@ -53,7 +53,7 @@ TIME_UNITS = {"s": (1, 1), "ms": (1, 1000), "min": (60, 1), "h": (3600, 1)}
 """Units of time by name, with the factor to seconds as numerator and denominator (500 ms are 500 / 1000)."""
 
 _SYMBOLS = {"−": "-", "·": "*", "×": "*", "≥": ">=", "≤": "<=", "∞": "inf"}
-"""Symbols by the text that they stand for."""
+"""Symbols by their text."""
 
 RESERVED = frozenset(text for text in _KINDS if text.isidentifier())
 """Words of the language, which can't be a state's name."""
@@ -118,7 +118,7 @@ class Tokens:
         self._text, self._at, self._last = text, 0, ""
 
     def next(self) -> Token:
-        """The next token; ``end`` at the end, as often as it is asked for."""
+        """The next token; ``end`` at the end, on every further call."""
         match, before = _TOKEN.match(self._text, self._at), self._last
         if match is None or match.lastindex is None:
             return Token("end", "", len(self._text.rstrip()) + 1, before)

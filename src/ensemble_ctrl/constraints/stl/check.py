@@ -63,7 +63,7 @@ def _unknown(column: int, kind: str, name: str, known: list[str], obstacles: set
 
 
 def check_windows(formula: Formula, duration: float) -> float:
-    """Check that every window ends within the plan, and say how far the formula looks ahead.
+    """Check that every window ends within the plan, and compute the formula's horizon.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def check_windows(formula: Formula, duration: float) -> float:
     Raises
     ------
     FormulaError
-        With the column of the first operator that can look past the end.
+        With the column of the first operator that can reach past the end.
     """
     formula = resolve(formula, duration)
     for node, end in _window_ends(formula, 0.0):
@@ -90,7 +90,7 @@ def check_windows(formula: Formula, duration: float) -> float:
 
 
 def horizon(formula: Formula) -> float:
-    """How many seconds after its time of evaluation a formula can look, with ``T`` resolved."""
+    """How many seconds after its time of evaluation a formula can depend on, with ``T`` resolved."""
     below = max((horizon(part) for part in formula.parts), default=0.0)
     return below + (formula.b or 0.0 if isinstance(formula, Temporal) else 0.0)
 

@@ -27,7 +27,7 @@ def shrunk(formula: Formula, step: float, repeated: bool = False) -> Formula:
     Notes
     -----
     Every time t between two neighbours :math:`t_k, t_{k+1}` of a grid has
-    :math:`[t_{k+1} + a, t_k + b] \subseteq [t + a, t + b]`: a visit in that window, asked for at :math:`t_k`, is one
+    :math:`[t_{k+1} + a, t_k + b] \subseteq [t + a, t + b]`: a visit in that window, required at :math:`t_k`, is one
     for all t. Windows shorter than a step stay as they are.
     """
     inner = repeated or isinstance(formula, Always | Release)

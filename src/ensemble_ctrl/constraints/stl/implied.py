@@ -12,7 +12,7 @@ Window = tuple[float, float]
 
 
 def without_implied(parts: Iterable[Formula], duration: float) -> tuple[Formula, ...]:
-    """The conjuncts that say something which no other says, in their order.
+    """The conjuncts that no other conjunct implies, in their order.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ Combine = Callable[[Iterable[Value]], Value]
 
 
 class Ops(ABC):
-    """Operations on values; slices ``v[:, i:j]`` are all that they ask of the matrix type."""
+    """Operations on values; slices ``v[:, i:j]`` are all that they need of the matrix type."""
 
     @abstractmethod
     def all_of(self, values: Iterable[Value]) -> Value:

@@ -10,7 +10,7 @@ decide waits with its window moved by one step::
                 ->  now(f) and (now(g) or f U[0,b-1] g)     at a = 0
 
 *Guarantee*: at the grid times the robustness of the progressed formula over the rest of a signal is that of the whole
-formula over the whole signal.  Between grid times the past is not looked at.
+formula over the whole signal.  Between grid times the past is not evaluated.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def progressed(formula: Formula, reading: Reading, past: int, horizon: int, step
     Raises
     ------
     UnsupportedError
-        For ``mean`` and ``share``, which the past of one robot does not tell.
+        For ``mean`` and ``share``, which the past of one robot does not determine.
 
     Notes
     -----
@@ -83,7 +83,7 @@ def progressed(formula: Formula, reading: Reading, past: int, horizon: int, step
 
 
 def settled(formula: Formula) -> Formula:
-    """A progressed formula without what has been decided: what was satisfied stays so, and needs no more looks.
+    """A progressed formula without what has been decided: what was satisfied stays so, and is not evaluated again.
 
     Notes
     -----

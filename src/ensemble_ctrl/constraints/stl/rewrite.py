@@ -26,7 +26,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import rest_of
 
 ALL_OBSTACLES = "obstacles"
-"""The name by which a task speaks of every obstacle."""
+"""The name of all obstacles together in a task."""
 
 Map = Mapping[str, Obstacle | Sequence[Obstacle]]
 
@@ -54,7 +54,7 @@ def kept_out(part: Formula) -> tuple[Formula, ...]:
 
 
 def reads_fleet(formula: Formula) -> bool:
-    """Whether a formula speaks of the fleet as a whole, by ``mean`` or ``share``."""
+    """Whether a formula depends on the fleet as a whole, by ``mean`` or ``share``."""
     return isinstance(formula, Mean | Share) or any(reads_fleet(part) for part in formula.parts)
 
 
@@ -165,7 +165,7 @@ def ground(
     obstacles : mapping of str to Obstacle, or to a sequence of them (the convex pieces of one)
         ``avoid(obstacles)`` means all of them; ``avoid(name)`` may name a region too.
     position : sequence of str
-        Names of the states that a place's columns stand for.
+        Names of the states in a place's columns.
     radius : float
         Metres by which what is avoided grows.
 
@@ -196,7 +196,7 @@ def ground(
 
 
 def _avoided(leaf: Avoid, regions: Mapping[str, Polyhedron], obstacles: Map) -> list[Obstacle | Polyhedron]:
-    """The convex pieces that a leaf keeps out of."""
+    """The convex pieces that a leaf avoids."""
     if leaf.name == ALL_OBSTACLES and leaf.name not in obstacles:
         found = [piece for entry in obstacles.values() for piece in _pieces(entry)]
         return [*found]
@@ -233,7 +233,7 @@ def _face(g: Iterable[float], offset: float, leaf: Inside | Avoid, position: Seq
 
 
 def _joined(kind: type[And] | type[Or], parts: list[Formula]) -> Formula:
-    """The conjunction or disjunction; one part stands for itself."""
+    """The conjunction or disjunction; a single part is returned as it is."""
     if not parts:
         raise ProblemError("formula: expected a place with a face, or at least one obstacle, got none")
     return parts[0] if len(parts) == 1 else kind(tuple(parts))

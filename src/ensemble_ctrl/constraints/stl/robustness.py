@@ -1,6 +1,6 @@
 """One walk over a formula, for any number system.
 
-The walk asks only for the times that it needs: at time 0, ``F[14,16] f`` on a 0.1 s grid evaluates f at 21
+The walk evaluates only the times that it needs: at time 0, ``F[14,16] f`` on a 0.1 s grid evaluates f at 21
 times. Windows on a grid: [a, b] at step k covers the steps ``k + ceil(a/step - 1e-9) .. k + floor(b/step +
 1e-9)``.
 """
@@ -55,7 +55,7 @@ def robustness(formula: Formula, signals: Signals, ops: Ops, time: int = 0) -> A
     Raises
     ------
     ProblemError
-        If the formula looks past the last time, or a window holds no time of the grid.
+        If the formula reaches past the last time, or a window holds no time of the grid.
 
     Notes
     -----
@@ -99,7 +99,7 @@ def _reads_fleet(formula: Formula) -> bool:
 
 
 def reach(formula: Formula, step: float) -> int:
-    """How many steps after its time of evaluation a formula has to look, with ``T`` resolved."""
+    """How many steps after its time of evaluation a formula depends on, with ``T`` resolved."""
     below = max((reach(part, step) for part in formula.parts), default=0)
     if not isinstance(formula, Temporal) or formula.a is None:
         return below

@@ -1,7 +1,7 @@
 """Problem files: YAML to `Problem` and back, with errors that name file, line and column.
 
 The fields are in `schema`, each with its meaning, which `describe` reads; a text passes through `source` (bytes),
-`tree` (YAML with places), `overrides`, `schema` (validation) and `build`; `messages` says what is wrong.
+`tree` (YAML with places), `overrides`, `schema` (validation) and `build`; `messages` describes what is wrong.
 """
 
 from ensemble_ctrl.files.config.describe import meanings, schema

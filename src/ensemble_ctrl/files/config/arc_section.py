@@ -171,7 +171,7 @@ def _rates(section: FleetSection, system: ArcSystem) -> NDArray[np.float64] | No
 
 
 def _laws(section: FleetSection) -> dict[str, Law]:
-    """The law of each parameter; the default one only where nothing else is said."""
+    """The law of each parameter; the default one only where no other is given."""
     given = section.parameters if section.samples is None or "parameters" in section.model_fields_set else ()
     laws = {name: law_of(law, name) for name, law in given if law is not None}
     return laws | {name: Samples(column) for name, column in section.robots.items()}

@@ -17,7 +17,7 @@ KINDS = ("Polygon", "MultiPolygon", "GeometryCollection", "Feature", "FeatureCol
 WITHOUT_AREA = ("Point", "MultiPoint", "LineString", "MultiLineString")
 """What is left out, and counted."""
 NAMES = ("name", "Name", "NAME", "title", "Title", "TITLE")
-"""Properties that say what a feature is called; else its ``id``."""
+"""Properties that hold a feature's name; else its ``id``."""
 MAX_NESTING = 10
 
 
@@ -66,7 +66,7 @@ def shapes_of(text: str) -> tuple[list[Shape], list[str]]:
 
 
 def _system(data: Any) -> str:
-    """The name of the coordinate system that an object says it is in, as the format had it before 2016."""
+    """The name of the coordinate system that an object names, as the format allowed before 2016."""
     for key in ("crs", "properties", "name"):
         data = data.get(key) if isinstance(data, dict) else None
     return data if isinstance(data, str) else ""
@@ -81,7 +81,7 @@ def _constant(text: str, name: str) -> NoReturn:
 
 
 def _shapes(data: Any, owner: tuple[str, bool], where: str, depth: int, left_out: list[str]) -> Iterator[Shape]:
-    """The polygons of one object; `where` says which it is. What has no area is named in `left_out`."""
+    """The polygons of one object; `where` is its place. What has no area is named in `left_out`."""
     kind = data.get("type") if isinstance(data, dict) else None
     if kind in WITHOUT_AREA:
         left_out.append(str(kind))

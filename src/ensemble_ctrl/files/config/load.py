@@ -31,7 +31,7 @@ from ensemble_ctrl.problem.checks import Finding, findings, path_text
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A problem with what there is to say about its file.
+    """A problem with the remarks on its file.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ def _read(text: Text, overrides: Iterable[Given], trust: bool = False, loop: boo
 
 
 def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> tuple[Problem, list[Diagnostic]]:
-    """Validate and build, collecting every error; what its maps have to say, too."""
+    """Validate and build, collecting every error, and the remarks on its maps."""
     found = locate.repeated()
     context: dict[str, Any] = {"folder": text.folder, "trust": trust}
     if by_ode(data):

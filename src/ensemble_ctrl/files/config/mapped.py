@@ -1,4 +1,4 @@
-"""What maps in files have to say of a problem: how they were read, and that nothing is known beyond their edges."""
+"""Remarks on a problem's map files: how they were read, and that nothing is known beyond their edges."""
 
 from __future__ import annotations
 

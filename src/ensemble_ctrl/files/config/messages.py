@@ -27,7 +27,7 @@ EXAMPLES: dict[Path, str] = {
     ("task",): 'task: "F[0, T] in(goal) and G avoid(obstacles)"',
     ("objective", "terminal", "target"): "target: [6.5, 5.5]",
 }
-"""What a required field looks like."""
+"""An example of a required field."""
 
 _KINDS = {"model": "a section of fields", "dict": "a section of names", "list": "a list", "string": "a text"}
 

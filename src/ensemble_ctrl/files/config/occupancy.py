@@ -56,7 +56,7 @@ def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tup
     -----
     A cell is occupied if its occupancy is above ``occupied_thresh``, free if not and below ``free_thresh``, and else
     unknown, as are cells with any transparency and those of exactly the grey 205 by which ``map_saver`` writes
-    unknown ones, whatever the thresholds make of it. Of a coloured cell the channel that says most counts.
+    unknown ones, whatever the thresholds make of it. Of a coloured cell the most occupied channel counts.
     """
     tree = Tree.read(text)
     fields = _Fields(tree, tree.data if isinstance(tree.data, dict) else {})
@@ -85,7 +85,7 @@ def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tup
 
 
 def _notes(unknown: Unknown | None, unseen: int, freed: int) -> Iterator[str]:
-    """What is to be said of the cells that no scan has seen."""
+    """Remarks on the cells that no scan has seen."""
     if unknown == "free" and unseen:
         yield f"{unseen:,} unknown cells count as free: what stands there is not known, and no proof is about it"
     if unknown is None and freed:
@@ -195,7 +195,7 @@ def _pixels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
 
 
 def _opened(content: bytes) -> Any:
-    """An image of which nothing but the head is read; how large it may be is ours to say, not Pillow's to warn of."""
+    """An image of which nothing but the head is read; its size is checked here, so Pillow's warning is silenced."""
     from PIL import Image
 
     with warnings.catch_warnings():

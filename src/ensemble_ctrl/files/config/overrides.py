@@ -15,7 +15,7 @@ from ensemble_ctrl.files.config.tree import Path, TextError, Tree
 _KEY = re.compile(r"[^\s.\[\]]+(?:\.[^\s.\[\]]+|\[\d+\])*")
 
 Given = str | tuple[str, str]
-"""``KEY=VALUE``, or an option of the command such as ``--method`` and the ``KEY=VALUE`` that it stands for."""
+"""``KEY=VALUE``, or an option of the command such as ``--method`` and its ``KEY=VALUE``."""
 
 
 @dataclass(frozen=True)

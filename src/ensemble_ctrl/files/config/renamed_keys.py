@@ -79,6 +79,6 @@ def _moved(path: Path, paths: dict[Path, str]) -> Path:
 
 
 def _warning(old: Path, new: Path) -> Finding:
-    """What to say of an old key."""
+    """The warning about an old key."""
     message = f"the key {old[-1]!r} is deprecated and goes with the next release"
     return Finding(new, message, f"write {new[-1]!r}", "warning", on_key=True)

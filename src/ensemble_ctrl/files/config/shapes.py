@@ -191,7 +191,7 @@ def _built(shape: f.Model, forms: Mapping[str, Callable[[Any], Built]]) -> Built
 
 
 def _only_of_files(shape: f.Model, names: Iterable[str]) -> None:
-    """Refuse fields that say how to read a file where there is none."""
+    """Refuse fields about reading a file where there is none."""
     for name in names:
         if getattr(shape, name) is not None and getattr(shape, "file", None) is None:
             raise Wrong(f"expected {name} only with file", path=(name,))

@@ -27,7 +27,7 @@ _NUMBER, _LENGTH = quantity("number"), quantity("length")
 
 
 def _model(value: Any, info: ValidationInfo) -> type[System]:
-    """The class that the model's name, or the file, stands for."""
+    """The class of the model's name, or of the file."""
     return system_class(value, info.context)
 
 

@@ -15,7 +15,7 @@ from ensemble_ctrl.files.config.tree import TextError, Tree
 from ensemble_ctrl.systems import SYSTEMS, System
 
 CONSENT: ContextVar[bool] = ContextVar("CONSENT", default=False)
-"""Whether Python files next to problem files may be run without being asked for each; the command's ``--trust``."""
+"""Whether Python files next to problem files may be run without a confirmation for each; the command's ``--trust``."""
 EXAMPLE = "for example  model: {python: my_system.py:MySystem}"
 BY_ODE = [name for name, system in SYSTEMS.items() if not system.on_arcs]
 """The models whose fleet section names states, settings and parameters as the system does."""

@@ -24,7 +24,7 @@ class Members:
     states : tuple of str
         Those of the system: for robots on arcs ``x``, ``y`` and ``heading``.
     units : tuple of str
-        Of the states; empty where the system does not tell.
+        Of the states; empty where the system declares none.
     values : ndarray, shape (members, steps + 1, states)
         Metres for positions; a heading counts from +x counter-clockwise, in radians, not wrapped.
     """

@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 def quantity_of(name: str, value: Any, kind: str) -> float:
-    """A number in SI units, or a text with a number and a unit of `kind`; whether it is in range is for others to say.
+    """A number in SI units, or a text with a number and a unit of `kind`; its range is checked elsewhere.
 
     Examples
     --------
@@ -37,7 +37,7 @@ def quantity_of(name: str, value: Any, kind: str) -> float:
 
 
 def mapping_of(name: str, value: Any, kind: type[T], wanted: str) -> dict[str, T]:
-    """Values of a type by their names; `wanted` says what one is."""
+    """Values of a type by their names; `wanted` describes one."""
     if not isinstance(value, Mapping):
         raise ProblemError(f"{name}: expected a mapping of names, each to {wanted}, got {shown(value)}")
     return {_name(name, key): expect(f"{name}[{key!r}]", each, kind, wanted) for key, each in value.items()}

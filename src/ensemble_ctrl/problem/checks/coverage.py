@@ -46,7 +46,7 @@ class Coverage:
     gaps : tuple of (float, float)
         The rest of the horizon.
     otherwise : bool
-        Whether an until, an implication or a share speaks of it: when it is avoided is then for the plan to say.
+        Whether an until, an implication or a share refers to it: the plan then decides when it is avoided.
     """
 
     windows: tuple[Window, ...]
@@ -122,7 +122,7 @@ def _gaps(windows: tuple[Window, ...], duration: float) -> Iterator[Window]:
 
 
 def coverage_findings(problem: Problem) -> Iterator[Finding]:
-    """Obstacles that are avoided for a part of the horizon only, and parts of the task that speak of its start only."""
+    """Obstacles that are avoided for a part of the horizon only, and parts of the task about its start only."""
     same: dict[str, list[str]] = {}
     _, avoided = mentioned(problem)
     for name, found in coverage(problem).items():

@@ -1,4 +1,4 @@
-"""Numbers outside their range, and names that a task could not tell apart."""
+"""Numbers outside their range, and ambiguous names."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _measured(law: Law) -> int:
 
 
 def name_findings(problem: Problem) -> Iterator[Finding]:
-    """Names that a task could not tell apart."""
+    """Names that are ambiguous in a task."""
     for kind, names in (("regions", problem.regions), ("obstacles", problem.obstacles)):
         for name in names:
             if name in RESERVED or name == ALL_OBSTACLES:

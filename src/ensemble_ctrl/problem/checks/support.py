@@ -1,4 +1,4 @@
-"""What a problem asks of a system that does not support it, and shapes that are not of the position's dimension."""
+"""What a problem uses that its system does not support, and shapes that are not of the position's dimension."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def support_findings(problem: Problem) -> Iterator[Finding]:
-    """What is asked for and not supported (`ensemble_ctrl.problem.capabilities`)."""
+    """What is used and not supported (`ensemble_ctrl.problem.capabilities`)."""
     for name, feature in FEATURES.items():
         if feature.requested(problem) and not (found := supports(problem, name)):
             yield Finding(feature.path, found.message, found.hint)
@@ -46,6 +46,6 @@ def dimension_findings(problem: Problem) -> Iterator[Finding]:
 
 
 def _keeps_out(formula: Formula) -> bool:
-    """Whether a formula keeps out of a place."""
+    """Whether a formula avoids a place."""
     outside = isinstance(formula, Not) and isinstance(formula.child, Inside)
     return isinstance(formula, Avoid) or outside or any(_keeps_out(part) for part in formula.parts)

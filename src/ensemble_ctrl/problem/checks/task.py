@@ -1,4 +1,4 @@
-"""What the task speaks of: names, windows, and parts of the map that it leaves out."""
+"""What the task refers to: names, windows, and parts of the map that it leaves out."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def task_findings(problem: Problem) -> Iterator[Finding]:
 
 
 def _between_steps(problem: Problem) -> Iterator[Finding]:
-    """A window within one step: a plan may do the task, but the planner looks at the ends of steps."""
+    """A window within one step: a plan may do the task, but the planner samples the ends of steps."""
     if problem.least_duration is not None:  # the duration is chosen to fit
         return
     for part in conjuncts(problem.task):
@@ -74,7 +74,7 @@ def mentioned(problem: Problem) -> tuple[set[str], set[str]]:
 
 
 def unused_findings(problem: Problem) -> Iterator[Finding]:
-    """Regions and obstacles that the task doesn't speak of."""
+    """Regions and obstacles that the task does not mention."""
     inside, avoided = mentioned(problem)
     for name in problem.regions:
         if name not in inside | avoided:

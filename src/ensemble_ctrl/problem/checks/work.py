@@ -1,4 +1,4 @@
-"""How long a problem takes that is allowed, but very large: said before it begins."""
+"""How long a problem takes that is allowed, but very large: reported before it begins."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
 
 LOOK = 7e-8
-"""Seconds for a look at one member, on two cores: 10 million members in 160 steps take about 117 s."""
+"""Seconds for one sample of one member, on two cores: 10 million members in 160 steps take about 117 s."""
 BUILD = 3e-7
 """Seconds to build the program, for the square of the steps: 100,000 steps take about 50 minutes, 5,000 about 7 s."""
 LONG = 600.0
-"""Seconds of replay from which on it is said, however long the time limit is."""
+"""Seconds of replay from which on it is reported, however long the time limit is."""
 STATE_BYTES = 20
-"""Bytes of memory for a state of a member at a time looked at, where all members are held at once."""
+"""Bytes of memory for a state of a member at a sampled time, where all members are held at once."""
 MOST_BYTES = 8e9
 """Memory that a replay may take."""
 

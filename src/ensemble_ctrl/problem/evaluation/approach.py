@@ -1,4 +1,4 @@
-"""How close members come to what they avoid, looking only where they may be close."""
+"""Smallest distance of members from what they avoid, evaluated only where they may be close."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def approach(
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Each member's smallest distance from the pieces of what is avoided, and the time index of it.
 
-    Of the times of its window, only those are looked at where the block's bounding box is as close as some member's
+    Of the times of its window, only those are evaluated where the block's bounding box is as close as some member's
     smallest distance so far, or overlaps.
     """
     when = np.flatnonzero(avoid.during(times))

@@ -20,7 +20,7 @@ COUNT = 24
 SUBSTEPS = 4
 """Samples per step for clearances."""
 MEMBERS = 2000
-"""About as many members are looked at for the largest distance."""
+"""About as many members are evaluated for the largest distance."""
 
 
 def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:

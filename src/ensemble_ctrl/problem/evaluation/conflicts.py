@@ -27,7 +27,7 @@ from ensemble_ctrl.problem.specification import TaskPart
 Floats = NDArray[np.float64]
 
 MEMBERS = 201
-"""About as many members are looked at, spread evenly over the parameters' ranges."""
+"""About as many members are evaluated, spread evenly over the parameters' ranges."""
 SAMPLES = 4
 """Samples per step, of the distance from obstacles."""
 
@@ -71,7 +71,7 @@ def unit_of_task(problem: Problem) -> str:
 
 
 def units_of_parts(problem: Problem) -> dict[str, str]:
-    """The unit of each part of the task that is no avoidance, by its text, as `unit_of_parts` says it."""
+    """The unit of each part of the task that is no avoidance, by its text, as `unit_of_parts` gives it."""
     return {str(part): unit_of_parts(problem, [part]) for part in problem.specification.parts}
 
 

@@ -32,7 +32,7 @@ T = TypeVar("T")
 BLOCK = 1000
 """Members in one block, at 160 steps: the arrays of a block stay in the processor's cache."""
 MOST_STATES = 5_000_000
-"""States that are looked at for a chart, or to say what fails."""
+"""States that are evaluated for a chart, or to find what fails."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Clearance:
     parameters : dict of str to float
         Whose parameters these were.
     inside : int
-        Members that were inside at some time looked at.
+        Members that were inside at some sampled time.
     """
 
     obstacle: str
@@ -69,7 +69,7 @@ class ShareSeen:
     part : str
         As it was written.
     asked : float
-        The share asked for.
+        The required share.
     satisfied : float
         The share of the members drawn at random that do it, 0 to 1; of all members if none was drawn.
     low, high : float
@@ -99,7 +99,7 @@ class Replay:
     clearances : tuple of Clearance
         One for each obstacle, at `substeps` times a step.
     violating : ndarray of bool, shape (members,)
-        Members with a negative robustness: those that fail the task, or are inside an obstacle at a time looked at.
+        Members with a negative robustness: those that fail the task, or are inside an obstacle at a sampled time.
     substeps : int
         Samples per step.
     seconds : float
@@ -216,7 +216,7 @@ def replay(
 
     Notes
     -----
-    *Guarantee*: exact for the members and times looked at; says nothing of others. Memory is bounded, except for a task
+    *Guarantee*: exact for the members and times sampled, and for no others. Memory is bounded, except for a task
     that reads the fleet as a whole (``mean``, ``share``), for which all members are held at once.
     """
     began = time.perf_counter()
@@ -250,7 +250,7 @@ def replay(
 
 
 def _seen(part: Share, robustness: Floats, drawn: bool) -> ShareSeen:
-    """The share of some members with a robustness of zero or more, and what it says of the fleet if they were drawn."""
+    """The share of some members with a robustness of zero or more, with the fleet's interval if they were drawn."""
     kept: NDArray[np.bool_] = robustness >= 0
     # binomial confidence interval (Wilson 1927), for members that were drawn at random only
     low, high = wilson(kept) if drawn else (0.0, 1.0)
@@ -274,7 +274,7 @@ def states(
 
 
 def affordable(members: int, steps: int, substeps: int = 1) -> int:
-    """So many members to look at, fewer for very long horizons: `MOST_STATES` states together, three at least.
+    """The number of members to evaluate, lower for very long horizons: `MOST_STATES` states together, three at least.
 
     Examples
     --------
@@ -297,7 +297,7 @@ def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
 
 
 def _watched(blocks: Iterable[Floats], run: Callable[[Floats], T], watch: Callable[[int], bool] | None) -> list[T]:
-    """The results of the blocks in order, of all or of the first ones: until `watch` says that it is enough.
+    """The results of the blocks in order, of all or of the first ones: until `watch` returns true.
 
     Only a few blocks wait at any time: there may be millions of them.
     """

@@ -1,4 +1,4 @@
-"""How far the fleet is from failing what its task speaks of, over time."""
+"""How far the fleet is from failing each part of its task, over time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def draw_robustness(problem: Problem, controls: NDArray[np.float64], ax: Axes) -> Axes:
-    """Worst member as a line, thick while the task asks for it, and the others as a shade up to the best."""
+    """Worst member as a line, thick while the task requires it, and the others as a shade up to the best."""
     times, series = over_time(problem, controls)
     for k, one in enumerate(series):
         style = line_style(k)
