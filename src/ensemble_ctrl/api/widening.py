@@ -119,6 +119,7 @@ class _Search:
 
     def certified(self, half: float) -> bool:
         """Whether a certified plan is found for the nominal value give or take `half`."""
+        # the uniform distribution on [nominal - half, nominal + half]
         nominal, fleet = self.law_of(self.problem).center, self.problem.fleet
         law = Interval(nominal - half, nominal + half)
         try:

@@ -110,6 +110,7 @@ def _rounded(corners: Array) -> Array:
     Roundings of floats are not counted: three cells of 0.05 m are 0.15 m. Corners too sharp, or too far from the
     origin, for so many decimals stay as they are.
     """
+    # corners that rounding to DECIMALS moves by float noise only are just rounded
     near, noise = np.round(corners, DECIMALS) + 0.0, 4 * float(np.spacing(np.abs(corners).max()))
     unit = 0.1**DECIMALS
     if noise > unit / 10:
@@ -129,6 +130,7 @@ def _coarse(mask: Mask, merge: int) -> Mask:
     """Squares of `merge` by `merge` cells, occupied where any of them is, or lies outside of the grid."""
     rows, columns = (-n % merge for n in mask.shape)
     whole = np.pad(mask, ((0, rows), (0, columns)), constant_values=True)
+    # a square is occupied if any of its merge x merge cells is
     blocks = whole.reshape(whole.shape[0] // merge, merge, whole.shape[1] // merge, merge)
     return np.asarray(blocks.any(axis=(1, 3)))
 

@@ -79,6 +79,7 @@ class _Pairs:
     def replace(self, gone: NDArray[np.bool_], hulls: Shapes) -> None:
         """Take some polygons out and put others in."""
         kept = ~gone[self.pairs].any(axis=1)
+        # new indices of the polygons that stay
         place = np.cumsum(~gone) - 1
         self.pairs, self.hulls, self._added = place[self.pairs[kept]], self.hulls[kept], self._added[kept]
         self.shapes = np.concatenate([self.shapes[~gone], hulls])
@@ -151,6 +152,7 @@ def with_fewer_corners(corners: Floats, area: Any, most: int) -> Floats:
 
 def _tips(corners: Floats) -> Floats:
     """Where the neighbours of each side meet beyond it, shape (n, 2), a few roundings further out; else not finite."""
+    # unit directions of the sides, and those of both neighbours
     along = np.roll(corners, -1, axis=0) - corners
     along /= np.linalg.norm(along, axis=1)[:, None]
     before, behind = np.roll(along, 1, axis=0), np.roll(along, -1, axis=0)

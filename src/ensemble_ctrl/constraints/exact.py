@@ -41,6 +41,7 @@ def corner_turns(corners: Array) -> Ints:
 
 def turn(before: Sequence[float], corner: Sequence[float], after: Sequence[float]) -> float:
     """A number with the sign of the turn at one corner."""
+    # as in `corner_turns`, for one corner
     one = (corner[0] - before[0]) * (after[1] - corner[1])
     other = (corner[1] - before[1]) * (after[0] - corner[0])
     if abs(one - other) > FILTER * (abs(one) + abs(other)) + TINY:
@@ -115,6 +116,7 @@ def intersection(G: Array, h: Array) -> tuple[Array, bool]:
 
 def _whole(row: Iterable[float]) -> Whole:
     """A line times the number that makes it whole."""
+    # floats are dyadic rationals: the least common denominator makes the row whole without rounding
     ratios = [value.as_integer_ratio() for value in row]
     scale = lcm(*(denominator for _, denominator in ratios))
     a, b, c = (numerator * (scale // denominator) for numerator, denominator in ratios)
@@ -132,6 +134,7 @@ def _crossing(first: Whole, second: Whole) -> Whole:
 def _cut(points: list[Whole], lines: list[Whole], row: Whole) -> tuple[list[Whole], list[Whole]]:
     """A convex polygon without what lies beyond a line; line k leads from point k to the next one."""
     a, b, c = row
+    # sign of a x + b y - c at each corner, scaled by w > 0
     beyond = [a * x + b * y - c * w for x, y, w in points]
     if all(value <= 0 for value in beyond):
         return points, lines

@@ -76,6 +76,7 @@ class Motion(ReadOnlyArrays):
         first, last, most = self.at(begin), self.at(end), np.zeros(begin.shape)
         # piecewise linear: the distance from the chord is largest at a knot in (begin, end)
         for time, offset in zip(self.times, self.offsets, strict=True):
+            # |o_k - (o(begin) + share (o(end) - o(begin)))| for knot k
             inside = (time > begin) & (time < end)
             share = np.where(inside, (time - begin) / np.where(end > begin, end - begin, 1.0), 0.0)[..., None]
             away = np.linalg.norm(offset - first - share * (last - first), axis=-1)

@@ -209,6 +209,7 @@ class Obstacle(ReadOnlyArrays):
     @cached_property
     def _sides(self) -> list[tuple[Array, Array, float]]:
         """Each side's first corner, unit direction and length."""
+        # unit directions of the sides, for projections onto them
         along = np.roll(self.vertices, -1, axis=0) - self.vertices
         lengths = np.linalg.norm(along, axis=1)
         return list(zip(self.vertices, along / lengths[:, None], lengths.tolist(), strict=True))
@@ -221,6 +222,7 @@ class Obstacle(ReadOnlyArrays):
         flat = p.reshape(-1, 2)
         result = np.empty(len(flat))
         for start in range(0, len(flat), BLOCK):
+            # contiguous coordinates of a block that fits in the cache
             x, y = flat[start : start + BLOCK].T.copy()
             result[start : start + BLOCK] = function(x, y)
         return result.reshape(p.shape[:-1])

@@ -90,6 +90,7 @@ def convex_cover(vertices: ArrayLike, holes: Iterable[ArrayLike], tolerance: flo
     polygon = _valid(ring(vertices, name), [ring(hole, name) for hole in holes], name)
     # pieces may grow into the polygon offset by the tolerance
     area = polygon.buffer(tolerance)
+    # convex parts, joined to hulls inside of that area, then with few corners
     parts = np.array([shapely.Polygon(part) for part in convex_parts(_triangles(polygon))], dtype=object)
     pieces = [ring(shapely.get_coordinates(piece), name) for piece in joined(parts, within(area))]
     return [with_fewer_corners(piece, area, CORNERS) for piece in pieces]
@@ -180,6 +181,7 @@ def signed_area(corners: Array) -> float:
 def is_convex(corners: Array) -> bool:
     """Whether a simple counter-clockwise polygon turns left, or straight on to rounding, at every corner."""
     along = directions(corners)
+    # sine of the turn at each corner from unit directions
     before = np.roll(along, 1, axis=0)
     return bool((before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0] > -STRAIGHT).all())
 

@@ -137,6 +137,7 @@ class Polyhedron(ReadOnlyArrays):
 
     def unit_rows(self) -> tuple[Array, Array]:
         """Finite sides as ``G x <= h``, unit normals: shapes (sides, n), (sides,); uppers first."""
+        # rows over their norms: bounds become distances; l <= a x is -a x <= -l
         length = np.linalg.norm(self.A, axis=1)
         A, upper, lower = self.A / length[:, None], self.upper / length, self.lower / length
         above, below = np.isfinite(upper), np.isfinite(lower)
@@ -262,6 +263,7 @@ def _checked_bound(value: ArrayLike, name: str, rows: int, forbidden: float) -> 
 
 def _outer(moments: Array, bounds: Array) -> Array:
     """Products ``moments[k] * bounds[i]`` with ``0 * inf = 0``: a part that is zero bounds nothing."""
+    # m_k+- times each bound, with 0 * inf = 0
     product = np.zeros((len(moments), len(bounds)))
     used = moments != 0
     product[used] = moments[used, None] * bounds

@@ -239,6 +239,7 @@ class LegendreBasis:
         ndarray, shape (*S, order + 1)
             Dimensionless; zero at -1, and (sqrt 2, 0, 0, ...) at 1.
         """
+        # int_{-1}^s phi_k, constant outside of [-1, 1]
         inside = np.clip(s, -1.0, 1.0)
         # antiderivatives from -1, where that of phi_0 = sqrt(1/2) is -sqrt(1/2)
         parts = [_antiderivative(k, inside) for k in range(self.order + 1)]

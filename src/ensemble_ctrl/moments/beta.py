@@ -107,5 +107,6 @@ class Beta(WeightedLaw):
 
     def _draw(self, count: int, rng: np.random.Generator) -> FloatArray:
         """`count` parameters."""
+        # s = 2 q - 1 for q with the Beta distribution on [0, 1]
         share = rng.beta(self.a, self.b, count)
         return np.clip(self.to_parameter(2 * share - 1), self.lower, self.upper)

@@ -85,6 +85,7 @@ class Mixture(WeightedLaw):
     def partial_moments(self, recurrence: Recurrence, s: FloatArray) -> FloatArray:
         """Integrals of the polynomials up to `s`: those over the parts, in the parts' own polynomials."""
         parts = zip(self.parts, self.shares, strict=True)
+        # int_{-1}^s phi_k dmu = sum over the parts of share times int_{-1}^s phi_k dmu_part
         total: FloatArray = sum(
             (share * self._partial(law, recurrence, np.asarray(s)) for (law, _), share in parts), np.zeros(1)
         )

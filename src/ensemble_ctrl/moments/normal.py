@@ -122,6 +122,7 @@ class TruncatedNormal(WeightedLaw):
     def _panels(self, edges: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
         """Points and weights of a composite Gauss rule, in increasing order; the weights up to a factor."""
         nodes, weights = gauss_rule(count)
+        # Gauss-Legendre points of each panel, its half length as a factor of the weights
         half = np.diff(edges)[:, None] / 2
         s = (edges[:-1, None] + half + half * nodes).ravel()
         mean, deviation = self._scaled()

@@ -78,6 +78,7 @@ def affine_multiplication_matrix(basis: Basis, interval: Law) -> FloatArray:
     array([[1.    , 0.0577],
            [0.0577, 1.    ]])
     """
+    # psi phi_k = (c + h s) phi_k, truncated
     return interval.center * np.eye(basis.order + 1) + interval.half_width * multiplication_matrix(basis)
 
 

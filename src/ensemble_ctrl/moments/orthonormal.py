@@ -23,6 +23,7 @@ class WeightedLaw(Law):
     @property
     def max_order(self) -> int:
         """Highest order of a basis of this law: 50, or less for a law of a few values."""
+        # n different values determine polynomials up to degree n - 1 only
         return min(MAX_ORDER, cached_recurrence(self, MAX_ORDER).order)
 
     def basis(self, order: int) -> OrthonormalBasis:

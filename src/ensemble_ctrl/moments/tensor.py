@@ -60,6 +60,7 @@ class TensorBasis:
     @property
     def weights(self) -> FloatArray:
         """Gauss weights, shape (count,); their sum is 2."""
+        # weights multiply as shares of the fleet, w / 2
         return np.asarray(2 * kron([f.weights[None, :] / 2 for f in self.factors])[0])
 
     def evaluate(self, s: ArrayLike) -> FloatArray:

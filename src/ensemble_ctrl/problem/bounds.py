@@ -79,6 +79,7 @@ def _first(
     """The first of some values that is not within its bounds; row k belongs to step k + `delay`."""
     unit = problem.step if bounds == "rate" else 1.0  # a rate is kept to within the rounding of a command
     low, high = (end - side * ALLOWED * np.maximum(1.0 / unit, np.abs(end)) for end, side in ((lower, 1), (upper, -1)))
+    # NaN fails both comparisons and counts as beyond
     rows, columns = np.nonzero(~((values >= low) & (values <= high)))
     if not len(rows):
         return None

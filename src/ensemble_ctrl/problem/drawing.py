@@ -86,6 +86,7 @@ class _Sheet:
 
     def at(self, point: Floats) -> tuple[float, float]:
         """Pixels of one place."""
+        # from metres to pixels, whose y runs down
         x, y = ((point - self.low) / self.span).tolist()
         return WIDTH * x, self.height * (1 - y)
 

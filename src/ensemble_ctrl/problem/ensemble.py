@@ -69,6 +69,7 @@ class Ensemble(ReadOnlyArrays):
         """Members drawn from the parameters' laws, shape (count, parameters)."""
         drawn = np.empty((count, len(self.parameters)))
         for k, law in enumerate(self.parameters.values()):
+            # an independent stream of random numbers for each parameter
             drawn[:, k] = law.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
         if self.samples is not None:
             # joint samples: whole rows, drawn with replacement

@@ -345,6 +345,7 @@ class Fleet(Ensemble):
 
     def coefficients(self, members: Floats) -> Floats:
         """The coefficients of members of shape (members, parameters), shape (members, 5)."""
+        # affine in the parameters: (linear, angular, heading, x, y) = origin + psi directions
         return np.asarray(self.origin + members @ self.directions)
 
     def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:

@@ -48,6 +48,7 @@ def integrated(
     states = np.empty((len(controls) + 1, len(fleet.system.states), len(members)))
     states[0], psi = fleet.start_states(members), fleet.psi(members)
     with np.errstate(all="ignore"):
+        # x_{n+1} = flow of (u_n, psi) over one step, all members at once
         for k, command in enumerate(np.asarray(controls, dtype=float)):
             states[k + 1] = fleet.system.flow(states[k], command, psi, step, substeps, rule)
     return states.transpose(2, 0, 1)
@@ -84,6 +85,7 @@ def needed(fleet: Fleet, controls: Floats, step: float, accuracy: float = ACCURA
 
 def _require_finite(fleet: Fleet, states: Floats, members: Floats, step: float) -> None:
     """Refuse trajectories that run away or turn into NaN."""
+    # the first member and time with a state that is not finite
     bad = ~np.isfinite(states)
     if bad.any():
         member, k, state = np.argwhere(bad)[0]

@@ -251,6 +251,7 @@ def _sources(problem: Problem) -> tuple[object, ...]:
 def _split(problem: Problem, task: Formula) -> tuple[tuple[AvoidThroughout, ...], tuple[TaskPart, ...]]:
     """The conjuncts that only avoid, and the others; without those that others imply."""
     needed = without_implied(conjuncts(task), problem.duration)
+    # G (avoid and ...) becomes constraints on the clearance, every other conjunct keeps its robustness
     always = (part for part in needed if isinstance(part, Always) and kept_out(part))
     others = (part for part in needed if not kept_out(part))
     return tuple(AvoidThroughout.of(problem, part) for part in always), tuple(TaskPart.of(problem, p) for p in others)

@@ -94,6 +94,7 @@ class MomentTarget(ReadOnlyArrays):
     @property
     def middle(self) -> Floats:
         """The mean position, shape (2,), metres."""
+        # mean = m_0 / sqrt(2)
         return np.asarray(self.moments[0] / np.sqrt(2.0))
 
 

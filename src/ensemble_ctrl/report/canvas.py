@@ -52,6 +52,7 @@ def place_axes(ax: Axes, left: float, right: float, bottom: float, top: float) -
     """Leave so many inches around axes."""
     figure = ax.get_figure(root=True)
     assert figure is not None
+    # inches to shares of the figure
     width, height = figure.get_size_inches().tolist()
     ax.set_position((left / width, bottom / height, 1 - (left + right) / width, 1 - (bottom + top) / height))
 

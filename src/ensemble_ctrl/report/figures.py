@@ -105,6 +105,7 @@ def _draw_start(problem: Problem, ax: Axes) -> None:
     x, y = fleet.start_place.tolist()
     marker = (3, 0, np.degrees(fleet.heading) - 90)
     ax.plot(x, y, marker=marker, color="black", markersize=9, zorder=5, linestyle="none")
+    # the label stands beside the heading, on the side of the map's middle
     inwards = ax.dataLim.get_points().mean(axis=0) - fleet.start_place
     side = float(np.sign(np.dot((-np.sin(fleet.heading), np.cos(fleet.heading)), inwards))) or 1.0
     away = (-17 * side * np.sin(fleet.heading), 11 * side * np.cos(fleet.heading))

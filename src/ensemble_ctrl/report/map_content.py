@@ -157,6 +157,7 @@ def map_contents(problem: Problem, paths: Floats) -> tuple[MapContent, ...]:
 def _content(problem: Problem, paths: Floats, view: View | None) -> MapContent:
     """One of them."""
     if view is None:
+        # a line: time across, position up
         times = np.broadcast_to(np.linspace(0.0, problem.duration, paths.shape[1]), paths.shape[:2])
         return MapContent(problem, None, np.stack([times, paths[..., 0]], axis=-1), (), dict(_bands(problem)))
     obstacles = []

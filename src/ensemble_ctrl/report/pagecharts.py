@@ -203,6 +203,7 @@ def _path(frame: _Frame, x: Floats, y: Floats) -> str:
 def _areas(frame: _Frame, x: Floats, low: Floats, high: Floats) -> list[str]:
     """Closed paths between two curves, one for each stretch where both are finite."""
     there = np.isfinite(low) & np.isfinite(high)
+    # begins and ends of the stretches where both curves are finite
     edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(int)))
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):

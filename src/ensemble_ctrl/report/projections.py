@@ -102,6 +102,7 @@ def _times(problem: Problem, path: Floats) -> Floats:
 def draw_spread(problem: Problem, controls: Floats, ax: Axes) -> None:
     """How far apart the members are over time, in each coordinate of the position: largest less smallest."""
     paths = trajectories(problem, controls, problem.fleet.grid(MEMBERS), SUBSTEPS)
+    # max_i p(t; psi_i) - min_i p(t; psi_i) in each coordinate
     apart = np.ptp(paths, axis=0)
     for k, name in enumerate(problem.fleet.places):
         ax.plot(_times(problem, apart), apart[:, k], label=literal(name))

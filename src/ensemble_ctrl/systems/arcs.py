@@ -82,6 +82,7 @@ class ArcSystem(System):
 
     def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
         """Speed along the heading, and the turn rate."""
+        # p' = psi_1 v (cos theta, sin theta), theta' = psi_2 omega, with theta from +x
         v, omega = self.rates(u[0], u[1])
         speed = psi["traction"] * psi["linear_traction"] * v
         turn = psi["traction"] * psi["angular_traction"] * omega

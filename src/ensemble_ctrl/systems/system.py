@@ -226,6 +226,7 @@ class System:
         if found != len(self.states):
             names = ", ".join(self.states)
             raise ProblemError(f"{place}: expected {len(self.states)} entries ({names}), got {found}")
+        # one row a state; constants are spread over the members
         result = np.empty_like(x)
         for name, row, value in zip(self.states, result, rows, strict=True):
             try:

@@ -109,6 +109,7 @@ def _unfolded(total: Sum, bars: list[tuple[float, Sum]]) -> Formula:
     if not bars:
         return Predicate(tuple(total.terms.items()), total.offset, column=total.column)
     (weight, inside), *rest = bars
+    # w |e| = max(w e, -w e) for w > 0, a disjunction; min for w < 0, a conjunction
     cases = []
     for sign in (1.0, -1.0):
         case = replace(total, terms=dict(total.terms), bars=[])

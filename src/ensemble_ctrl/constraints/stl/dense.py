@@ -34,6 +34,7 @@ def shrunk(formula: Formula, step: float, repeated: bool = False) -> Formula:
     formula = rebuilt(formula, [shrunk(part, step, inner) for part in formula.parts])
     if not repeated or not isinstance(formula, Eventually | Until) or formula.a is None or formula.b is None:
         return formula
+    # [a, b] becomes [a + dt, b] where a step or more of it is left
     return replace(formula, a=formula.a + step) if formula.b - formula.a >= 2 * step else formula
 
 

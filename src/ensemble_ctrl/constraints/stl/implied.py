@@ -36,6 +36,7 @@ def without_implied(parts: Iterable[Formula], duration: float) -> tuple[Formula,
     parts = tuple(parts)
     groups: dict[object, list[int]] = {}
     for k, part in enumerate(parts):
+        # G[c,d] f implies G[a,b] f for [a,b] in [c,d]; F[a,b] f implies F[c,d] f
         alike = (type(part), part.child) if isinstance(part, Always | Eventually) else part
         groups.setdefault(alike, []).append(k)
     kept: set[int] = set()
@@ -57,6 +58,7 @@ def _window(part: Formula, duration: float) -> Window:
 def outermost(windows: list[Window]) -> list[int]:
     """Which windows are in no other one; of equal ones the first."""
     found: list[int] = []
+    # sweep by begin: a window that ends no later than an earlier one lies in it
     for k in sorted(range(len(windows)), key=lambda k: (windows[k][0], -windows[k][1], k)):
         if not found or windows[k][1] > windows[found[-1]][1]:
             found.append(k)

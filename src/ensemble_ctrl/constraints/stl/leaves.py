@@ -58,6 +58,7 @@ class Predicate(Formula):
 
     def normalised(self) -> tuple[tuple[tuple[str, float], ...], float]:
         """Coefficients and offset divided by the norm of the coefficients."""
+        # (c x + offset) / |c|: for positions the signed distance from the line
         norm = math.hypot(*(value for _, value in self.coefficients))
         return tuple((name, value / norm) for name, value in self.coefficients), self.offset / norm
 

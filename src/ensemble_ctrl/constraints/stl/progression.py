@@ -77,6 +77,7 @@ def progressed(formula: Formula, reading: Reading, past: int, horizon: int, step
     'F[0,2] -x >= 0'
     """
     left = negation_normal_form(resolve(formula, horizon * step))
+    # f, then what is left of it after each grid time of the past
     for k in range(past):
         left = _Step(reading, k, horizon, step).of(left)
     return left
@@ -158,6 +159,7 @@ class _Step:
 
     def _earlier(self, end: float) -> float:
         """A window's end seen from the next grid time; one that is on the grid stays there, however often it moves."""
+        # ends on the grid are kept as whole steps, so that rounding does not add up
         near = round(end / self.step)
         on_grid = abs(end / self.step - near) <= NEAR
         return max((near - 1) * self.step if on_grid else end - self.step, 0.0)
@@ -166,6 +168,7 @@ class _Step:
 def _joined(kind: type[And | Or], parts: Iterable[Formula]) -> Formula:
     """A conjunction or disjunction, with numbers put together and nothing twice."""
     best = min if kind is And else max
+    # numbers fold by min or max, nested operators of the kind are flattened
     flat = [inner for part in parts for inner in (part.parts if isinstance(part, kind) else (part,))]
     values = [part.value for part in flat if isinstance(part, Known)]
     rest = list(dict.fromkeys(part for part in flat if not isinstance(part, Known)))

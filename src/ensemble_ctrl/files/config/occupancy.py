@@ -75,6 +75,7 @@ def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tup
         raise fields.wrong("image", error.message, error.hint) from None
     # ROS map_server: free below free_thresh, occupied above occupied_thresh, else unknown; so is map_saver's grey 205
     occupancy = _raw(pixels) if raw else _occupancy(pixels, negate)
+    # free cells; transparent ones are unknown
     below = opaque & (occupancy < free) & (occupancy <= occupied)
     grey = opaque & (np.abs(pixels - GREY).max(axis=2) < EXACT) if not (negate or raw) else np.zeros_like(opaque)
     unseen = ~opaque | grey | (~below & (occupancy <= occupied)) | (occupancy > 1)

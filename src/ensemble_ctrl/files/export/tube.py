@@ -67,6 +67,7 @@ def areas(problem: Problem, controls: Floats) -> list[Area]:
     if low.shape[1] == 1:
         lines = (shapely.LineString([(a, 0.0), (b, 0.0)]) for a, b in zip(low[:, 0], high[:, 0], strict=True))
         return [Area(shapely.set_precision(line, GRID)) for line in lines]
+    # each cell: the convex hull of its points, grown by its radius; each step: the union of its cells
     hulls = shapely.convex_hull(shapely.multipoints(found.points[..., :2]))
     # a polygon of 4 QUARTER sides holds a disk if its corners are 1 / cos(pi / (4 QUARTER)) times as far out
     grown = shapely.buffer(hulls, (found.radius + 2 * GRID) / cos(pi / (4 * QUARTER)), quad_segs=QUARTER)
@@ -81,6 +82,7 @@ def to_geojson(problem: Problem, controls: Floats) -> dict[str, Any]:
 
     steps, places = areas(problem, controls), problem.fleet.places
     union = shapely.union_all([area.outline for area in steps])
+    # the union over all steps, in the plane grown by more than the rounding to GRID
     grown = shapely.line_merge(union) if len(places) == 1 else union.buffer(2 * GRID, quad_segs=1)
     whole = shapely.set_precision(grown, GRID)
     heights = np.array([area.heights for area in steps])

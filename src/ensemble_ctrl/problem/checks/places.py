@@ -109,6 +109,7 @@ def _some_start(problem: Problem, name: str, moved: Floats) -> bool:
     from shapely import Polygon, box
 
     start, fleet = problem.fleet.start_place - moved, problem.fleet
+    # box of start positions against the obstacle grown by the radius
     area = box(*(start - fleet.shift), *(start + fleet.shift))
     shapes = [Polygon(piece.vertices).buffer(fleet.radius - SLACK) for piece in problem.obstacles[name]]
     return any(shape.intersects(area) for shape in shapes)

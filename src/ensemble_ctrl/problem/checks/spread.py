@@ -62,6 +62,7 @@ def widest(problem: Problem) -> float:
         return np.inf
     fleet = problem.fleet
     middle = fleet.coefficients(fleet.center[None])[0, :3]
+    # |a - a'|, |b - b'|, |g - g'| are largest at corners, as coefficients are affine in the parameters
     most = np.abs(fleet.coefficients(fleet.corners)[:, :3] - middle).max(axis=0)
     return _bound(problem, most, abs(float(middle[0])))
 

@@ -107,6 +107,7 @@ def _conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
 def _failing(problem: Problem, part: TaskPart, paths: Floats, parameters: Floats) -> list[Conflict]:
     """The conflict of one conjunct, if its worst member fails it."""
     signals = StateSignals(paths, problem.fleet.states, problem.step)
+    # rho of this conjunct at t = 0 for every member; the least one decides
     values = np.asarray(member_robustness(part.formula, signals, ExactOps()))[:, 0]
     worst = int(values.argmin())
     if values[worst] >= 0:

@@ -231,6 +231,7 @@ def replay(
     results = _watched(blocks, lambda block: _run(problem, controls, block, substeps), watch)
     drawn = drawn[: size * len(results)]
     robustness = np.concatenate([r for r, _, _, _ in results])
+    # over the blocks: who is inside which obstacle, and the least clearance of each
     inside = np.concatenate([i for _, i, _, _ in results], axis=1)
     clearances = tuple(
         _closest(avoid.name, [found[o] for _, _, found, _ in results], int(inside[o].sum()))

@@ -43,6 +43,7 @@ def moments(problem: Problem, controls: Floats) -> Iterator[tuple[str, Floats]]:
     # m_k(t) = sum_n w_n phi_k(s_n) p(t; s_n): quadrature over the distributions
     nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
     paths = trajectories(problem, controls, fleet.dynamic_members(nodes))
+    # phi_k of the product distribution, degrees up to `order` in all
     basis = TensorBasis(tuple(law.basis(order) for law in laws))
     phi = basis.evaluate(nodes)
     for column, index in enumerate(basis.indices):
