@@ -255,6 +255,7 @@ class Obstacle(ReadOnlyArrays):
         *_, (corner, along, length) = self._sides
         past = (x - corner[0]) * along[0] + (y - corner[1]) * along[1] > length
         for corner, along, length in self._sides:
+            # position along this side; `past` is about the side before
             dx, dy = x - corner[0], y - corner[1]
             position = dx * along[0] + dy * along[1]
             np.copyto(square, dx * dx + dy * dy, where=past & (position < 0))

@@ -57,6 +57,7 @@ def _sides(triangles: Array) -> dict[Side, Side]:
     behind: dict[Side, Side] = {}
     for triangle in triangles.tolist():
         a, b, c = map(tuple, triangle)
+        # every triangle counter-clockwise, by an exact turn
         if exact.turn(a, b, c) < 0:
             b, c = c, b
         behind |= {(a, b): (b, c), (b, c): (c, a), (c, a): (a, b)}

@@ -91,7 +91,7 @@ class TruncatedNormal(WeightedLaw):
         """Integrals of the polynomials up to `s`, panel by panel."""
         edges = self._edges()
         inside = np.clip(s, edges[0], edges[-1])
-        # panels cut at every s that was asked for; the partial moment is the sum of the panels before it
+        # panels cut at every requested s; the partial moment is the sum of the panels before it
         cuts = np.unique(np.concatenate([edges, inside.ravel()]))
         points, weights = self._panels(cuts, POINTS)
         pieces = (weights[:, None] * values(recurrence, points)).reshape(len(cuts) - 1, POINTS, -1).sum(axis=1)

@@ -149,6 +149,7 @@ class Ensemble(ReadOnlyArrays):
         -------
         ndarray, shape (members, parameters)
         """
+        # psi_k = c_k + h_k s_k for the dynamic parameters, centres for the others
         members = np.tile(self.center, (len(scaled), 1))
         for column, (k, law) in enumerate(zip(self.dynamic, self.dynamic_laws, strict=True)):
             members[:, k] = law.to_parameter(scaled[:, column])

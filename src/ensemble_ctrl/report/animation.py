@@ -79,6 +79,7 @@ def _frames(problem: Problem, controls: Floats, times: Floats, width: int) -> It
         pen = ImageDraw.Draw(ground)
         for panel, paths, places in along:
             for i, colour in enumerate(colours):
+                # grid positions since the previous frame, and the interpolated one at `time`
                 trail = np.concatenate([paths[i, max(seen - 1, 0) : upto], places[i, k : k + 1]])
                 pen.line(panel.points(trail), fill=colour, width=FINE, joint="curve")
         seen = upto

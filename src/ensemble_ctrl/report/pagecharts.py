@@ -109,6 +109,7 @@ class _Frame:
         ys = ys[np.isfinite(ys)]
         if axes.logarithmic:
             ys = np.log10(np.maximum(ys, SMALLEST))
+        # 6 % of the range above and below, or about a constant curve
         low, high = (float(ys.min()), float(ys.max())) if ys.size else (0.0, 1.0)
         pad = 0.06 * (high - low) if high > low else max(0.1 * abs(high), 1e-3)
         left, right = float(xs.min()), float(xs.max())
@@ -119,6 +120,7 @@ class _Frame:
     def at(self, x: Floats | float, y: Floats | float) -> tuple[Floats, Floats]:
         """Drawing coordinates."""
         y = np.log10(np.maximum(y, SMALLEST)) if self.logarithmic else np.asarray(y, dtype=float)
+        # shares of the frame, then drawing units with y downwards
         across = (np.asarray(x, dtype=float) - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
         return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - TOP - BOTTOM)
@@ -172,6 +174,7 @@ def _curve(frame: _Frame, curve: Curve) -> list[str]:
     kind = f"c{curve.colour % COLOURS}"
     if curve.steps:
         keep = telling(y, POINTS)
+        # a step function: each value from its begin to the next one's
         x, y = np.repeat(np.append(x[keep], x[-1]), 2)[1:-1], np.repeat(y[keep], 2)
     if len(x) == 1:
         px, py = frame.at(x, y)

@@ -70,6 +70,7 @@ def map_and_motion(
         tracks += np.rint(10 * canvas.at(ways[:, keep])).astype(int).tolist()
         for shape in content.obstacles:
             if shape.motion is not None:
+                # displacements in tenths of a drawing unit, y downwards
                 moved = 10 * canvas.scale * shape.motion.at(times[keep]) * [1, -1]
                 offsets[shape.name] = np.rint(moved).astype(int).tolist()
     data: dict[str, Any] = {"duration": problem.duration, "times": times[keep].round(4).tolist()}
@@ -114,6 +115,7 @@ def _text(canvas: Canvas, points: Floats) -> str:
 
 def _grid(content: MapContent, canvas: Canvas) -> list[str]:
     """Lines every so many metres or seconds, with their numbers and labels."""
+    # upper right corner of the map in metres, for round ticks
     high = canvas.low + np.array([(WIDTH - MARGIN[0]) / canvas.across, canvas.height / canvas.scale])
     parts = []
     for value in ticks(float(canvas.low[0]), float(high[0]), 6):

@@ -97,6 +97,7 @@ class Raster:
         font = ImageFont.load_default(13 * unit)
         panels, top = [], HEAD * unit
         for content in map_contents(problem, paths):
+            # views below each other, each below the height of those above it
             canvas = content.canvas(FINE * width, top=top, more=more)
             panels.append(Panel(content, canvas, unit, font))
             top += canvas.height
@@ -180,6 +181,7 @@ def _draw_frame(raster: Raster, pen: ImageDraw.ImageDraw) -> None:
     pen.rectangle((0, height - (FOOT - 1) * unit, width, height), "white")
     pen.text((8 * unit, 5 * unit), short(raster.problem.name, LONGEST), "black", font, anchor="la")
     y = height - 12 * unit
+    # a scale bar of at most a quarter of the picture
     length = _round_length(0.25 * width / panel.canvas.across)
     x = width - 10 * unit
     pen.line((x - length * panel.canvas.across, y, x, y), "black", 2 * FINE)
@@ -211,6 +213,7 @@ def _draw_moving(panel: Panel, pen: ImageDraw.ImageDraw, time: float) -> None:
         offset = np.zeros(2) if shape.motion is None else shape.motion.at(time)
         for corners in shape.pieces if shape.motion is not None else ():
             pen.polygon(panel.points(corners + offset), OBSTACLE, OBSTACLE_EDGE, FINE)
+        # the name is drawn where the piece has room for it
         across, up = (np.ptp(shape.largest, axis=0) * panel.canvas.scale).tolist()
         fits = across > pen.textlength(shape.name, panel.font) and up > 14 * panel.unit
         if fits and not all(shape.beside):
@@ -220,5 +223,6 @@ def _draw_moving(panel: Panel, pen: ImageDraw.ImageDraw, time: float) -> None:
 
 def _round_length(metres: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is not above a length."""
+    # 10^floor(log10 d) times 5, 2 or 1
     size = 10.0 ** floor(log10(metres))
     return next(m * size for m in (5, 2, 1) if m * size <= metres * (1 + 1e-9))

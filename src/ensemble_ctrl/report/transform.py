@@ -47,6 +47,7 @@ class Canvas:
         cls, low: Floats, size: Floats, width: float, left: float = 0.0, top: float = 0.0, shape: float | None = None
     ) -> Canvas:
         """A drawing `width` units wide of the rectangle from `low` of a size, undistorted or `shape` times as high."""
+        # drawing units per metre: equal in x and y, unless the drawing's shape is given
         across = width / float(size[0])
         scale = across if shape is None else shape * width / float(size[1])
         return cls(low, scale, across, float(size[1]) * scale, left, top)

@@ -49,6 +49,7 @@ def write_gif(frames: Iterator[Image.Image], file: IO[bytes], colours: Iterable[
     palette.putpalette([channel for colour in _colours(colours) for channel in colour])
     small = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     each = round(1000 / RATES["gif"])
+    # milliseconds of each frame, the last one held
     spans = [each] * (len(small) - 1) + [each + round(1000 * HOLD)]
     small[0].save(file, format="GIF", save_all=True, append_images=small[1:], duration=spans, loop=0, disposal=1)
 

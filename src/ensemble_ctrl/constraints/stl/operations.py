@@ -158,6 +158,7 @@ class ExactOps(Ops):
 
     def until_end(self, left: Value, right: Value, count: int) -> Array:
         """Backward pass ``u(t) = min(left(t), max(right(t), u(t + 1)))``."""
+        # times first in memory, so that each step of the pass is one contiguous row
         rows, goals = np.ascontiguousarray(left.T), np.ascontiguousarray(right.T)
         result = np.minimum(rows, goals)
         for t in range(len(rows) - 2, -1, -1):
@@ -291,5 +292,6 @@ class SmoothOps(Ops):
         """``log(sum exp(K a) / divisor) / K`` for ``a <= 0``; dividing first keeps its sign exact."""
         if len(shifted) == 1:
             return 0.0
+        # exponents are <= 0: no overflow, and one of them is 0
         total = sum(self.backend.exp(self.sharpness * item) for item in shifted)
         return self.backend.log(total / divisor) / self.sharpness

@@ -149,6 +149,7 @@ def _window(formula: Temporal, signals: Signals, ops: Ops, first: int, last: int
 
 def _open_window(formula: Temporal, signals: Signals, ops: Ops, first: int, last: int) -> Value:
     """A temporal operator up to the last time at which its operands still fit in the horizon."""
+    # without a window: up to the last step at which the operands still end within the horizon
     end = signals.steps - max(reach(part, signals.step) for part in formula.parts)
     count = last - first + 1
     right = _walk(formula.parts[-1], signals, ops, first, end)

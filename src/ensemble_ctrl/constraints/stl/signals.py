@@ -82,6 +82,7 @@ class StateSignals:
 
     def blocks(self, entries: int) -> list[StateSignals]:
         """The same with fewer members each, so that a state has about `entries` values in a block."""
+        # members in a block: `entries` over the number of times
         size = max(1, entries // self.states.shape[1])
         if self.members <= size:
             return [self]

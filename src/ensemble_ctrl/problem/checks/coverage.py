@@ -60,6 +60,7 @@ def coverage(problem: Problem) -> dict[str, Coverage]:
         task = negation_normal_form(resolve(problem.task, problem.duration))
     except ProblemError:  # a window that runs backwards has a finding of its own
         return {}
+    # windows in which the task surely avoids something, and names below other operators
     given, others = _always(task, (0.0, 0.0), problem.duration), set(_others(task))
     found: dict[str, list[Window]] = {name: [] for name in problem.obstacles}
     for name, window in given:

@@ -28,6 +28,7 @@ def reach_findings(problem: Problem) -> Iterator[Finding]:
         region = problem.regions.get(leaf.name)
         if region is None or region.is_empty:
             continue
+        # ||p - region|| > psi_min v_max t: the slowest member can't be there by then
         distance, start = _furthest(region, problem)
         slack = SLACK * max(1.0, float(np.abs(start).max()))
         if deadline <= 0.0 and distance > slack:

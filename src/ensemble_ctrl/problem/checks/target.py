@@ -81,6 +81,7 @@ def _reach(problem: Problem, target: Formation, value: float, place: NDArray[np.
     if not fleet.system.on_arcs:
         return
     speed = float(fleet.coefficients(members)[:, 0].max()) * top_speed(problem)
+    # ||place - start|| less the shift of the start, against psi v_max T
     away = float(np.linalg.norm(place - fleet.start_place)) - float(np.linalg.norm(fleet.shift))
     if away > speed * problem.duration + SLACK:
         message = (
@@ -110,6 +111,7 @@ def _apart(
 def _most_apart(problem: Problem, parameter: str, members: Floats) -> float:
     """How far apart two members can end that share all other parameters, whatever these are."""
     column, found = problem.fleet.names.index(parameter), []
+    # the bound is affine in the shared factor on speed: largest at a corner
     for corner in problem.fleet.corners:
         pair = np.tile(corner, (2, 1))
         pair[:, column] = members[:, column]

@@ -132,4 +132,5 @@ def _closest_time(problem: Problem, part: TaskPart, path: Floats) -> float:
 
 def _window(problem: Problem, part: TaskPart) -> tuple[int, int]:
     """First and last step of a conjunct's own window."""
+    # steps ceil(a / dt) .. floor(b / dt)
     return int(np.ceil(part.begin / problem.step - 1e-9)), int(np.floor(part.end / problem.step + 1e-9))
