@@ -53,7 +53,7 @@ def plan(
     -------
     Plan
         Already replayed with ``problem.verify``, unless states run away under the controls found. Where a time is to
-        be as short as possible, its problem is that of the time found, and ``details["minimum_time"]`` says what was
+        be as short as possible, its problem is that of the time found, and ``details["minimum_time"]`` has what was
         tried (`ensemble_ctrl.planning.minimum_time.MinimumTime`).
 
     Raises

@@ -42,7 +42,7 @@ def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any]
     Parameters
     ----------
     plan : PlanLike
-        What was asked and what came of it.
+        The plan with its problem and results.
     problem_text : str
         The problem file.
     provenance : mapping, optional

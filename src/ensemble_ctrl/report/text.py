@@ -31,7 +31,7 @@ class PlanLike(Protocol):
 
     @property
     def problem(self) -> Problem:
-        """What was asked."""
+        """The problem that was solved."""
 
     @property
     def status(self) -> str:

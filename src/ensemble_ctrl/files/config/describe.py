@@ -1,4 +1,4 @@
-"""What the fields of a problem file mean: the text below each field of its model, read when it is asked for."""
+"""What the fields of a problem file mean: the text below each field of its model, read when it is needed."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _own(model: type[Model]) -> dict[str, str]:
 
 
 def _explain(section: dict[str, Any], model: type[Model]) -> None:
-    """Say of each field what it means; a title that repeats its name, and a default that is nothing, say nothing."""
+    """Describe each field; titles that repeat its name, and defaults that are nothing, are left out."""
     texts = meanings(model)
     for name, described in section["properties"].items():
         described.pop("title", None)

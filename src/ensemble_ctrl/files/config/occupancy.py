@@ -39,7 +39,7 @@ def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tup
     text : str
         What is in the map file.
     unknown : {"occupied", "free"}, optional
-        What the cells are that no scan has seen; occupied if not given, and then it is said where the map's own
+        What the cells are that no scan has seen; occupied if not given, and then there is a note where the map's own
         thresholds would have them free.
 
     Returns

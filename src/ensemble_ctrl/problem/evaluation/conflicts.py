@@ -1,4 +1,4 @@
-"""Which parts of a task fail, by how much, when and for whom: what a person needs when there is no plan."""
+"""Which parts of a task fail, by how much, when and for whom: for the case that there is no plan."""
 
 from __future__ import annotations
 
