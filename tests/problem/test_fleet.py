@@ -147,8 +147,13 @@ def test_a_wrong_sample_is_refused() -> None:
     fleet, values = measured()
     for samples, message in (
         ({"linear_traction": values[:, 0], "angular_traction": values[:5, 1]}, "expected columns of one length"),
-        ({"mass": values[:, 0]}, "expected parameters that bend trajectories, got 'mass'"),
+        (
+            {"mass": values[:, 0]},
+            r"expected .* bend trajectories \(linear_traction, angular_traction, start_heading\), got 'mass'",
+        ),
         ({"linear_traction": values[:, 1]}, "expected the distribution of linear_traction to be its samples"),
     ):
         with pytest.raises(ProblemError, match=f"^fleet.samples: {message}"):
             replace(fleet, samples=samples)
+    with pytest.raises(ProblemError, match=r"fleet\.parameters has none"):
+        ec.Fleet(ec.DoubleIntegrator(), {}, samples={"mass": values[:, 0]})

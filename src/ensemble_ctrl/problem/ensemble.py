@@ -54,7 +54,8 @@ class Ensemble(ReadOnlyArrays):
         bending = [self.names[k] for k in self.dynamic]
         for name, column in columns.items():
             if name not in bending:
-                raise ProblemError(f"fleet.samples: expected parameters that bend trajectories, got {name!r}")
+                known = ", ".join(bending) or "fleet.parameters has none"
+                raise ProblemError(f"fleet.samples: expected parameters that bend trajectories ({known}), got {name!r}")
             if self.parameters[name] != Samples(column):
                 raise ProblemError(f"fleet.samples: expected the distribution of {name} to be its samples")
             column.setflags(write=False)
