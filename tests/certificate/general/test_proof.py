@@ -178,3 +178,15 @@ def test_what_can_not_be_enclosed_is_undecided_with_its_reason() -> None:
     assert "t = " in found.reason
     calm = replace(problem, duration=0.5)
     assert ec.certify(calm, np.zeros((10, 2))).proven == "yes"
+
+
+@pytest.mark.parametrize(("push", "proven"), [(0.0, "undecided"), (1.0, "no")])
+def test_a_share_is_not_refuted_by_the_sharp_corner_of_a_grown_obstacle(push: float, proven: str) -> None:
+    """Robots 0.113 m from a corner, with a radius of 0.1 m that reaches the lines of both sides."""
+    where = {"x": -0.08, "y": -0.08}
+    fleet = ec.Fleet(ec.DoubleIntegrator(), {"mass": ec.Interval(0.9, 1.1)}, start=where, radius=0.1)
+    obstacles = {"o": (ec.Obstacle.box([[0.0, 1.0], [0.0, 1.0]]),)}
+    problem = ec.Problem("corner", fleet, 1.0, 4, ec.parse("share(0.9, G avoid(o))"), obstacles=obstacles)
+    controls = np.full((4, 2), push)
+    assert ec.certify(problem, controls).proven == proven
+    assert replay(problem, controls, members=50).satisfied == (proven != "no")

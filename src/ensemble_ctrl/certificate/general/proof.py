@@ -115,7 +115,13 @@ class GeneralProof:
 
     def share(self, chance: ChanceConstraint) -> TaskBound:
         """The bound of ``share(p, f)``: the cells whose members all do `f`, weighed."""
-        found = self.part(chance.part)
+        found, problem = self.part(chance.part), self.problem
+        if found.sampled < 0 and problem.fleet.radius > 0:
+            # predicates grow obstacles by the radius with sharp corners: what is refuted is refuted without it
+            bare = problem.with_(fleet=replace(problem.fleet, radius=0.0))
+            other = GeneralProof(bare, self.controls, self.laws)
+            other.enclosure = self.enclosure
+            found = replace(found, sampled=other.part(TaskPart.of(bare, chance.share)).sampled)
         return replace(found, share=chance.share.p) if found.proven >= 0 else found
 
 
