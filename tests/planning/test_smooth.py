@@ -78,7 +78,7 @@ def test_wrong_rates_are_named(written: str, place: str, message: str) -> None:
         load_text(TEXT.replace("{v: 0.3, omega: 0.5}", written))
     (error,) = caught.value.diagnostics
     assert (error.path, error.message[: len(message)]) == (place, message)
-    with pytest.raises(ProblemError, match=r"^fleet.rate_bounds: expected two numbers above 0"):
+    with pytest.raises(ProblemError, match=r"^fleet.rate_bounds: expected numbers above 0"):
         replace(load_text(TEXT).fleet, rate_bounds=np.array([1.0, -1.0]))
 
 

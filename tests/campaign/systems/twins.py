@@ -58,7 +58,7 @@ def twin(problem: ec.Problem) -> ec.Problem:
 def _start(fleet: Any) -> list[float]:
     """Heading (as the system counts it) and place where every offset is zero."""
     plain = np.array([0.0 if name.startswith("start_") else 1.0 for name in fleet.names])
-    heading, x, y = fleet.drives(plain[None])[0, 2:5].tolist()
+    heading, x, y = fleet.coefficients(plain[None])[0, 2:5].tolist()
     return [heading, x, y]
 
 
