@@ -1,0 +1,41 @@
+"""Try one problem and print what came of it as JSON: ``python -m benchmarks.finding.one mazes 3 60 planner``."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from typing import Any
+
+import ensemble_ctrl as ec
+
+from .case import Case
+from .families import drawn
+from .judge import cost, verdict
+from .plain import plain
+
+
+def tried(case: Case, seconds: float, program: str) -> dict[str, Any]:
+    """Outcome, seconds and cost of one program for one problem."""
+    began = time.perf_counter()
+    try:
+        problem = case.problem(seconds)
+    except ec.ConfigError:
+        return {"outcome": "refused", "seconds": time.perf_counter() - began, "cost": None}
+    found = plain(problem, seconds) if program == "plain" else planned(problem)
+    known = None if case.controls is None else cost(problem, case.controls)
+    return {**found, "known": known}
+
+
+def planned(problem: ec.Problem) -> dict[str, Any]:
+    """What the planner finds."""
+    began = time.perf_counter()
+    plan = ec.plan(problem, check=False)
+    seconds = time.perf_counter() - began
+    outcome = verdict(problem, plan.controls) if plan.status == "planned" else "none"
+    return {"outcome": outcome, "seconds": seconds, "cost": None if outcome == "none" else cost(problem, plan.controls)}
+
+
+if __name__ == "__main__":
+    family, seed, limit, name = sys.argv[1:]
+    print(json.dumps(tried(drawn(family, int(seed)), float(limit), name)))
