@@ -22,7 +22,7 @@ def cost(problem: ec.Problem, controls: Floats) -> float:
 
 
 def verdict(problem: ec.Problem, controls: Floats) -> str:
-    """``proven`` for all members, ``found`` for the middle one alone, ``wrong`` where a proof is refuted, or ``none``."""
+    """``proven`` for all members, ``found`` for the middle one alone, ``wrong`` if a proof is refuted, or ``none``."""
     middle = ec.replay(problem, controls, parameters=problem.fleet.center[None])
     if ec.certify(problem, controls).proven == "yes":
         return "wrong" if ec.replay(problem, controls, members=MEMBERS).violating.any() else "proven"

@@ -75,7 +75,7 @@ def one_step(problem: ec.Problem) -> ca.Function:
     psi = {name: float(value[0]) for name, value in fleet.psi(fleet.center[None]).items()}
     x, u = ca.SX.sym("x", len(system.states)), ca.SX.sym("u", len(system.controls))
 
-    def rates(at: ca.SX) -> ca.SX:
+    def rates(at: ca.SX) -> Any:
         return ca.vertcat(*system.xdot(ca.vertsplit(at), ca.vertsplit(u), psi))
 
     h, end = problem.duration / problem.steps / SUBSTEPS, x

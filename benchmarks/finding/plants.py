@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -20,7 +20,7 @@ class Pendulum(ec.OdeSystem):
 
     name, states, positions = "pendulum", ("first", "rate"), ("first",)
     controls, control_units, input_bounds = ("torque",), ("N m",), ((-4.0, 4.0),)
-    parameters: ClassVar[Mapping[str, float]] = {"damping": 0.2}
+    parameters = {"damping": 0.2}
 
     def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
         """Angle and rate."""
@@ -32,7 +32,7 @@ class CartPole(ec.OdeSystem):
 
     name, states, positions = "cart_pole", ("first", "v", "angle", "rate"), ("first",)
     controls, control_units, input_bounds = ("force",), ("N",), ((-12.0, 12.0),)
-    parameters: ClassVar[Mapping[str, float]] = {"load": 0.15}
+    parameters = {"load": 0.15}
 
     def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
         """Cart and pole of half a metre."""
@@ -46,7 +46,7 @@ class Escape(ec.OdeSystem):
 
     name, states, positions = "escape", ("first",), ("first",)
     controls, control_units, input_bounds = ("u",), ("1",), ((-2.0, 2.0),)
-    parameters: ClassVar[Mapping[str, float]] = {"k": 1.0}
+    parameters = {"k": 1.0}
 
     def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
         """The square feeds itself."""

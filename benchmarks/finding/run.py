@@ -40,6 +40,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seconds", type=float, default=60.0, help="for each problem (60)")
     parser.add_argument("--jobs", type=int, default=2, help="problems tried side by side (2)")
     parser.add_argument("--plain", action="store_true", help="the plain program, too")
+    parser.add_argument("--record", action="store_true", help="keep the table for docs/benchmarks.md")
     parser.add_argument("--results", type=Path, default=RESULTS, help="file of what was tried already")
     return parser.parse_args(given)
 
@@ -150,6 +151,14 @@ def lines(rows: Sequence[Row]) -> Iterable[str]:
         yield f"{row['family']:12} {row['program']:8} {counts} {row['seconds']:6.1f} s {more:>8}"
 
 
+def record(name: str, rows: list[Row]) -> None:
+    """Keep the table with the machine, as the other benchmarks do, which are scripts."""
+    sys.path.insert(0, str(HERE.parent))
+    from record import record as keep
+
+    keep(name, rows)
+
+
 def main() -> None:
     """Try what is not tried yet, and print the summary."""
     given, version = arguments(), source()
@@ -168,7 +177,10 @@ def main() -> None:
             print(f"[{number}/{len(rest)}] {said}", file=sys.stderr, flush=True)
     rows = [row for row in kept(given.results) if {name: row.get(name) for name in wanted[0]} in wanted]
     learn(rows)
-    print("\n".join(lines(summary(rows))))
+    found = summary(rows)
+    if given.record:
+        record("finding", found)
+    print("\n".join(lines(found)))
 
 
 if __name__ == "__main__":
