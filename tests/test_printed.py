@@ -50,9 +50,14 @@ def test_every_block_of_a_page_has_a_file(scripts: dict[str, ModuleType]) -> Non
     begins = [found for page in pages for found in BEGIN.findall(page.read_text(encoding="utf-8"))]
     assert sorted(name for name, _ in begins) == sorted(scripts["make_tables"].blocks())
     for name, command in begins:
-        script, *rest = command.removeprefix("python ").split()
+        script, *rest = _script(command.removeprefix("python ").split())
         assert (ROOT / script).exists()
         assert rest == ([name] if script == "docs/make_tables.py" else [])
+
+
+def _script(words: list[str]) -> list[str]:
+    """The file of ``-m package.module``, and what follows it."""
+    return [f"{words[1].replace('.', '/')}.py", *words[2:]] if words[0] == "-m" else words
 
 
 def test_a_page_without_the_block_is_refused(scripts: dict[str, ModuleType]) -> None:

@@ -46,8 +46,9 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def source() -> str:
-    """What distinguishes this version of the planner and of the benchmark from another."""
-    files = sorted([*(ROOT / "src").rglob("*.py"), *HERE.glob("*.py")])
+    """What distinguishes this version of the planner, and of what judges it, from another."""
+    judges = (HERE / name for name in ("one.py", "judge.py", "plain.py"))
+    files = [*sorted((ROOT / "src").rglob("*.py")), *judges]
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:16]
 
 
@@ -179,7 +180,7 @@ def main() -> None:
     learn(rows)
     found = summary(rows)
     if given.record:
-        record("finding", found)
+        record("finding", [row | {"limit": given.seconds, "jobs": given.jobs} for row in found])
     print("\n".join(lines(found)))
 
 

@@ -17,6 +17,17 @@ def programs_lines(rows: Rows, machine: str) -> Iterator[str]:
     yield from ("", f"Time of a whole process, median of {rows[0]['runs']}, on {machine}.")
 
 
+def finding_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Plans found and proven, per family and program."""
+    counted = ("problems", "found", "proven", "wrong")
+    yield from header("family", "program", *counted, "median time", "above the best known")
+    for row in rows:
+        counts = (str(row[name]) for name in counted)
+        more = "–" if row["above_best"] is None else f"{row['above_best']:.2f}"
+        yield f"| {' | '.join((row['family'], row['program'], *counts, seconds(row['seconds']), more))} |"
+    yield from ("", f"Within {rows[0]['limit']:g} s each, {rows[0]['jobs']} at a time, on {machine}.")
+
+
 def seconds(value: float) -> str:
     """A time to two digits."""
     if value < 0.995:
@@ -96,6 +107,7 @@ def proof_lines(rows: Rows, machine: str) -> Iterator[str]:
 
 TABLES = {
     "programs": Timed("docs/benchmarks.md", "programs", programs_lines),
+    "finding": Timed("docs/benchmarks.md", "finding", finding_lines),
     "loop": Timed("docs/online.md", "online", loop_lines),
     "several": Timed("docs/online.md", "online", several_lines),
     "replanning": Timed("README.md", "online", front_lines),
