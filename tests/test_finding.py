@@ -109,8 +109,8 @@ def test_what_counts_as_right_and_wrong() -> None:
     none = {"family": "impossible", "name": "impossible-00", "program": "planner", "seconds": 1.0, "cost": None}
     rows += [{**none, "outcome": outcome} for outcome in ("refused", "none", "proven", "error")]
     first, last = run.summary(rows)
-    assert [first[name] for name in ("problems", "found", "proven", "wrong")] == [5, 2, 1, 1]
-    assert [last[name] for name in ("problems", "found", "proven", "wrong")] == [4, 2, 1, 1]
+    assert [first[name] for name in ("tried", "found", "proven", "wrong")] == [5, 2, 1, 1]
+    assert [last[name] for name in ("tried", "found", "proven", "wrong")] == [4, 2, 1, 1]
 
 
 @pytest.mark.parametrize(("family", "seed"), [("visits", 0), ("stlpy", 4), ("stlpy", 6), ("plants", 0), ("moving", 0)])

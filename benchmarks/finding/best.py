@@ -32,7 +32,7 @@ def improved(record: Record, name: str, digest: str, cost: float, by: str) -> Re
     known = record.get(name)
     if known is not None and known["problem"] == digest and known["cost"] <= cost:
         return record
-    return {**record, name: {"problem": digest, "cost": round(cost, 6), "by": by}}
+    return {**record, name: {"problem": digest, "cost": cost, "by": by}}
 
 
 def write(record: Record, path: Path = BEST) -> None:

@@ -131,7 +131,8 @@ def summary(rows: Sequence[Row]) -> list[Row]:
                     {
                         "family": family,
                         "program": program,
-                        "problems": len(those),
+                        "tried": len(those),
+                        "of": FAMILIES[family][0],
                         "found": sum(map(right, those)),
                         "proven": sum(map(shown, those)),
                         "wrong": sum(map(wrong, those)),
@@ -144,11 +145,11 @@ def summary(rows: Sequence[Row]) -> list[Row]:
 
 def lines(rows: Sequence[Row]) -> Iterable[str]:
     """The summary as a table of text."""
-    columns = f"{'problems':>8} {'found':>6} {'proven':>6} {'wrong':>6} {'median':>8} {'cost':>8}"
+    columns = f"{'tried':>8} {'found':>6} {'proven':>6} {'wrong':>6} {'median':>8} {'cost':>8}"
     yield f"{'family':12} {'program':8} {columns}"
     for row in rows:
         more = "-" if row["above_best"] is None else f"+{row['above_best']:.3f}"
-        counts = f"{row['problems']:8d} {row['found']:6d} {row['proven']:6d} {row['wrong']:6d}"
+        counts = f"{row['tried']:8d} {row['found']:6d} {row['proven']:6d} {row['wrong']:6d}"
         yield f"{row['family']:12} {row['program']:8} {counts} {row['seconds']:6.1f} s {more:>8}"
 
 

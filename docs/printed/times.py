@@ -19,12 +19,13 @@ def programs_lines(rows: Rows, machine: str) -> Iterator[str]:
 
 def finding_lines(rows: Rows, machine: str) -> Iterator[str]:
     """Plans found and proven, per family and program."""
-    counted = ("problems", "found", "proven", "wrong")
-    yield from header("family", "program", *counted, "median time", "above the best known")
+    counted = ("found", "proven", "wrong")
+    yield from header("family", "program", "tried", *counted, "median time", "above the best known")
     for row in rows:
         counts = (str(row[name]) for name in counted)
+        tried = f"{row['tried']} of {row['of']}"
         more = "–" if row["above_best"] is None else f"{row['above_best']:.2f}"
-        yield f"| {' | '.join((row['family'], row['program'], *counts, seconds(row['seconds']), more))} |"
+        yield f"| {' | '.join((row['family'], row['program'], tried, *counts, seconds(row['seconds']), more))} |"
     yield from ("", f"Within {rows[0]['limit']:g} s each, {rows[0]['jobs']} at a time, on {machine}.")
 
 
