@@ -99,7 +99,6 @@ REASONS: dict[str, str] = {
     "certificate/clearance.py:Prover._near: min(best[0] - TIGHT, enough)": FINER,
     "certificate/clearance.py:Prover.bound: min(best[0] - TIGHT, enough)": FINER,
     "problem/specification.py:Specification.rest": ELSEWHERE,
-    "problem/specification.py:_is_chance: part.p < 1": "then the bound by cells of the whole fleet is taken",
     "problem/specification.py:Specification.is_of": CHANGED,
     "certificate/task.py:CellSignals.mean: 1 + len(self.centres) -> 1": FEW,
     "constraints/stl/rewrite.py:leaves": ELSEWHERE,

@@ -376,3 +376,22 @@ def test_rounding_grows_with_the_map() -> None:
     errors = [Flow.of(p, controls).rounding() for p in (near, far)]
     assert errors[0] < 1e-11
     assert errors[1] > 1e-8
+
+
+@pytest.mark.parametrize("share", ["0.999", "1"])
+def test_a_share_near_a_corner_is_judged_by_the_distance(share: str) -> None:
+    """Also if it is the whole fleet: robots stand 0.113 m from a corner, with a radius of 0.1 m."""
+    problem = ec.load_text(f"""version: 1
+fleet:
+  model: unicycle
+  parameters: {{traction: {{range: [0.9, 1.1]}}}}
+  start: {{position: [-0.08, -0.08], heading: 0 deg}}
+  input_bounds: {{v: [-1, 1], omega: [-1, 1]}}
+  radius: 0.1
+horizon: {{duration: 2 s, steps: 4}}
+obstacles: {{o: {{box: [[0, 1], [0, 1]]}}}}
+task: "share({share}, G avoid(obstacles))"
+""")
+    found = certify(problem, np.zeros((4, 2)))
+    assert found.proven == "yes"
+    assert 0.013 < found.robustness < np.hypot(0.08, 0.08) - 0.1

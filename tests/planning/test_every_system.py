@@ -125,7 +125,7 @@ def test_the_shortest_plan() -> None:
 def test_the_earliest_passage() -> None:
     problem = masses("objective: {earliest: goal, robustness: 0}\nsolve: {time_limit: 60 s}", visit="F")
     plan = proven(problem)
-    found = plan.details["soonest"]
+    found = plan.details["minimum_time"]
     assert found["value"] < 2.5
 
 

@@ -257,7 +257,8 @@ def test_boxes_have_the_mass_and_none_is_larger_than_it_must_be() -> None:
     (chance,) = problem.specification.chance
     assert chance.share == problem.task
     assert [d.name for d in chance.avoid] == list(problem.obstacles)
-    assert problem.with_(task=Share(1.0, parse("F in(goal)"))).specification.chance == ()
+    (whole,) = problem.with_(task=Share(1.0, parse("F in(goal)"))).specification.chance
+    assert whole.share.p == 1
 
 
 @pytest.mark.parametrize(

@@ -259,7 +259,7 @@ def _split(problem: Problem, task: Formula) -> tuple[tuple[AvoidThroughout, ...]
 
 def _is_chance(part: Formula) -> bool:
     """Whether the same members have to do all of a part, and not all members."""
-    return isinstance(part, Share) and not part.strict and part.p < 1 and not reads_fleet(part.child)
+    return isinstance(part, Share) and not part.strict and not reads_fleet(part.child)
 
 
 def _chance(problem: Problem, part: TaskPart) -> ChanceConstraint:
