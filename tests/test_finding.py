@@ -103,6 +103,23 @@ def test_a_half_written_line_is_tried_again(tmp_path: Path) -> None:
     assert run.kept(file) == [{"name": "mazes-00"}]
 
 
+def test_a_killed_run_goes_on_where_it_stopped() -> None:
+    cases = [families.drawn("impossible", seed) for seed in range(3)]
+    wanted = [run.key(case, "planner", 60.0, "v1") for case in cases]
+    done = {**wanted[1], "outcome": "none", "seconds": 1.0, "cost": None}
+    assert run.untried(wanted, [done]) == [wanted[0], wanted[2]]
+    for change in ({"limit": 30.0}, {"version": "v2"}, {"problem": "another"}, {"program": "plain"}):
+        assert run.untried(wanted, [{**done, **change}]) == wanted, change
+
+
+def test_a_problem_is_tried_in_a_process_of_its_own() -> None:
+    about = run.key(families.drawn("impossible", 0), "planner", 60.0, "v1")
+    row = run.attempt(about)
+    assert run.about_of(row, about) == about
+    assert row["outcome"] == "refused"
+    assert run.attempt({**about, "family": "nothing"})["outcome"] == "error"
+
+
 def test_what_counts_as_right_and_wrong() -> None:
     maze = {"family": "mazes", "name": "mazes-00", "program": "planner", "seconds": 1.0, "cost": 1.0}
     rows = [{**maze, "outcome": outcome} for outcome in ("proven", "found", "none", "refused", "killed")]

@@ -21,18 +21,20 @@ def tried(case: Case, seconds: float, program: str) -> dict[str, Any]:
     try:
         problem = case.problem(seconds)
     except ec.ConfigError:
-        return {"outcome": "refused", "seconds": time.perf_counter() - began, "cost": None}
+        # a plain program has no check of its own, and refuses nothing
+        outcome = "none" if program == "plain" else "refused"
+        return {"outcome": outcome, "seconds": time.perf_counter() - began, "cost": None}
     found = plain(problem, seconds) if program == "plain" else planned(problem)
     known = None if case.controls is None else cost(problem, case.controls)
     return {**found, "known": known}
 
 
 def planned(problem: ec.Problem) -> dict[str, Any]:
-    """What the planner finds."""
+    """What the planner finds and claims, within its limit or when it is over."""
     began = time.perf_counter()
     plan = ec.plan(problem, check=False)
     seconds = time.perf_counter() - began
-    outcome = verdict(problem, plan.controls) if plan.status == "planned" else "none"
+    outcome = verdict(problem, plan.controls) if plan.status != "infeasible" else "none"
     return {"outcome": outcome, "seconds": seconds, "cost": None if outcome == "none" else cost(problem, plan.controls)}
 
 

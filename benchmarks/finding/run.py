@@ -14,8 +14,9 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -67,6 +68,26 @@ def kept(path: Path) -> list[Row]:
         except json.JSONDecodeError:
             continue
     return rows
+
+
+def about_of(row: Row, about: Row) -> Row:
+    """What a line is about, without what came of it."""
+    return {name: row.get(name) for name in about}
+
+
+def untried(wanted: Sequence[Row], rows: Sequence[Row]) -> list[Row]:
+    """Those that no line is about."""
+    return [about for about in wanted if about not in [about_of(row, about) for row in rows]]
+
+
+@contextmanager
+def started(jobs: int) -> Iterator[ThreadPoolExecutor]:
+    """Threads that wait for the processes; when the run is interrupted, no further one begins."""
+    pool = ThreadPoolExecutor(jobs)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def attempt(about: Row) -> Row:
@@ -169,15 +190,14 @@ def main() -> None:
     counts = {family: min(FAMILIES[family][0], given.problems or FAMILIES[family][0]) for family in families}
     cases = [drawn(family, seed) for family, count in counts.items() for seed in range(count)]
     wanted = [key(case, program, given.seconds, version) for case in cases for program in programs]
-    there = [{name: row.get(name) for name in wanted[0]} for row in kept(given.results)]
-    rest = [about for about in wanted if about not in there]
-    with ThreadPoolExecutor(given.jobs) as pool, given.results.open("a", encoding="utf-8") as file:
+    rest = untried(wanted, kept(given.results))
+    with started(given.jobs) as pool, given.results.open("a", encoding="utf-8") as file:
         for number, done in enumerate(as_completed([pool.submit(attempt, about) for about in rest]), 1):
             row = done.result()
             print(json.dumps(row), file=file, flush=True)
             said = f"{row['name']} {row['program']}: {row['outcome']}, {row['seconds']:.1f} s {row.get('message', '')}"
             print(f"[{number}/{len(rest)}] {said}", file=sys.stderr, flush=True)
-    rows = [row for row in kept(given.results) if {name: row.get(name) for name in wanted[0]} in wanted]
+    rows = [row for row in kept(given.results) if about_of(row, wanted[0]) in wanted]
     learn(rows)
     found = summary(rows)
     if given.record:
