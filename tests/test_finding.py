@@ -16,6 +16,7 @@ from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustn
 
 families: Any = importlib.import_module("benchmarks.finding.families")
 best: Any = importlib.import_module("benchmarks.finding.best")
+judge: Any = importlib.import_module("benchmarks.finding.judge")
 run: Any = importlib.import_module("benchmarks.finding.run")
 plain: Any = importlib.import_module("benchmarks.finding.plain")
 
@@ -146,6 +147,15 @@ def test_the_plain_program_reads_every_kind_of_task(family: str, seed: int) -> N
     smooth = [float(np.asarray(row).min()) for row in plain.clearances(problem, states)]
     for avoid, value in zip(problem.specification.avoid, smooth, strict=True):
         assert exact[avoid.name] / 2 - 0.02 <= value <= exact[avoid.name], avoid.name
+
+
+def test_guesses_and_plans_that_run_away_are_judged() -> None:
+    case = families.drawn("plants", 2)
+    problem = case.problem(20.0)
+    assert judge.verdict(problem, np.full_like(case.controls, 2.0)) == "none"
+    assert judge.cost(problem, np.full_like(case.controls, 2.0)) == np.inf
+    assert judge.verdict(problem, case.controls) == "proven"
+    assert plain.plain(problem, 20.0)["outcome"] in ("none", "found", "proven")
 
 
 def test_the_plain_program_finds_what_is_easy() -> None:
