@@ -60,6 +60,13 @@ def test_every_problem_passes_the_check_and_every_known_plan_is_proven(family: s
             assert case.reason or ec.certify(problem, case.controls).proven == "yes", case.name
 
 
+@pytest.mark.parametrize("family", ["doors", "visits", "moving", "stlplanning", "plants"])
+def test_other_seeds_draw_further_problems(family: str) -> None:
+    case = families.drawn(family, 1003)
+    assert ec.certify(case.problem(), case.controls).proven == "yes"
+    assert len(case.problem().obstacles) <= 12
+
+
 def test_obstacles_stand_in_the_way_closely() -> None:
     """Of a maze's rectangles, each is within 15 cm and a bit of the known way."""
     case = families.drawn("mazes", 7)

@@ -259,7 +259,7 @@ def visits(seed: int, rng: Generator) -> Case:
         last, wait = way.recurrence(range(k, len(way.stays), len(posts)))
         regions[f"post{k}"] = {"box": _around(way, way.tube.middle[_at(way, k)])}
         parts.append(f"G[0,{last:g}] F[0,{wait:g}] in(post{k})")
-    section = {"regions": regions, "obstacles": obstacles_of(scattered(way.tube, rng, 3 + seed))}
+    section = {"regions": regions, "obstacles": obstacles_of(scattered(way.tube, rng, 3 + seed % 6))}
     return case("visits", seed, way, section | {"task": f"{' and '.join(parts)} and G avoid(obstacles)"})
 
 
