@@ -130,7 +130,7 @@ def separate(
         return Hyperplanes(parts, np.zeros(0, dtype=int), np.zeros(0), none.astype(bool), normals, none, ends, none)
     times = np.linspace(begin, begin + duration, steps + 1)
     offsets, bent = [each.offsets(times) for _, each in pieces], [each.bends(times) for _, each in pieces]
-    # what moves is kept still: points relative to it at both ends of a step, and what it bends in between is added
+    # a moving obstacle in its own frame: points relative to it at both ends of a step, plus its deviation from a chord
     moved, bends = np.tile(offsets, (len(parts), 1, 1)), np.tile(bent, (len(parts), 1))
     found = [
         _found(_both_ends(own - offset[:, None]), piece, shift, near + each.radius + float(bend.max()), within)
