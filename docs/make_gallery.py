@@ -44,7 +44,7 @@ SECTIONS = {
     "targets": "Targets of the whole fleet",
     "time": "As soon as possible",
     "risk": "Risk, and a share of the fleet",
-    "laws": "Other distributions of the parameter",
+    "distributions": "Other distributions of the parameter",
 }
 """Folders of `configs/` and their titles, in reading order."""
 INTRO = """\

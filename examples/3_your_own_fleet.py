@@ -48,14 +48,14 @@ assert certificate.proven == "yes"
 # %% [markdown]
 # ## How are they spread?
 #
-# The range says which robots there may be, and the plan holds for all of them. The *law* says how many there are of
-# each; it enters the mean, the moments and the terminal cost. Here most robots are a little slow:
+# The range says which robots there may be, and the plan holds for all of them. The *distribution* says how many there
+# are of each; it enters the mean, the moments and the terminal cost. Here most robots are a little slow:
 
 # %%
 import matplotlib.pyplot as plt
 import numpy as np
 
-laws = {
+distributions = {
     "uniform": ec.Interval(0.92, 1.08),
     "Beta(2, 4)": ec.Beta(0.92, 1.08, 2, 4),
     "normal, cut off": ec.TruncatedNormal(0.92, 1.08, 1.0, 0.03),
@@ -63,8 +63,8 @@ laws = {
 }
 _, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 values = np.linspace(0.92, 1.08, 200)
-for name, law in laws.items():
-    ax.plot(values, law.cdf(values), label=name)
+for name, distribution in distributions.items():
+    ax.plot(values, distribution.cdf(values), label=name)
 ax.set(xlabel="traction", ylabel="share of the fleet below")
 _ = ax.legend(frameon=False)
 
@@ -74,14 +74,14 @@ _ = ax.legend(frameon=False)
 
 # %%
 AIM = ["objective.terminal={target: [3.2, 0.6], weight: 20}", "objective.robustness=0"]
-for law in ("beta, a: 2, b: 4", "beta, a: 4, b: 2"):
-    spread = f"fleet.parameters.linear_traction={{range: [0.92, 1.08], distribution: {law}}}"
-    found = ec.plan(ec.load_text(TEXT, "law", [*AIM, spread]))
+for distribution in ("beta, a: 2, b: 4", "beta, a: 4, b: 2"):
+    spread = f"fleet.parameters.linear_traction={{range: [0.92, 1.08], distribution: {distribution}}}"
+    found = ec.plan(ec.load_text(TEXT, "distribution", [*AIM, spread]))
     length = np.abs(found.controls[:, 0]).sum() * found.problem.step
-    print(f"{law:<17} commanded path {length:.3f} m")
+    print(f"{distribution:<17} commanded path {length:.3f} m")
 
 # %% [markdown]
-# The first law has more slow robots than fast ones: they are told to drive further.
+# The first distribution has more slow robots than fast ones: they are told to drive further.
 #
 # ## Measured robots
 #

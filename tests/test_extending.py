@@ -21,7 +21,7 @@ from ensemble_ctrl.files.folder import result_files
 from ensemble_ctrl.moments import DISTRIBUTIONS
 from ensemble_ctrl.moments.basis import gauss_rule
 from ensemble_ctrl.moments.lanczos import recurrence_of_points
-from ensemble_ctrl.moments.orthonormal import WeightedLaw
+from ensemble_ctrl.moments.orthonormal import WeightedDistribution
 from ensemble_ctrl.moments.recurrence import Recurrence, values
 from ensemble_ctrl.report.plot import KINDS, PlotKind, write_plot
 from ensemble_ctrl.systems import SYSTEMS
@@ -55,20 +55,20 @@ class Corners:
 
     problem: ec.Problem
     controls: Floats
-    laws: Mapping[str, ec.Law]
+    distributions: Mapping[str, ec.Distribution]
     boxes: int = 0
 
     def clearance(self, avoid: Any) -> Bound:
         """The largest facet distance of each step's corners; avoidance in all the horizon only."""
-        (law,), fleet = self.laws.values(), self.problem.fleet
+        (distribution,), fleet = self.distributions.values(), self.problem.fleet
         way = np.concatenate([np.zeros((1, 2)), np.cumsum(self.controls, axis=0)]) * self.problem.step
-        ends = fleet.start_place + np.array([law.lower, law.upper])[:, None, None] * way
+        ends = fleet.start_place + np.array([distribution.lower, distribution.upper])[:, None, None] * way
         cells = np.concatenate([ends[:, :-1], ends[:, 1:]])
         rows = [piece.unit_rows() for piece in avoid.pieces]
         gap = min(float((cells @ G.T - h).min(axis=0).max(axis=-1).min()) for G, h in rows) - avoid.radius
         seen = float(avoid.distances(ends, self.problem.times).min())
         self.boxes += cells.shape[1]
-        return Bound(avoid.name, gap - 1e-9, seen + 1e-9, {"gain": law.lower}, 0.0)
+        return Bound(avoid.name, gap - 1e-9, seen + 1e-9, {"gain": distribution.lower}, 0.0)
 
     def part(self, part: Any) -> TaskBound:
         """Nothing is proven of other parts."""
@@ -80,7 +80,7 @@ class Corners:
 
 
 @dataclass(frozen=True)
-class Triangular(WeightedLaw):
+class Triangular(WeightedDistribution):
     """A triangle over the range, highest at the mode."""
 
     lower: float
@@ -160,9 +160,11 @@ def test_an_enclosure(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
     """A problem file names it with its numbers; its moments are those of its density."""
     monkeypatch.setitem(DISTRIBUTIONS, "triangular", Triangular)
-    law = "{range: [0.9, 1.2], distribution: triangular, numbers: {mode: 1.0}}"
+    distribution = "{range: [0.9, 1.2], distribution: triangular, numbers: {mode: 1.0}}"
     problem = load_text(
-        FILE.format(model="unicycle", parameters=f"traction: {law}", start="{position: [0, 0], heading: 0 deg}")
+        FILE.format(
+            model="unicycle", parameters=f"traction: {distribution}", start="{position: [0, 0], heading: 0 deg}"
+        )
     )
     traction = problem.fleet.parameters["traction"]
     assert traction == Triangular(0.9, 1.2, 1.0)
@@ -176,7 +178,7 @@ def test_a_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("law", "message"),
+    ("distribution", "message"),
     [
         ("distribution: triangular", "expected mode for triangular, but mode is missing"),
         (
@@ -187,9 +189,11 @@ def test_a_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
         ("distribution: triangle", "'triangle' is not one of uniform, beta, normal, triangular"),
     ],
 )
-def test_numbers_of_a_distribution_are_checked(law: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numbers_of_a_distribution_are_checked(
+    distribution: str, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(DISTRIBUTIONS, "triangular", Triangular)
-    parameters = f"traction: {{range: [0.9, 1.2], {law}}}"
+    parameters = f"traction: {{range: [0.9, 1.2], {distribution}}}"
     with pytest.raises(ec.ConfigError, match=message):
         load_text(FILE.format(model="unicycle", parameters=parameters, start="{position: [0, 0], heading: 0 deg}"))
 

@@ -85,8 +85,8 @@ def driven(fleet: Mapping[str, Any], duration: float, controls: Floats) -> Tube:
     first = "first" if isinstance(fleet["model"], dict) else "x"
     text = text_of({"version": 1, "fleet": fleet, "horizon": horizon, "task": f"F {first} <= 1000000"})
     made = ec.load_text(text, str(HERE / "plants.yaml"), trust=True).fleet
-    (law,) = made.parameters.values()
-    members = np.linspace(law.lower, law.upper, MEMBERS)[:, None]
+    (distribution,) = made.parameters.values()
+    members = np.linspace(distribution.lower, distribution.upper, MEMBERS)[:, None]
     fine = np.repeat(controls, SUBSTEPS, axis=0)
     states = made.trajectories(fine, members, duration / len(fine))
     times = np.linspace(0.0, duration, len(fine) + 1)

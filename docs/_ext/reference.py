@@ -14,7 +14,13 @@ from ensemble_ctrl.cli.app import NAME, app, invoke
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config import meanings
 from ensemble_ctrl.files.config import online as o
-from ensemble_ctrl.files.config.distributions import DistributionName, LawSection, Measured, MixturePart, PartSection
+from ensemble_ctrl.files.config.distributions import (
+    DistributionName,
+    DistributionSection,
+    Measured,
+    MixturePart,
+    PartSection,
+)
 from ensemble_ctrl.files.config.fields import Model
 from ensemble_ctrl.files.config.joint_samples import JointSamples
 from ensemble_ctrl.files.config.motions import Course, MotionSection, Velocity
@@ -89,10 +95,10 @@ def public_names() -> Iterator[str]:
 
 
 def field_table() -> Iterator[str]:
-    """Every field of a problem file: unit, default, meaning; then those of a law."""
+    """Every field of a problem file: unit, default, meaning; then those of a distribution."""
     yield from _table("field", fields(ProblemFile))
-    yield from ("", "### A law", "", "The fields of each of `fleet.parameters`:", "")
-    yield from _table("field", fields(LawSection))
+    yield from ("", "### A distribution", "", "The fields of each of `fleet.parameters`:", "")
+    yield from _table("field", fields(DistributionSection))
 
 
 def loop_table() -> Iterator[str]:
@@ -122,7 +128,7 @@ def fields(model: type[Model], prefix: str = "") -> Iterator[Row]:
         if name == "online":
             yield path, "a section", "none", said[name]
         elif isinstance(kind, type) and issubclass(kind, PartSection):
-            yield path, "a law", "the same for all", said[name]
+            yield path, "a distribution", "the same for all", said[name]
         elif isinstance(kind, type) and issubclass(kind, Model):
             yield from fields(kind, f"{path}.")
         elif name == "robots":
@@ -139,7 +145,7 @@ def unit(annotation: Any) -> str:
     """What a value is measured in, or the values there are."""
     if annotation == "an area":
         return "[area](#areas)"
-    if annotation == "a law":
+    if annotation == "a distribution":
         return "[distribution](distributions.md)"
     if annotation == "a section":
         return "[section](online.md)"

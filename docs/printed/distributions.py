@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.moments import Beta, Law, Samples, TruncatedNormal, nodes_to_bernstein
+from ensemble_ctrl.moments import Beta, Distribution, Samples, TruncatedNormal, nodes_to_bernstein
 from printed.table import Rows, Table, header, load, plain
 
 Floats = NDArray[np.float64]
-MEASURED = "laws/measured"
+MEASURED = "distributions/measured"
 ORDER = 8
 DRAWS = 50
 """Sets of values drawn from a normal distribution."""
@@ -25,7 +25,7 @@ def node_rows(problems: tuple[str, ...]) -> Rows:
     (measured,) = load(problems[0]).fleet.parameters.values()
     normal, clusters = (TruncatedNormal(-1, 1, 0, width) for width in (0.3, 0.05)), _clusters()
     wide, narrow = normal
-    laws: dict[str, Law] = {
+    distributions: dict[str, Distribution] = {
         "uniform (Legendre's nodes)": ec.Interval(-1, 1),
         f"`configs/{MEASURED}.yaml`": measured,
         "normal, deviation 0.3 half-widths": wide,
@@ -33,7 +33,10 @@ def node_rows(problems: tuple[str, ...]) -> Rows:
         "two clusters of 30 measured values": clusters,
         "normal, deviation 0.05 half-widths": narrow,
     }
-    return [{"law": name, "interpolation": lebesgue(law), "points": to_points(law)} for name, law in laws.items()]
+    return [
+        {"distribution": name, "interpolation": lebesgue(distribution), "points": to_points(distribution)}
+        for name, distribution in distributions.items()
+    ]
 
 
 def _clusters() -> Samples:
@@ -42,24 +45,24 @@ def _clusters() -> Samples:
     return Samples(np.concatenate([rng.normal(middle, 0.005, 30) for middle in (0.92, 1.08)]))
 
 
-def lebesgue(law: Law) -> float:
+def lebesgue(distribution: Distribution) -> float:
     """The largest factor by which an error at the nodes grows in between."""
-    nodes = law.basis(ORDER).nodes
+    nodes = distribution.basis(ORDER).nodes
     s = np.linspace(-1, 1, 20_001)
     factors = [np.prod([(s - b) / (a - b) for b in np.delete(nodes, i)], axis=0) for i, a in enumerate(nodes)]
     return float(np.abs(factors).sum(axis=0).max())
 
 
-def to_points(law: Law) -> float:
+def to_points(distribution: Distribution) -> float:
     """The largest factor by which an error at the nodes grows in a Bernstein point."""
-    return float(np.abs(nodes_to_bernstein(law.basis(ORDER))).sum(axis=1).max())
+    return float(np.abs(nodes_to_bernstein(distribution.basis(ORDER))).sum(axis=1).max())
 
 
 def node_lines(rows: Rows) -> Iterator[str]:
     """A line each."""
     yield from header(f"distribution, order {ORDER}", "interpolation, its nodes", "its nodes to Bernstein points")
     for row in rows:
-        yield f"| {row['law']} | {plain(row['interpolation'])} | {plain(row['points'])} |"
+        yield f"| {row['distribution']} | {plain(row['interpolation'])} | {plain(row['points'])} |"
 
 
 def order_rows(problems: tuple[str, ...]) -> Rows:

@@ -156,9 +156,9 @@ def growth_rows(problems: tuple[str, ...]) -> Rows:
     found = []
     for order in range(1, 6):
         row: Row = {"order": order, "nodes": [], "error": []}
-        for laws in GROWN:
-            problem = plan.problem.with_(fleet=replace(plan.problem.fleet, parameters=laws))
-            truncation = plain((order,) * len(laws), hull=True)
+        for distributions in GROWN:
+            problem = plan.problem.with_(fleet=replace(plan.problem.fleet, parameters=distributions))
+            truncation = plain((order,) * len(distributions), hull=True)
             row["nodes"].append(truncation.collocation.count)
             row["error"].append(tail(problem, plan.controls, truncation))
         found.append(row)

@@ -46,7 +46,7 @@ class Motion:
         a, b = np.ones(count, Long), np.ones(count, Long)
         heading = np.full(count, Long(self.case.heading))
         place = np.tile(np.array(self.case.position, dtype=Long), (count, 1))
-        for name, values in zip(self.case.laws, np.asarray(members, dtype=Long).T, strict=True):
+        for name, values in zip(self.case.distributions, np.asarray(members, dtype=Long).T, strict=True):
             match name:
                 case "traction":
                     a, b = values, values
@@ -114,7 +114,9 @@ class Motion:
     @cached_property
     def fastest(self) -> np.longdouble:
         """Largest product of the factors of any member."""
-        a, b, *_ = self.drives(np.array([[max(map(abs, ends_of(law))) for law in self.case.laws.values()]]))
+        a, b, *_ = self.drives(
+            np.array([[max(map(abs, ends_of(distribution))) for distribution in self.case.distributions.values()]])
+        )
         return Long(np.abs(a * b).max())
 
     def sagitta(self, pieces: Longs) -> np.longdouble:

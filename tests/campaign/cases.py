@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from .arcs import Motion
-from .laws import is_exact
-from .model import Case, Floats, Law, Long, Node, Polygon, ends_of, reach
+from .distributions import is_exact
+from .model import Case, Distribution, Floats, Long, Node, Polygon, ends_of, reach
 
 Random = np.random.Generator
 AWAY = (0.0, 1e-12, 1e-9, 1e-6, 1e-3, 2e-3, 1e-2, 0.1, 0.3)
@@ -84,7 +84,7 @@ def _fleet(
     controls[:, 0] *= scale
     kind = kinds[int(rng.integers(len(kinds)))]
     width = 0.0 if rng.random() < equal else _pick(rng, (1e-6, 0.01, 0.3, 1.0, 2.0))
-    parameters: dict[str, Law] = {}
+    parameters: dict[str, Distribution] = {}
     for name, half in kind.items():
         unit = scale if name in ("start_x", "start_y") else 1.0
         middle, size = (0.0 if name.startswith("start") else 1.0), half * width * unit
@@ -105,7 +105,7 @@ def _fleet(
 
 def _seen(case: Case, rng: Random) -> tuple[Floats, Floats, float]:
     """Where a member is at some time, its direction there, and the time."""
-    ends = np.array([ends_of(law) for law in case.laws.values()]).reshape(-1, 2)
+    ends = np.array([ends_of(distribution) for distribution in case.distributions.values()]).reshape(-1, 2)
     member = np.where(rng.random(len(ends)) < 0.5, ends[:, 0], ends[:, 1])[None]
     time = float(rng.random()) * case.duration
     if rng.random() < 0.4:
@@ -296,26 +296,26 @@ def _cars(rng: Random) -> Case:
 
 
 def _spread(rng: Random, case: Case) -> Case:
-    """The same fleet under other laws."""
-    laws: dict[str, Law] = {}
-    for name, law in case.parameters.items():
-        low, high = ends_of(law)
+    """The same fleet under other distributions."""
+    distributions: dict[str, Distribution] = {}
+    for name, distribution in case.parameters.items():
+        low, high = ends_of(distribution)
         if high - low < 1e-3:
             low, high = low - 0.05, high + 0.05
-        laws[name] = _law(rng, low, high)
+        distributions[name] = _distribution(rng, low, high)
     cloud: tuple[str, ...] = ()
-    bends = [name for name in laws if name not in ("start_x", "start_y")]
+    bends = [name for name in distributions if name not in ("start_x", "start_y")]
     if bends and rng.random() < 0.4:
         count, cloud = int(rng.integers(2, 8)), tuple(bends)
         for name in bends:
-            laws[name] = ("samples", tuple(rng.uniform(*ends_of(laws[name]), count).tolist()))
-    return replace(case, parameters=laws, cloud=cloud)
+            distributions[name] = ("samples", tuple(rng.uniform(*ends_of(distributions[name]), count).tolist()))
+    return replace(case, parameters=distributions, cloud=cloud)
 
 
-def _law(rng: Random, low: float, high: float) -> Law:
-    """Any law on a range."""
+def _distribution(rng: Random, low: float, high: float) -> Distribution:
+    """Any distribution on a range."""
     middle = (low + high) / 2
-    simple: list[Law] = [
+    simple: list[Distribution] = [
         ("uniform", low, high),
         ("beta", low, high, float(rng.uniform(0.5, 5)), float(rng.uniform(0.5, 5))),
         ("normal", low, high, float(rng.uniform(low, high)), float(rng.uniform(0.1, 1.0)) * (high - low)),
@@ -351,7 +351,7 @@ def _means(rng: Random) -> Case:
 
 
 def _reweighed(rng: Random) -> Case:
-    """The mean of a fleet of which one range was asked for, and the other law is its own."""
+    """The mean of a fleet of which one range was asked for, and the other distribution is its own."""
     case = _with_map(rng, _spread(rng, _fleet(rng, kinds=NAMES[5:6])), 1.0, obstacles=0)
     name = str(rng.choice(list(case.parameters)))
     low = float(rng.uniform(0.5, 1.5))
@@ -364,12 +364,12 @@ def _cornered(rng: Random) -> Case:
     far, half, radius = float(rng.uniform(3, 5)), float(rng.uniform(0.3, 0.7)), float(rng.uniform(0.1, 0.3))
     away = radius * float(rng.uniform(1.05, 1.35))
     turn = np.arctan2(np.sqrt(2) * half, far) + np.arcsin(away / np.hypot(far, np.sqrt(2) * half))
-    laws: dict[str, Law] = {"start_heading": ("samples", (0.0, float(turn), -float(turn)))}
+    distributions: dict[str, Distribution] = {"start_heading": ("samples", (0.0, float(turn), -float(turn)))}
     steps, (x, y) = int(far) + 3, np.full(2, far / np.sqrt(2))
     square = tuple((float(x + a * half), float(y + b * half)) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
     task = ("share", 0.6, ("G", None, None, ("avoid", "o0")))
     start, controls = (0.0, 0.0), ((1.0, 0.0),) * steps
-    case = Case("", "unicycle", "x", 0.3, laws, start, np.pi / 4, radius, float(steps), controls, task)
+    case = Case("", "unicycle", "x", 0.3, distributions, start, np.pi / 4, radius, float(steps), controls, task)
     return replace(case, obstacles={"o0": (square,)})
 
 
@@ -419,9 +419,9 @@ def _returning(rng: Random) -> Case:
     """Out and back, of which only the way back counts: members are spread most when it begins."""
     slow, speed = -_pick(rng, (0.01, 0.02, 0.04)), float(rng.uniform(0.01, 0.05))
     angle, dt = float(rng.uniform(-3, 3)), _pick(rng, (0.5, 1.0))
-    laws: dict[str, Law] = {"linear_traction": ("uniform", 0.5, 1.0)}
+    distributions: dict[str, Distribution] = {"linear_traction": ("uniform", 0.5, 1.0)}
     controls = ((speed, 0.0), (-speed, 0.0))
-    case = Case("", "unicycle", "x", 0.3, laws, (0.0, 0.0), angle, 0.0, 2 * dt, controls, ())
+    case = Case("", "unicycle", "x", 0.3, distributions, (0.0, 0.0), angle, 0.0, 2 * dt, controls, ())
     case = replace(case, ranges={"linear_traction": (slow, 1.0)})
     row = np.array([np.cos(angle), np.sin(angle)])
     case = _blocked(case, row, slow * speed * dt + 1e-2 - _pick(rng, (1e-5, 1e-4, 1e-3, 1e-2)))
@@ -432,9 +432,19 @@ def _overtaken(rng: Random) -> Case:
     """An obstacle that follows at the same mean speed, and comes close where its own speed changes."""
     dt, steps, speed = _pick(rng, (0.1, 0.5, 1.0)), int(rng.integers(1, 4)), float(rng.uniform(-2, 2))
     angle, way = float(rng.uniform(-3, 3)), speed * dt * steps
-    laws: dict[str, Law] = {"linear_traction": ("uniform", 1.0, 1.0 + _pick(rng, (0.0, 1e-3)))}
+    distributions: dict[str, Distribution] = {"linear_traction": ("uniform", 1.0, 1.0 + _pick(rng, (0.0, 1e-3)))}
     case = Case(
-        "", "unicycle", "x", 0.3, laws, (0.0, 0.0), angle, 0.0, dt * steps, ((speed, 0.0),) * steps, ("avoid", "o")
+        "",
+        "unicycle",
+        "x",
+        0.3,
+        distributions,
+        (0.0, 0.0),
+        angle,
+        0.0,
+        dt * steps,
+        ((speed, 0.0),) * steps,
+        ("avoid", "o"),
     )
     row = np.array([np.cos(angle), np.sin(angle)])
     share, gap = float(rng.uniform(0.05, 0.95)), float(rng.uniform(1e-3, 0.2))
@@ -471,14 +481,16 @@ def _tight(rng: Random) -> Case:
     speed = float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.5, 2.0))
     kind = TIGHT[int(rng.integers(len(TIGHT)))]
     width = _pick(rng, (0.2, 0.5, 1.0, 2.0))
-    laws: dict[str, Law] = {}
+    distributions: dict[str, Distribution] = {}
     for name, half in kind.items():
         middle = 0.0 if name == "start_heading" else 1.0
-        laws[name] = ("uniform", middle - half * width, middle + half * width)
+        distributions[name] = ("uniform", middle - half * width, middle + half * width)
     controls = ((0.0, turn), *((speed, 0.0),) * ahead)
-    case = Case("", "unicycle", "x", 0.3, laws, (0.0, 0.0), angle, 0.0, 1.0 + ahead, controls, ("pred", 1.0, 0.0, 0.0))
+    case = Case(
+        "", "unicycle", "x", 0.3, distributions, (0.0, 0.0), angle, 0.0, 1.0 + ahead, controls, ("pred", 1.0, 0.0, 0.0)
+    )
     # the worst corner's second derivatives are along the way and across it
-    corner = np.array([[end[int(rng.integers(2))] for end in map(ends_of, laws.values())]])
+    corner = np.array([[end[int(rng.integers(2))] for end in map(ends_of, distributions.values())]])
     place = Motion(case).paths(corner, np.array([case.duration], dtype=Long))[0, 0].astype(float)
     row = place / np.hypot(*place)
     quarter = int(rng.integers(4))
@@ -537,10 +549,20 @@ def _bulging(rng: Random) -> Case:
     name, half = next(iter(kind[int(rng.integers(4))].items()))
     half *= _pick(rng, (0.0, 0.1, 1.0))
     middle = 0.0 if name == "start_heading" else 1.0
-    law: Law = ("uniform", middle - half, middle + half)
+    distribution: Distribution = ("uniform", middle - half, middle + half)
     controls = tuple((speed, turn if k == n or rng.random() < 0.5 else 0.0) for k in range(steps))
     case = Case(
-        "", "unicycle", "x", 0.3, {name: law}, (0.0, 0.0), float(rng.uniform(-3, 3)), 0.0, dt * steps, controls, ()
+        "",
+        "unicycle",
+        "x",
+        0.3,
+        {name: distribution},
+        (0.0, 0.0),
+        float(rng.uniform(-3, 3)),
+        0.0,
+        dt * steps,
+        controls,
+        (),
     )
     ends = Motion(case).paths(np.array([[middle + half]]), dt * np.array([n, n + 1], dtype=Long))[0].astype(float)
     along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))

@@ -11,7 +11,7 @@ import numpy as np
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.core.errors import ProblemError
 
-from . import laws, subject
+from . import distributions, subject
 from .model import Case, Floats, Long, Node, ends_of
 from .oracle import Duty, Oracle, duties_of, needed, needed_parts, reads_fleet, reads_only_fleet
 
@@ -88,7 +88,7 @@ def _true_value(oracle: Oracle) -> tuple[float, float]:
 
 def _share_value(oracle: Oracle, part: Node) -> float:
     """The value that about this share of the fleet reaches."""
-    rows, weights = laws.drawn(oracle.case, 33)
+    rows, weights = distributions.drawn(oracle.case, 33)
     values = oracle.member_values(part[2], rows)
     order = np.argsort(-values)
     return float(values[order][(np.cumsum(weights[order]) >= part[1] - 1e-12).argmax()])
@@ -150,15 +150,15 @@ def _summary(case: Case, certificate: Certificate) -> Iterator[Fault]:
     seen = [bound.sampled for bound in certificate.clearances] + [part.sampled for part in certificate.parts]
     if certificate.proven == "no" and not any(sampled < 0 for sampled in seen):
         yield Fault("false no", f"with {seen!r} seen", math.inf)
-    if certificate.ranges != {name: ends_of(law) for name, law in case.laws.items()}:
+    if certificate.ranges != {name: ends_of(distribution) for name, distribution in case.distributions.items()}:
         yield Fault("bound", f"ranges {certificate.ranges!r}", math.inf)
 
 
 def _member(case: Case, parameters: dict[str, float]) -> Floats | None:
     """A member as a row; None where there is none."""
-    if not parameters and case.laws:
+    if not parameters and case.distributions:
         return None
-    return np.array([[parameters[name] for name in case.laws]]).reshape(1, len(case.laws))
+    return np.array([[parameters[name] for name in case.distributions]]).reshape(1, len(case.distributions))
 
 
 def _too_high(what: str, proven: float, truth: float) -> Iterator[Fault]:
@@ -202,9 +202,9 @@ def _share_faults(oracle: Oracle, part: Node, proven: float, share: float | None
         if proven > 0:
             yield Fault("bound", f"share: proven {proven!r}", math.inf)
         return
-    exact = laws.is_exact(oracle.case)
+    exact = distributions.is_exact(oracle.case)
     for count in (32, 512):
-        rows, weights = laws.drawn(oracle.case, count)
+        rows, weights = distributions.drawn(oracle.case, count)
         values = oracle.member_values(part[2], rows)
         slack = float(oracle.slack + oracle.knots[1])
         found = float(weights[values + slack >= proven].sum())
@@ -220,13 +220,13 @@ def _refuted_share(oracle: Oracle, part: Node, sampled: float) -> Iterator[Fault
     """A share that is refuted and yet reached."""
     if sampled >= 0:
         return
-    rows, weights = laws.drawn(oracle.case, 512)
+    rows, weights = distributions.drawn(oracle.case, 512)
     values = oracle.member_values(part[2], rows)
     found = float(weights[values > float(oracle.knots[1] + oracle.slack)].sum())
-    if found >= part[1] + (-1e-9 if laws.is_exact(oracle.case) else _scatter(oracle, 512)):
+    if found >= part[1] + (-1e-9 if distributions.is_exact(oracle.case) else _scatter(oracle, 512)):
         yield Fault("false no", f"share: said {sampled!r}, {found!r} of the fleet do it", found - part[1])
 
 
 def _scatter(oracle: Oracle, count: int) -> float:
     """By how much a share of so many drawn members may miss that of the fleet."""
-    return 3.0 / math.sqrt(count) / (1 if len(oracle.case.laws) > 1 else 3)
+    return 3.0 / math.sqrt(count) / (1 if len(oracle.case.distributions) > 1 else 3)

@@ -124,8 +124,8 @@ def excluded(seed: int, index: int) -> Iterator[str]:
     system: ArcSystem = Unicycle("y" if axis == "y" else "x")
     if robot.system == "bicycle":
         system = Bicycle("y" if axis == "y" else "x", 0.3)
-    laws = {name: Interval(*ends) for name, ends in zip(robot.names, robot.assumed.tolist(), strict=True)}
-    sets = Membership(Fleet(system, laws, np.zeros(2), 0.0, np.full(2, -9.0), np.full(2, 9.0)), robot.errors)
+    distributions = {name: Interval(*ends) for name, ends in zip(robot.names, robot.assumed.tolist(), strict=True)}
+    sets = Membership(Fleet(system, distributions, np.zeros(2), 0.0, np.full(2, -9.0), np.full(2, 9.0)), robot.errors)
     commands = Commands(system, robot.controls, robot.step)
     end = len(robot.controls) * robot.step
     times = np.sort(rng.uniform(0, end, int(rng.integers(1, 12))))

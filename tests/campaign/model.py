@@ -22,9 +22,9 @@ Node = tuple[Any, ...]
 ``("and", f, g, ...)``, ``("or", f, g, ...)``; ``("F", a, b, f)``, ``("G", a, b, f)``, ``("U", a, b, f, g)``, with a and
 b None where there is no window; ``("mean", f)``, ``("share", p, f)``.
 """
-Law = tuple[Any, ...]
+Distribution = tuple[Any, ...]
 """``("uniform", low, high)``, ``("beta", low, high, a, b)``, ``("normal", low, high, mean, deviation)``,
-``("samples", values)`` or ``("mixture", ((law, weight), ...))``."""
+``("samples", values)`` or ``("mixture", ((distribution, weight), ...))``."""
 Polygon = tuple[tuple[float, float], ...]
 
 
@@ -36,7 +36,7 @@ class Case:
     system: str
     heading_from: str
     wheelbase: float
-    parameters: dict[str, Law]
+    parameters: dict[str, Distribution]
     position: tuple[float, float]
     heading: float
     radius: float
@@ -50,8 +50,8 @@ class Case:
     cloud: tuple[str, ...] = ()
 
     @property
-    def laws(self) -> dict[str, Law]:
-        """The laws that the claim is about: those of the fleet, but for ranges that were asked for."""
+    def distributions(self) -> dict[str, Distribution]:
+        """The distributions that the claim is about: those of the fleet, but for ranges that were asked for."""
         return {**self.parameters, **{name: ("uniform", *ends) for name, ends in (self.ranges or {}).items()}}
 
     @property
@@ -60,14 +60,14 @@ class Case:
         return conjuncts(self.task)
 
 
-def ends_of(law: Law) -> tuple[float, float]:
-    """The range of a law."""
-    if law[0] == "samples":
-        return min(law[1]), max(law[1])
-    if law[0] == "mixture":
-        ends = [ends_of(part) for part, _ in law[1]]
+def ends_of(distribution: Distribution) -> tuple[float, float]:
+    """The range of a distribution."""
+    if distribution[0] == "samples":
+        return min(distribution[1]), max(distribution[1])
+    if distribution[0] == "mixture":
+        ends = [ends_of(part) for part, _ in distribution[1]]
         return min(low for low, _ in ends), max(high for _, high in ends)
-    return law[1], law[2]
+    return distribution[1], distribution[2]
 
 
 def children(node: Node) -> tuple[Node, ...]:

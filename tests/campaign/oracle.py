@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from . import laws, monitor
+from . import distributions, monitor
 from .arcs import Motion
 from .model import Case, Floats, Long, Longs, Node, Polygon, children, conjuncts, ends_of, instants
 from .monitor import Signal
@@ -93,7 +93,7 @@ class Oracle:
 
     def __init__(self, case: Case) -> None:
         self.case, self.motion = case, Motion(case)
-        self.ends = np.array([ends_of(law) for law in case.laws.values()]).reshape(-1, 2)
+        self.ends = np.array([ends_of(distribution) for distribution in case.distributions.values()]).reshape(-1, 2)
         self.rng = np.random.default_rng(7)
 
     @cached_property
@@ -277,7 +277,7 @@ class Oracle:
             case "mean":
                 return self._signal(node[1], self._mean_path)
             case "share":
-                rows, weights = laws.rule(case)
+                rows, weights = distributions.rule(case)
                 paths = self.motion.paths(rows, self.knots[0])
                 return monitor.ranked([self._signal(node[2], path) for path in paths], weights, node[1])
             case "U":
@@ -309,7 +309,7 @@ class Oracle:
     @cached_property
     def _mean_path(self) -> Longs:
         """The mean place of the fleet at the knots."""
-        rows, weights = laws.rule(self.case)
+        rows, weights = distributions.rule(self.case)
         return np.asarray((weights[:, None, None] * self.motion.paths(rows, self.knots[0])).sum(axis=0))
 
 

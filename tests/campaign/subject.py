@@ -10,7 +10,7 @@ from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import parse
-from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.moments import Beta, Distribution, Interval, Mixture, Samples, TruncatedNormal
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
@@ -19,15 +19,15 @@ from . import model
 from .model import Case
 
 
-def law_of(law: model.Law) -> Law:
-    """The package's law."""
-    kind, *rest = law
+def distribution_of(distribution: model.Distribution) -> Distribution:
+    """The package's distribution."""
+    kind, *rest = distribution
     if kind == "samples":
         return Samples(rest[0])
     if kind == "mixture":
-        return Mixture(*((law_of(part), weight) for part, weight in rest[0]))
+        return Mixture(*((distribution_of(part), weight) for part, weight in rest[0]))
     makers: dict[str, Any] = {"uniform": Interval, "beta": Beta, "normal": TruncatedNormal}
-    made: Law = makers[kind](*rest)
+    made: Distribution = makers[kind](*rest)
     return made
 
 
@@ -49,7 +49,7 @@ def problem_of(case: Case) -> Problem:
     if case.system == "bicycle":
         system, most[1] = Bicycle("y" if case.heading_from == "y" else "x", case.wheelbase), 1.5
     cloud = {name: np.array(case.parameters[name][1]) for name in case.cloud} or None
-    parameters = {name: law_of(law) for name, law in case.parameters.items()}
+    parameters = {name: distribution_of(distribution) for name, distribution in case.parameters.items()}
     fleet = Fleet(
         system, parameters, np.array(case.position), case.heading, -most, most, radius=case.radius, samples=cloud
     )

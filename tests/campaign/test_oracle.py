@@ -12,14 +12,14 @@ from tests.examples import quick
 from . import monitor
 from .arcs import Motion
 from .cases import FAMILIES, make, of_family
+from .distributions import drawn, points, quantiles
 from .judge import judge
-from .laws import drawn, points, quantiles
-from .model import Case, Law, Long, Longs, ends_of, text
+from .model import Case, Distribution, Long, Longs, ends_of, text
 from .monitor import Signal
 from .oracle import Duty, Oracle
 from .shapes import corners_of, signed_distance
 
-LAWS: tuple[Law, ...] = (
+DISTRIBUTIONS: tuple[Distribution, ...] = (
     ("uniform", 0.8, 1.2),
     ("beta", 0.8, 1.2, 2.0, 5.0),
     ("normal", 0.8, 1.2, 1.15, 0.1),
@@ -51,7 +51,9 @@ def test_places_are_those_of_the_differential_equation(seed: int) -> None:
     rng = np.random.default_rng(seed)
     case = of_family(["plain", "turning", "cars", "starts", "ranged"][seed % 5], rng)
     motion = Motion(case)
-    member = np.array([[rng.uniform(*ends_of(law)) for law in case.laws.values()]]).reshape(1, -1)
+    member = np.array([[rng.uniform(*ends_of(distribution)) for distribution in case.distributions.values()]]).reshape(
+        1, -1
+    )
     time = float(rng.uniform(0, case.duration))
     a, b, heading, place = motion.drives(member)
     with mpmath.workdps(30):
@@ -153,14 +155,14 @@ def test_what_is_driven_through_between_times_is_seen(seed: int) -> None:
     assert np.abs(there - found.astype(float)).max() <= error
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law[0])
-def test_laws_have_one_mean_and_one_range(law: Law) -> None:
-    x, w = points(law, 24)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=lambda distribution: distribution[0])
+def test_distributions_have_one_mean_and_one_range(distribution: Distribution) -> None:
+    x, w = points(distribution, 24)
     share = (0.5 + np.arange(4000)) / 4000
-    values = quantiles(law, share)
+    values = quantiles(distribution, share)
     assert float(w.sum()) == pytest.approx(1.0, abs=1e-15)
     assert float((w * x).sum()) == pytest.approx(values.mean(), abs=1e-4)
-    assert ends_of(law)[0] <= values.min() <= values.max() <= ends_of(law)[1]
+    assert ends_of(distribution)[0] <= values.min() <= values.max() <= ends_of(distribution)[1]
 
 
 def test_known_truths() -> None:

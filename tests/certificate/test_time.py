@@ -304,18 +304,20 @@ def test_a_plan_keeps_out_in_windows_that_are_about_an_instant(end: float, steps
 
 
 @pytest.mark.parametrize(
-    "law", ["range: [0.9, 1.1]", "distribution: normal, mean: 1.0, deviation: 0.04, range: [0.9, 1.1]"]
+    "distribution", ["range: [0.9, 1.1]", "distribution: normal, mean: 1.0, deviation: 0.04, range: [0.9, 1.1]"]
 )
 @pytest.mark.parametrize("task", ["mean(F[10, 10] x >= {})", "share(0.25, F[10, 10] x >= {})", "share(0.9, G x <= {})"])
-def test_what_the_fleet_does_not_do_is_refuted(law: str, task: str) -> None:
+def test_what_the_fleet_does_not_do_is_refuted(distribution: str, task: str) -> None:
     """Straight on for 10 s, the place at the end is ten times the traction."""
-    law_ = load_text(TEXT_OF_LAW.format(law)).fleet.parameters["traction"]
-    places = 10 * np.asarray(law_.quantile(np.linspace(0.0, 1.0, 20_001)))
+    distribution_ = load_text(TEXT_OF_DISTRIBUTION.format(distribution)).fleet.parameters["traction"]
+    places = 10 * np.asarray(distribution_.quantile(np.linspace(0.0, 1.0, 20_001)))
     truth = {"mean": float(places.mean()), "share(0.25": places[15_000], "share(0.9": places[18_000]}
     level = next(value for name, value in truth.items() if task.startswith(name))
     for away, proven in ((0.03, "yes"), (-0.03, "no")):
         bound = level - away if ">=" in task else level + away
-        certificate = certify(problem_of(task.format(float(bound)), parameters=f"{{traction: {{{law}}}}}"), STRAIGHT)
+        certificate = certify(
+            problem_of(task.format(float(bound)), parameters=f"{{traction: {{{distribution}}}}}"), STRAIGHT
+        )
         assert certificate.proven == proven
     assert certificate.counter_example is not None
     assert certificate.counter_example.parameters == {}
@@ -324,7 +326,7 @@ def test_what_the_fleet_does_not_do_is_refuted(law: str, task: str) -> None:
     assert certificate_words(problem_of("F x >= 1"), certificate).lead.startswith("Refuted: the fleet breaks")
 
 
-TEXT_OF_LAW = """
+TEXT_OF_DISTRIBUTION = """
 fleet: {{model: unicycle, parameters: {{traction: {{{}}}}}, start: {{position: [0, 0], heading: 0 deg}}}}
 horizon: {{duration: 10 s, steps: 10}}
 task: F x >= 1

@@ -976,7 +976,11 @@ def test_a_polygon_in_the_file_keeps_to_the_limits_of_a_map(corners: list[list[f
 OLD_KEYS = [
     ("report: {twin: true}", "report.baseline", "twin"),
     ("fleet: {START, cloud: {traction: [1, 1.1]}}", "fleet.samples", "cloud"),
-    ("fleet: {START, parameters: {traction: {law: uniform}}}", "fleet.parameters.traction.distribution", "law"),
+    (
+        "fleet: {START, parameters: {traction: {distribution: uniform}}}",
+        "fleet.parameters.traction.distribution",
+        "distribution",
+    ),
     (
         "fleet: {START, parameters: {traction: {mixture: [{law: uniform, range: [1, 2], weight: 1}]}}}",
         "fleet.parameters.traction.mixture[0].distribution",

@@ -1,4 +1,4 @@
-"""The uniform law of the parameter."""
+"""The uniform distribution of the parameter."""
 
 from __future__ import annotations
 

@@ -42,16 +42,16 @@ def present_at(program: OnlineProgram, controls: Floats, at: int, free: int, gro
 
 
 @pytest.mark.parametrize(
-    ("system", "laws"),
+    ("system", "distributions"),
     [
         (Unicycle(), {"traction": Interval(0.9, 1.1)}),
         (Unicycle(heading_from="y"), {"traction": Interval(0.9, 1.1)}),
         (Bicycle(wheelbase=0.4), TWO),
     ],
 )
-def test_slopes_are_those_of_finite_differences(system: ArcSystem, laws: dict[str, Interval]) -> None:
+def test_slopes_are_those_of_finite_differences(system: ArcSystem, distributions: dict[str, Interval]) -> None:
     bounds = np.full(2, -1.0), np.full(2, 1.0)
-    problem = replace(five(fleet=Fleet(system, laws, np.ones(2), 0.3, *bounds)), steps=16)
+    problem = replace(five(fleet=Fleet(system, distributions, np.ones(2), 0.3, *bounds)), steps=16)
     controls = np.random.default_rng(0).uniform([0.2, -0.4], [0.8, 0.4], (16, 2))
     program = OnlineProgram.of(problem, controls, 2)
     point = Point(program, present_at(program, controls, 3, 5), controls)

@@ -15,7 +15,7 @@ from scipy.linalg import sqrtm
 
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load, load_text, read
-from ensemble_ctrl.moments import Beta, Interval, Law
+from ensemble_ctrl.moments import Beta, Distribution, Interval
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import assemble
 from ensemble_ctrl.ocp.terminal import terminal_blocks, terminal_cost
@@ -40,8 +40,8 @@ TARGETS: dict[str, Target] = {
 every = pytest.mark.parametrize("name", TARGETS)
 
 
-def aiming(target: Target, **parameters: Law) -> Problem:
-    """Five obstacles with a target, and other laws."""
+def aiming(target: Target, **parameters: Distribution) -> Problem:
+    """Five obstacles with a target, and other distributions."""
     problem = five()
     fleet = replace(problem.fleet, parameters={**problem.fleet.parameters, **parameters})
     return problem.with_(fleet=fleet, objective=Objective(1.0, target, 3.0, 0.1))
@@ -57,7 +57,7 @@ def controls_of(seed: int) -> NDArray[np.float64]:
 @given(st.integers(0, 2**31))
 def test_the_programs_price_is_the_exact_one(name: str, seed: int) -> None:
     problem = aiming(TARGETS[name], start_x=Interval(-0.1, 0.1))
-    controls, truncation = controls_of(seed), Truncation((8,), (8,), True, problem.fleet.dynamic_laws)
+    controls, truncation = controls_of(seed), Truncation((8,), (8,), True, problem.fleet.dynamic_distributions)
     layout = Layout(32, truncation.count)
     program = assemble(layout.size, [], terminal_blocks(problem, truncation, layout.points[-1]))
     x = np.zeros(layout.size)
@@ -71,15 +71,15 @@ def test_the_programs_price_is_the_exact_one(name: str, seed: int) -> None:
 
 
 @every
-@pytest.mark.parametrize("law", [Interval(0.9, 1.1), Beta(0.9, 1.1, 2, 5)])
-def test_the_cost_is_what_many_members_say(name: str, law: Interval | Beta) -> None:
-    problem, controls, target = aiming(TARGETS[name], traction=law), controls_of(5), TARGETS[name]
-    members = law.sample(40_000, seed=1)[:, None]
+@pytest.mark.parametrize("distribution", [Interval(0.9, 1.1), Beta(0.9, 1.1, 2, 5)])
+def test_the_cost_is_what_many_members_say(name: str, distribution: Interval | Beta) -> None:
+    problem, controls, target = aiming(TARGETS[name], traction=distribution), controls_of(5), TARGETS[name]
+    members = distribution.sample(40_000, seed=1)[:, None]
     final = trajectories(problem, controls, members)[:, -1]
     if isinstance(target, MomentTarget):
-        s, weights = law.rule(60)
-        final = trajectories(problem, controls, law.to_parameter(s)[:, None])[:, -1]
-        off = (weights[:, None] * law.basis(2).evaluate(s)).T @ final - target.moments
+        s, weights = distribution.rule(60)
+        final = trajectories(problem, controls, distribution.to_parameter(s)[:, None])[:, -1]
+        off = (weights[:, None] * distribution.basis(2).evaluate(s)).T @ final - target.moments
         wanted = float(np.asarray(target.weights) @ (off**2).sum(axis=1))
     elif isinstance(target, SpreadTarget):
         wanted = 2 * wasserstein(final.mean(axis=0), np.cov(final.T), target)
@@ -90,7 +90,7 @@ def test_the_cost_is_what_many_members_say(name: str, law: Interval | Beta) -> N
 
 @examples(200)
 @given(st.integers(0, 2**31))
-def test_wasserstein_is_that_of_normal_laws(seed: int) -> None:
+def test_wasserstein_is_that_of_normal_distributions(seed: int) -> None:
     rng = np.random.default_rng(seed)
     a, b = (m @ m.T for m in rng.normal(size=(2, 2, 2)))
     mean, target = rng.normal(size=2), SpreadTarget(rng.normal(size=2), b)

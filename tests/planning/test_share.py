@@ -16,7 +16,7 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Not, Share, parse
 from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form
 from ensemble_ctrl.files.config import load, load_text
-from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.moments import Beta, Distribution, Interval, Mixture, Samples, TruncatedNormal
 from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
@@ -48,20 +48,22 @@ verify: {members: 1000}
 """
 
 
-def law_of(rng: np.random.Generator) -> Law:
-    """Any law over about 0.8 to 1.2."""
+def distribution_of(rng: np.random.Generator) -> Distribution:
+    """Any distribution over about 0.8 to 1.2."""
     normal = TruncatedNormal(0.8, 1.2, rng.uniform(0.7, 1.3), rng.uniform(0.02, 0.5))
     beta = Beta(0.8, 1.2, rng.uniform(0.5, 6), rng.uniform(0.5, 6))
     values = Samples(rng.uniform(0.8, 1.2, int(rng.integers(1, 40))).round(int(rng.integers(2, 6))))
     mixture = Mixture((normal, 0.5), (values, 0.5))
-    laws: tuple[Law, ...] = (Interval(0.8, 1.2), normal, beta, values, mixture)
-    return laws[int(rng.integers(len(laws)))]
+    distributions: tuple[Distribution, ...] = (Interval(0.8, 1.2), normal, beta, values, mixture)
+    return distributions[int(rng.integers(len(distributions)))]
 
 
 def random_problem(rng: np.random.Generator, text: str) -> tuple[Problem, Floats]:
     """Robots that drive about, a block, and a place."""
-    laws = {"traction": law_of(rng)} | ({"start_x": Interval(-0.05, 0.05)} if rng.random() < 0.3 else {})
-    fleet = Fleet(Unicycle(), laws, np.zeros(2), 0.3, np.full(2, -2.0), np.full(2, 2.0))
+    distributions = {"traction": distribution_of(rng)} | (
+        {"start_x": Interval(-0.05, 0.05)} if rng.random() < 0.3 else {}
+    )
+    fleet = Fleet(Unicycle(), distributions, np.zeros(2), 0.3, np.full(2, -2.0), np.full(2, 2.0))
     middle = rng.uniform(0.9, 1.6) * np.array([np.cos(t := rng.uniform(0, 2 * np.pi)), np.sin(t)])
     block = Obstacle.box(np.column_stack([middle - 0.3, middle + 0.3]))
     there = Polyhedron.box(np.column_stack([(m := rng.uniform(-1, 1, 2)) - 0.6, m + 0.6]))
@@ -70,16 +72,20 @@ def random_problem(rng: np.random.Generator, text: str) -> tuple[Problem, Floats
 
 
 def true_share(problem: Problem, controls: Floats) -> float:
-    """The laws' mass of the members of a dense grid that do the part, by replay of each."""
+    """The distributions' mass of the members of a dense grid that do the part, by replay of each."""
     (chance,) = problem.specification.chance
     single, fine = problem.with_(task=chance.share.child, steps=16 * problem.steps), np.repeat(controls, 16, axis=0)
     return float(1 - replay(single, fine, parameters=even_members(problem)).violating.mean())
 
 
 def even_members(problem: Problem) -> Floats:
-    """Members of equal weight, side by side in each parameter's law."""
-    law = problem.fleet.parameters["traction"]
-    values = law.values if isinstance(law, Samples) else law.quantile((np.arange(500) + 0.5) / 500)
+    """Members of equal weight, side by side in each parameter's distribution."""
+    distribution = problem.fleet.parameters["traction"]
+    values = (
+        distribution.values
+        if isinstance(distribution, Samples)
+        else distribution.quantile((np.arange(500) + 0.5) / 500)
+    )
     if len(problem.fleet.names) == 1:
         return values[:, None]
     shifts = problem.fleet.parameters["start_x"].quantile((np.arange(20) + 0.5) / 20)
@@ -125,7 +131,7 @@ def test_a_share_is_proven_up_to_what_the_fleet_does_and_no_further(p: float, pr
 
 @MANY
 @given(seeds)
-def test_a_share_inside_a_formula_is_bounded_under_any_law(seed: int) -> None:
+def test_a_share_inside_a_formula_is_bounded_under_any_distribution(seed: int) -> None:
     rng = np.random.default_rng(seed)
     p = round(float(rng.uniform(0.05, 0.95)), 2)
     problem, controls = random_problem(rng, f"F[0.5, 1] (share({p}, in(there)) and x <= 5)")
@@ -137,7 +143,7 @@ def test_a_share_inside_a_formula_is_bounded_under_any_law(seed: int) -> None:
 
 @MANY
 @given(seeds)
-def test_a_mean_is_bounded_under_any_law(seed: int) -> None:
+def test_a_mean_is_bounded_under_any_distribution(seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem, controls = random_problem(rng, "mean(F[0.5, 1] in(there))")
     (bound,) = certify(problem, controls).parts
@@ -150,19 +156,19 @@ def test_a_mean_is_bounded_under_any_law(seed: int) -> None:
 @MANY
 @given(seeds, st.lists(st.floats(0, 1), min_size=1, max_size=8))
 def test_quantiles_invert_the_cdf(seed: int, shares: list[float]) -> None:
-    law = law_of(np.random.default_rng(seed))
-    at = law.quantile(shares)
-    assert (law.cdf(at) >= np.array(shares) - 1e-12).all()
+    distribution = distribution_of(np.random.default_rng(seed))
+    at = distribution.quantile(shares)
+    assert (distribution.cdf(at) >= np.array(shares) - 1e-12).all()
     below = at - 1e-9
-    assert ((law.cdf(below) < np.array(shares) + 1e-6) | (at <= law.lower + 1e-9)).all()
+    assert ((distribution.cdf(below) < np.array(shares) + 1e-6) | (at <= distribution.lower + 1e-9)).all()
 
 
 @MANY
 @given(seeds)
 def test_the_mass_of_a_box_is_how_often_members_are_in_it(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    laws = {"linear_traction": law_of(rng), "angular_traction": law_of(rng)}
-    fleet = Fleet(Unicycle(), laws, np.zeros(2), 0.0, np.full(2, -1.0), np.full(2, 1.0))
+    distributions = {"linear_traction": distribution_of(rng), "angular_traction": distribution_of(rng)}
+    fleet = Fleet(Unicycle(), distributions, np.zeros(2), 0.0, np.full(2, -1.0), np.full(2, 1.0))
     low, high = np.sort(rng.uniform(0.75, 1.25, (2, 2)), axis=0)
     drawn = fleet.sample(4000, seed % 1000)
     often = ((drawn >= low) & (drawn <= high)).all(axis=1).mean()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.moments import Interval, Law, Samples
+from ensemble_ctrl.moments import Distribution, Interval, Samples
 from ensemble_ctrl.ocp.truncation import choose
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
@@ -20,8 +20,8 @@ from tests.paths import CONFIGS
 
 def fleet(axis: Any = "x", **parameters: tuple[float, float]) -> Fleet:
     """A fleet at (1, 2) heading 0.5 rad."""
-    laws = {name: Interval(*ends) for name, ends in parameters.items()}
-    return Fleet(Unicycle(axis), laws, np.array([1.0, 2.0]), 0.5, np.full(2, -2.0), np.full(2, 2.0))
+    distributions = {name: Interval(*ends) for name, ends in parameters.items()}
+    return Fleet(Unicycle(axis), distributions, np.array([1.0, 2.0]), 0.5, np.full(2, -2.0), np.full(2, 2.0))
 
 
 def test_one_traction_scales_both() -> None:
@@ -83,7 +83,9 @@ def test_wrong_names_are_refused(parameters: dict[str, tuple[float, float]], mes
 
 
 def test_parameters_are_a_mapping() -> None:
-    with pytest.raises(ProblemError, match=r"^fleet.parameters: expected a mapping of names, each to a law such as"):
+    with pytest.raises(
+        ProblemError, match=r"^fleet.parameters: expected a mapping of names, each to a distribution such as"
+    ):
         Fleet(Unicycle(), Interval(1, 2), np.zeros(2), 0.0, np.zeros(2), np.ones(2))  # type: ignore[arg-type]
 
 
@@ -104,9 +106,11 @@ def measured(robots: int = 40) -> tuple[Fleet, NDArray[np.float64]]:
     """A fleet of measured robots whose two tractions belong together, with a third parameter of its own."""
     values = 1.0 + np.random.default_rng(5).normal(size=(robots, 2)) @ np.array([[0.02, 0.018], [0.0, 0.004]])
     samples = {"linear_traction": values[:, 0], "angular_traction": values[:, 1]}
-    laws: dict[str, Law] = {name: Samples(column) for name, column in samples.items()}
-    laws["start_heading"] = Interval(-0.1, 0.1)
-    return Fleet(Unicycle(), laws, np.zeros(2), 0.0, np.full(2, -2.0), np.full(2, 2.0), samples=samples), values
+    distributions: dict[str, Distribution] = {name: Samples(column) for name, column in samples.items()}
+    distributions["start_heading"] = Interval(-0.1, 0.1)
+    return Fleet(
+        Unicycle(), distributions, np.zeros(2), 0.0, np.full(2, -2.0), np.full(2, 2.0), samples=samples
+    ), values
 
 
 def test_joint_samples_are_integrated_robot_by_robot() -> None:

@@ -38,13 +38,13 @@ SPREAD = "[0.9, 1.1]}, start_x: {range: [0, 3.5]}, start_y: {range: [0, 3.2]}}"
 @examples(60)
 def test_no_control_brings_members_further(seed: int, bicycle: bool) -> None:
     rng = np.random.default_rng(seed)
-    laws = {
+    distributions = {
         "linear_traction": Interval(*np.sort(rng.uniform(0.2, 1.5, 2))),
         "angular_traction": Interval(*np.sort(rng.uniform(0.2, 1.5, 2))),
         "start_heading": Interval(-0.1, 0.3),
     }
     low, high = np.array([-1.0, -0.7]), np.array([2.0, 1.2])
-    fleet = Fleet(Bicycle() if bicycle else Unicycle(), laws, np.zeros(2), 0.4, low, high)
+    fleet = Fleet(Bicycle() if bicycle else Unicycle(), distributions, np.zeros(2), 0.4, low, high)
     problem = Problem("any", fleet, 1.5, 6, parse("F x >= -9"))
     ends = np.where(
         rng.random((6, 2)) < 0.7, np.where(rng.random((6, 2)) < 0.5, low, high), rng.uniform(low, high, (6, 2))

@@ -107,7 +107,7 @@ class Cart(OdeSystem):
     parameters = {"mass": 1.0, "drag": 0.0}  # noqa: RUF012
 
     def xdot(self, x: Any, u: Any, psi: Any) -> list[Any]:
-        """Newton's law."""
+        """Newton's distribution."""
         return [x[1], u[0] / psi["mass"] - psi["drag"] * x[1]]
 
 
@@ -145,11 +145,11 @@ def ode_made(kind: str) -> Plan:
         problem = load_text(ODE_PROBLEMS[kind], name=kind)
         command = [0.4, 0.05] if kind == "plane" else problem.fleet.rest(problem.fleet.center)
     else:
-        law = {"mass": Interval(0.8, 1.2), "drag": Interval(0.0, 0.2)} if kind == "line" else {}
+        distribution = {"mass": Interval(0.8, 1.2), "drag": Interval(0.0, 0.2)} if kind == "line" else {}
         regions = {"goal": Polyhedron.box([[1.5, 2.0]]), "track": Polyhedron.box([[-0.5, 4.0]])}
-        task = parse(f"F[1, {1.5 if law else 2}] in(goal) and G in(track) and G v <= 3")
+        task = parse(f"F[1, {1.5 if distribution else 2}] in(goal) and G in(track) and G v <= 3")
         verify = VerifyOptions(members=50, certificate=False)
-        problem = Problem("line", Fleet(Cart(), law), 2.0, 20, task, regions, verify=verify)
+        problem = Problem("line", Fleet(Cart(), distribution), 2.0, 20, task, regions, verify=verify)
         command = [1.0]
     plan = Plan(problem, np.tile(command, (problem.steps, 1)), "infeasible" if kind == "line" else "planned")
     return checked(plan, plan.replay(), None)

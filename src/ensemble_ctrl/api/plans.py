@@ -18,7 +18,7 @@ from ensemble_ctrl.core.renamed import renamed_fields
 from ensemble_ctrl.core.values import expect, number, numbers, path_of, whole
 from ensemble_ctrl.files import planfile
 from ensemble_ctrl.files.config import dump, load_text
-from ensemble_ctrl.moments import Law
+from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict, conflicts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, replay
@@ -105,7 +105,7 @@ class Plan(ReadOnlyArrays):
         """Run the controls on sampled members; see `ensemble_ctrl.problem.evaluation.sampled.replay`."""
         return replay(self.problem, self.controls, members=members, substeps=substeps, parameters=parameters)
 
-    def certify(self, ranges: Mapping[str, Law] | None = None) -> Certificate:
+    def certify(self, ranges: Mapping[str, Distribution] | None = None) -> Certificate:
         """Prove the plan for every member, or for one of other ranges; see `ensemble_ctrl.certificate`."""
         return certify(self.problem, self.controls, ranges)
 

@@ -78,11 +78,11 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
         known = ", ".join(names) or "none: all members are equal"
         raise ProblemError(f"parameter: expected one of the fleet's ({known}), got {parameter!r}")
     search = _Search(problem, tell, parameter or names[0])
-    law = search.law_of(problem)
-    limit = law.center * (1 - NARROWEST) if search.name in problem.fleet.system.parameters else FURTHEST
+    distribution = search.distribution_of(problem)
+    limit = distribution.center * (1 - NARROWEST) if search.name in problem.fleet.system.parameters else FURTHEST
     # half widths: certified up to `good`, refused at `bad`
     good, bad = 0.0, limit
-    half = min(max(law.half_width, tolerance), limit)
+    half = min(max(distribution.half_width, tolerance), limit)
     # bracket: halved until one is certified, or grown by GROWTH until one is not
     if not search.certified(half):
         bad, half = half, half / 2
@@ -112,35 +112,35 @@ class _Search:
     failed: Plan | None = None
     tried: int = 0
 
-    def law_of(self, problem: Problem) -> Interval:
+    def distribution_of(self, problem: Problem) -> Interval:
         """The range of the parameter that is widened."""
-        law = problem.fleet.parameters[self.name]
-        return Interval(law.lower, law.upper)
+        distribution = problem.fleet.parameters[self.name]
+        return Interval(distribution.lower, distribution.upper)
 
     def certified(self, half: float) -> bool:
         """Whether a certified plan is found for the nominal value give or take `half`."""
         # the uniform distribution on [nominal - half, nominal + half]
-        nominal, fleet = self.law_of(self.problem).center, self.problem.fleet
-        law = Interval(nominal - half, nominal + half)
+        nominal, fleet = self.distribution_of(self.problem).center, self.problem.fleet
+        distribution = Interval(nominal - half, nominal + half)
         try:
             problem = self.problem.with_(
-                fleet=replace(fleet, parameters={**fleet.parameters, self.name: law}),
+                fleet=replace(fleet, parameters={**fleet.parameters, self.name: distribution}),
                 verify=replace(self.problem.verify, certificate=True, members=1000),
             )
         except ProblemError:  # so wide that the checks refuse it: there is certainly no plan
             self.tried += 1
             if self.tell:
-                self.tell(law, False)
+                self.tell(distribution, False)
             return False
         found = self._plan(problem)
         good = found.certificate is not None and found.certificate.proven == "yes"
         self.tried += 1
         if good:
             self.best = found
-        elif self.failed is None or half < self.law_of(self.failed.problem).half_width:
+        elif self.failed is None or half < self.distribution_of(self.failed.problem).half_width:
             self.failed = found
         if self.tell:
-            self.tell(law, good)
+            self.tell(distribution, good)
         return good
 
     def _plan(self, problem: Problem) -> Plan:
@@ -154,9 +154,9 @@ class _Search:
     def answer(self) -> Widest:
         """What was found."""
         return Widest(
-            self.law_of(self.best.problem) if self.best else None,
+            self.distribution_of(self.best.problem) if self.best else None,
             self.best,
             self.failed.conflicts() if self.failed else (),
-            self.law_of(self.failed.problem) if self.failed else None,
+            self.distribution_of(self.failed.problem) if self.failed else None,
             self.tried,
         )

@@ -57,7 +57,7 @@ HANDED = tuple(
         "constraints.": ("motion",),
         "problem.": ("ensemble", "fleet", "problem"),
         "systems.": ("arcs", "bicycle", "unicycle"),
-        "moments.": ("law", "measure", "samples", "normal", "beta", "mixture"),
+        "moments.": ("distribution", "measure", "samples", "normal", "beta", "mixture"),
     }.items()
     for module in modules
 )

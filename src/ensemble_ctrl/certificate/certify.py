@@ -31,7 +31,7 @@ from ensemble_ctrl.problem.specification import (
 )
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.moments import Law
+    from ensemble_ctrl.moments import Distribution
     from ensemble_ctrl.problem import Problem
     from ensemble_ctrl.problem.ensemble import Member
     from ensemble_ctrl.problem.fleet import Fleet
@@ -137,7 +137,7 @@ class Certificate:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what overflows proves nothing
-def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = None) -> Certificate:
+def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Distribution] | None = None) -> Certificate:
     """Prove, refute or leave undecided that `controls` are good for every member.
 
     Parameters
@@ -146,7 +146,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
         Fleet, map and task.
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
-    ranges : mapping of str to Law, optional
+    ranges : mapping of str to Distribution, optional
         Other ranges than the fleet's for some of its parameters.
 
     Raises
@@ -161,10 +161,10 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
     began = time.perf_counter()
     if not hasattr(problem, "fleet"):
         raise ProblemError(f"problem: expected a Problem, got {shown(problem)}")
-    laws, controls = _laws(problem, ranges), problem.fleet.checked_controls(controls)
+    distributions, controls = _distributions(problem, ranges), problem.fleet.checked_controls(controls)
     if len(controls) != problem.steps:
         raise ProblemError(f"controls: expected a row for each of {problem.steps} steps, got {len(controls)}")
-    proof = PROOFS[problem.fleet.enclosure](problem, controls, laws)
+    proof = PROOFS[problem.fleet.enclosure](problem, controls, distributions)
     specification = problem.specification
     chances = {id(chance.part): chance for chance in specification.chance}
     try:
@@ -184,31 +184,31 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None
         clearances,
         parts,
         found,
-        {name: (law.lower, law.upper) for name, law in laws.items()},
+        {name: (distribution.lower, distribution.upper) for name, distribution in distributions.items()},
         looked,
         time.perf_counter() - began,
-        fingerprint(problem, controls, laws),
+        fingerprint(problem, controls, distributions),
         reason,
     )
 
 
 def unproven(problem: Problem, controls: Floats, reason: str) -> Certificate:
     """The certificate of a proof that was not finished: nothing is claimed of the fleet's own ranges."""
-    laws = dict(problem.fleet.parameters)
-    ranges = {name: (law.lower, law.upper) for name, law in laws.items()}
-    return Certificate("undecided", (), (), None, ranges, 0, 0.0, fingerprint(problem, controls, laws), reason)
+    distributions = dict(problem.fleet.parameters)
+    ranges = {name: (distribution.lower, distribution.upper) for name, distribution in distributions.items()}
+    return Certificate("undecided", (), (), None, ranges, 0, 0.0, fingerprint(problem, controls, distributions), reason)
 
 
-def _laws(problem: Problem, ranges: Mapping[str, Law] | None) -> dict[str, Law]:
+def _distributions(problem: Problem, ranges: Mapping[str, Distribution] | None) -> dict[str, Distribution]:
     """The fleet's ranges, some of them replaced."""
     if ranges is not None and not isinstance(ranges, Mapping):
         raise ProblemError(f"ranges: expected a mapping of names to distributions, got {shown(ranges)}")
-    laws = dict(problem.fleet.parameters)
-    for name, law in (ranges or {}).items():
-        if name not in laws:
-            raise ProblemError(f"ranges: expected names among {', '.join(laws)}, got {name!r}")
-        laws[name] = law
-    return laws
+    distributions = dict(problem.fleet.parameters)
+    for name, distribution in (ranges or {}).items():
+        if name not in distributions:
+            raise ProblemError(f"ranges: expected names among {', '.join(distributions)}, got {name!r}")
+        distributions[name] = distribution
+    return distributions
 
 
 class Proof(Protocol):
@@ -234,17 +234,17 @@ class ArcsProof:
 
     problem: Problem
     controls: Floats
-    laws: Mapping[str, Law]
+    distributions: Mapping[str, Distribution]
 
     @cached_property
     def _prover(self) -> Prover:
         """The search for the least clearance."""
-        return Prover(Flow.of(self.problem, self.controls, self.laws), self.problem.fleet.names)
+        return Prover(Flow.of(self.problem, self.controls, self.distributions), self.problem.fleet.names)
 
     @cached_property
     def _fleet(self) -> Fleet:
         """The fleet that shares and means are of."""
-        return weighed(self.problem, self.laws)
+        return weighed(self.problem, self.distributions)
 
     @property
     def boxes(self) -> int:
@@ -257,21 +257,21 @@ class ArcsProof:
 
     def part(self, part: TaskPart) -> TaskBound:
         """The robustness of one part of the task."""
-        return part_bound(self.problem, self.controls, self.laws, part, self._fleet)
+        return part_bound(self.problem, self.controls, self.distributions, part, self._fleet)
 
     def share(self, chance: ChanceConstraint) -> TaskBound:
         """The robustness of a part for a share of the fleet."""
-        return _share(self.problem, self.controls, self.laws, self._fleet, chance)
+        return _share(self.problem, self.controls, self.distributions, self._fleet, chance)
 
 
-def _general(problem: Any, controls: Floats, laws: Mapping[str, Law]) -> Proof:
+def _general(problem: Any, controls: Floats, distributions: Mapping[str, Distribution]) -> Proof:
     """The bounds of any smooth system, from an enclosure of its differential equation."""
     from ensemble_ctrl.certificate.general.proof import GeneralProof
 
-    return GeneralProof(problem, controls, laws)
+    return GeneralProof(problem, controls, distributions)
 
 
-PROOFS: dict[str, Callable[[Any, Floats, Mapping[str, Law]], Proof]] = {"arcs": ArcsProof, "general": _general}
+PROOFS: dict[str, Callable[[Any, Floats, Mapping[str, Distribution]], Proof]] = {"arcs": ArcsProof, "general": _general}
 """Where bounds come from, by the name of a fleet's enclosure."""
 
 
@@ -302,7 +302,11 @@ def part_bound(
 
 
 def _share(
-    problem: Problem, controls: Floats, laws: Mapping[str, Law], fleet: Fleet, chance: ChanceConstraint
+    problem: Problem,
+    controls: Floats,
+    distributions: Mapping[str, Distribution],
+    fleet: Fleet,
+    chance: ChanceConstraint,
 ) -> TaskBound:
     """The bound of ``share(p, f)``: that of `f` for all members of a box with enough mass, if one is proven."""
     best: TaskBound | None = None
@@ -318,11 +322,13 @@ def _share(
             break
     if best is not None and best.proven >= 0:
         return best
-    found = part_bound(problem, controls, laws, chance.part, fleet)  # members that need not be side by side
+    found = part_bound(problem, controls, distributions, chance.part, fleet)  # members that need not be side by side
     if found.sampled < 0 and problem.fleet.radius > 0:
         # predicates grow obstacles by the radius with sharp corners: what is refuted is refuted without it
         bare = problem.with_(fleet=replace(problem.fleet, radius=0.0))
-        found = replace(found, sampled=part_bound(bare, controls, laws, TaskPart.of(bare, chance.share), fleet).sampled)
+        found = replace(
+            found, sampled=part_bound(bare, controls, distributions, TaskPart.of(bare, chance.share), fleet).sampled
+        )
     if best is not None and best.proven >= found.proven:
         return replace(best, sampled=found.sampled)
     return replace(found, share=chance.share.p) if found.proven >= 0 else found

@@ -43,7 +43,7 @@ START = slice(3, 5)
 
 
 class Ranged(Protocol):
-    """A parameter's range; a law has one."""
+    """A parameter's range; a distribution has one."""
 
     @property
     def lower(self) -> float:
@@ -56,7 +56,7 @@ class Ranged(Protocol):
 
 @dataclass(frozen=True)
 class Range:
-    """A range, whatever the law in it."""
+    """A range, whatever the distribution in it."""
 
     lower: float
     upper: float

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl.rewrite import reads_fleet
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.moments import Law
+    from ensemble_ctrl.moments import Distribution
     from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
 
-def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> str:
+def fingerprint(problem: Problem, controls: Floats, distributions: Mapping[str, Distribution]) -> str:
     """SHA-256 of the controls and of everything that the claim depends on."""
     fleet = problem.fleet
     digest = hashlib.sha256()
@@ -26,8 +26,8 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
         *fleet.identity,
         fleet.radius,
         problem.duration,
-        [(name, law.lower, law.upper) for name, law in laws.items()],
-        _spread(problem, laws) if reads_fleet(problem.task) else [],
+        [(name, distribution.lower, distribution.upper) for name, distribution in distributions.items()],
+        _spread(problem, distributions) if reads_fleet(problem.task) else [],
         str(problem.task),
         [
             (name, region.A.tolist(), region.lower.tolist(), region.upper.tolist())
@@ -41,7 +41,7 @@ def fingerprint(problem: Problem, controls: Floats, laws: Mapping[str, Law]) -> 
     return digest.hexdigest()
 
 
-def _spread(problem: Problem, laws: Mapping[str, Law]) -> list[object]:
+def _spread(problem: Problem, distributions: Mapping[str, Distribution]) -> list[object]:
     """How the fleet is spread, for claims about a share or the mean of it."""
-    quantiles = [law.quantile(np.linspace(0.0, 1.0, 65)).tolist() for law in laws.values()]
+    quantiles = [distribution.quantile(np.linspace(0.0, 1.0, 65)).tolist() for distribution in distributions.values()]
     return [quantiles, [(name, column.tolist()) for name, column in (problem.fleet.samples or {}).items()]]

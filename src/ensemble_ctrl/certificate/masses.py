@@ -34,7 +34,7 @@ class Masses:
     counted : bool
         Whether they are whole numbers.
     even : bool
-        Whether the law is uniform within cells, too.
+        Whether the distribution is uniform within cells, too.
     """
 
     mass: Floats
@@ -65,32 +65,32 @@ class Masses:
 
 
 def masses(fleet: Ensemble, centres: Floats, half: Floats) -> Masses:
-    """The laws' mass of each of the equal cells that make up the fleet's box.
+    """The distributions' mass of each of the equal cells that make up the fleet's box.
 
     Cells share their edges, and what lies on an edge belongs to the lower cell, so that nothing counts twice.
     """
-    laws, samples = list(fleet.parameters.items()), fleet.samples or {}
-    counted = all(law.uniform or law.measured is not None for _, law in laws)
+    distributions, samples = list(fleet.parameters.items()), fleet.samples or {}
+    counted = all(distribution.uniform or distribution.measured is not None for _, distribution in distributions)
     # the mass of a cell is a product over independent parameters; joint samples are counted
     mass, total, robots = np.ones(len(centres)), 1.0, None
-    for k, (name, law) in enumerate(laws):
+    for k, (name, distribution) in enumerate(distributions):
         # index of each cell along this parameter, of `count` equal ones, and their inner edges
-        width = law.upper - law.lower
+        width = distribution.upper - distribution.lower
         count = max(1, round(width / (2 * half[0, k]))) if width else 1
-        index = np.clip(((centres[:, k] - law.lower) / max(width, 1e-300) * count).astype(int), 0, count - 1)
-        edges = law.lower + width * np.arange(1, count) / count
+        index = np.clip(((centres[:, k] - distribution.lower) / max(width, 1e-300) * count).astype(int), 0, count - 1)
+        edges = distribution.lower + width * np.arange(1, count) / count
         if name in samples:
             place = np.searchsorted(edges, samples[name], side="left")
             inside = index[:, None] == place
             robots = inside if robots is None else robots & inside
-        elif law.measured is not None:
-            place = np.searchsorted(edges, law.measured, side="left")
-            mass, total = mass * np.bincount(place, minlength=count)[index], total * len(law.measured)
-        elif law.uniform:
+        elif distribution.measured is not None:
+            place = np.searchsorted(edges, distribution.measured, side="left")
+            mass, total = mass * np.bincount(place, minlength=count)[index], total * len(distribution.measured)
+        elif distribution.uniform:
             total *= count
         else:
-            mass *= np.diff(np.concatenate([[0.0], law.cdf(edges), [1.0]]))[index]
+            mass *= np.diff(np.concatenate([[0.0], distribution.cdf(edges), [1.0]]))[index]
     if robots is not None:
         mass, total = mass * robots.sum(axis=1), total * robots.shape[1]
-    even = all(law.uniform for _, law in laws)
+    even = all(distribution.uniform for _, distribution in distributions)
     return Masses(mass, total, counted, even) if counted else Masses(mass / total, 1.0, counted, even)

@@ -1,8 +1,8 @@
 """Which members do a part of the task that a share of the fleet has to do: a box of parameters, found and weighed.
 
 Members on a grid are looked at; the box is the largest found in which all of them do it with some to spare. The proof
-is then one for every member of that box, as for a fleet of its own, and the laws' mass of the box is a lower bound of
-the share.
+is then one for every member of that box, as for a fleet of its own, and the distributions' mass of the box is a lower
+bound of the share.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ensemble_ctrl.certificate.task import CellSignals, scheduled
 from ensemble_ctrl.problem.specification import ChanceConstraint
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.moments import Law
+    from ensemble_ctrl.moments import Distribution
     from ensemble_ctrl.problem import Problem
     from ensemble_ctrl.problem.fleet import Fleet
 
@@ -42,7 +42,10 @@ def boxes(
     Only those with the mass that the part asks for.
     """
     # robustness of members on a grid, less what half the box of starts takes away (predicates are 1-Lipschitz)
-    axes = [_values(law, k in fleet.dynamic, len(fleet.dynamic)) for k, law in enumerate(fleet.parameters.values())]
+    axes = [
+        _values(distribution, k in fleet.dynamic, len(fleet.dynamic))
+        for k, distribution in enumerate(fleet.parameters.values())
+    ]
     shape = tuple(map(len, axes))
     members = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
     value = _value(problem, controls, fleet, chance, members).reshape(shape) - float(np.linalg.norm(fleet.shift))
@@ -63,18 +66,21 @@ def _certain(fleet: Fleet, low: Floats, high: Floats) -> float:
     """The mass of a box, rounded down where it comes from distribution functions."""
     rest = zip(fleet.parameters.items(), low, high, strict=True)
     # exact where members are counted, or where the box holds all of the range
-    counted = all(law.measured is not None or (a <= law.lower and b >= law.upper) for (_, law), a, b in rest)
+    counted = all(
+        distribution.measured is not None or (a <= distribution.lower and b >= distribution.upper)
+        for (_, distribution), a, b in rest
+    )
     return fleet.mass(low, high) if counted else max(0.0, fleet.mass(low, high) - MASS_ERROR)
 
 
-def _values(law: Law, bends: bool, dynamic: int) -> Floats:
-    """Values of one parameter, even in its range and in its law; only the middle for one that shifts the start."""
+def _values(distribution: Distribution, bends: bool, dynamic: int) -> Floats:
+    """Values of a parameter, even in its range and its distribution; only the middle for one that shifts the start."""
     if not bends:
-        return np.array([law.center])
+        return np.array([distribution.center])
     share = np.linspace(0.0, 1.0, MEMBERS.get(dynamic, 16) // 2 + 1)
     # evenly in the range and evenly in mass: good boxes end near either
-    even = law.lower + share * (law.upper - law.lower)
-    return np.unique(np.concatenate([even, law.quantile(share), [law.lower, law.upper]]))
+    even = distribution.lower + share * (distribution.upper - distribution.lower)
+    return np.unique(np.concatenate([even, distribution.quantile(share), [distribution.lower, distribution.upper]]))
 
 
 def _ends(fleet: Fleet, axes: list[Floats], box: tuple[tuple[int, int], ...]) -> tuple[Floats, Floats]:
@@ -88,9 +94,9 @@ def _ends(fleet: Fleet, axes: list[Floats], box: tuple[tuple[int, int], ...]) ->
 
 def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConstraint, members: Floats) -> Floats:
     """How well each member does the part, about: at some times of each step."""
-    laws = dict(fleet.parameters)
+    distributions = dict(fleet.parameters)
     # members as cells of no width: positions at SUBSTEPS times per step
-    flow = Flow.of(problem, np.repeat(controls, SUBSTEPS, axis=0), laws)
+    flow = Flow.of(problem, np.repeat(controls, SUBSTEPS, axis=0), distributions)
     values = np.full(len(members), np.inf)
     size = max(1, 500_000 // flow.steps)
     blocks = [slice(i, i + size) for i in range(0, len(members), size)]
@@ -100,7 +106,7 @@ def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConst
         for avoid in chance.avoid:
             values[rows] = np.minimum(values[rows], avoid.distances(path, times).min(axis=1, initial=np.inf))
     for part in chance.rest:
-        found = scheduled(problem, controls, laws, part.formula, SUBSTEPS)
+        found = scheduled(problem, controls, distributions, part.formula, SUBSTEPS)
         if found is None:
             continue
         fine, schedule = found
@@ -153,8 +159,8 @@ def _peeled(fleet: Fleet, axes: list[Floats], good: Bools) -> tuple[tuple[int, i
         box[k] = (first + 1, last) if low else (first, last - 1)
 
 
-def weighed(problem: Problem, laws: Mapping[str, Law]) -> Fleet:
-    """The fleet with the laws that a certificate is about; joint samples stand for its own laws only."""
+def weighed(problem: Problem, distributions: Mapping[str, Distribution]) -> Fleet:
+    """The fleet with the distributions of a certificate; joint samples stand for its own distributions only."""
     fleet = problem.fleet
-    same = all(laws[name] is law for name, law in fleet.parameters.items())
-    return fleet if same else fleet.with_laws(laws)
+    same = all(distributions[name] is distribution for name, distribution in fleet.parameters.items())
+    return fleet if same else fleet.with_distributions(distributions)

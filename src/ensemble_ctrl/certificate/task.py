@@ -130,8 +130,8 @@ class CellSignals:
     def mean(self) -> CellSignals:
         """The mean member.
 
-        With a uniform law cells weigh the same: centres average, and curvature over a cell averages to a third. With
-        another law a cell's mean may be anywhere in it.
+        With a uniform distribution cells weigh the same: centres average, and curvature over a cell averages to a
+        third. With another distribution a cell's mean may be anywhere in it.
         """
         if self.masses is None or self.masses.even:
             # even mass: the linear parts cancel, and the mean of the squares of uniform [-1, 1] is 1/3
@@ -196,8 +196,8 @@ def bound_task(
 ) -> TaskBound:
     """Bound the robustness of a ground formula for every member with parameters in the ranges.
 
-    `fleet` has the laws that shares and means are of. `cells` of each parameter are looked at to begin with, 0 for
-    `CELLS`, and `split` parts of each step.
+    `fleet` has the distributions that shares and means are of. `cells` of each parameter are looked at to begin with, 0
+    for `CELLS`, and `split` parts of each step.
 
     Notes
     -----

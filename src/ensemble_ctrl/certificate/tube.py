@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.clearance import CELLS
 from ensemble_ctrl.certificate.enclosure import Flow, Ints, Track, first_cells, signs_of
-from ensemble_ctrl.moments import Law
+from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -42,7 +42,7 @@ class Tube:
     radius: Floats
 
 
-def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = None) -> Tube:
+def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Distribution] | None = None) -> Tube:
     """The tube of the fleet, or of one with other ranges of the same parameters.
 
     Parameters
@@ -51,8 +51,8 @@ def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = 
         Whose fleet moves.
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
-    ranges : mapping of str to Law, optional
-        The laws of all parameters, instead of the fleet's.
+    ranges : mapping of str to Distribution, optional
+        The distributions of all parameters, instead of the fleet's.
 
     Raises
     ------
@@ -75,7 +75,9 @@ def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Law] | None = 
     return Tube(points, found.radius + whole.rounding())
 
 
-def general(problem: Any, controls: Floats, ranges: Mapping[str, Law], slices: int = 1, timed: float = 0.0) -> Tube:
+def general(
+    problem: Any, controls: Floats, ranges: Mapping[str, Distribution], slices: int = 1, timed: float = 0.0
+) -> Tube:
     """The tube of a system that is defined by an ODE; `slices` and `timed` as for `hulls`."""
     from ensemble_ctrl.certificate.general.proof import GeneralProof
     from ensemble_ctrl.certificate.general.tube import hulls

@@ -109,9 +109,9 @@ def _range(asked: str, plan: Plan) -> tuple[str, Interval]:
 
 
 def _replayed(plan: Plan, ranges: Mapping[str, Interval], members: int) -> Replay:
-    """About `members` members of the ranges asked for, their ends included: evenly spread, or drawn from other laws."""
+    """About `members` members of the ranges, their ends included: evenly spread, or drawn from other distributions."""
     fleet = replace(plan.problem.fleet, parameters={**plan.problem.fleet.parameters, **ranges})
-    if all(isinstance(law, Interval) for law in fleet.parameters.values()):
+    if all(isinstance(distribution, Interval) for distribution in fleet.parameters.values()):
         return plan.replay(parameters=fleet.grid(members))
     drawn = fleet.sample(max(members - len(fleet.corners), 0), 0)
     return plan.replay(parameters=np.concatenate([fleet.corners, drawn])[:members])

@@ -1,4 +1,4 @@
-"""Fields of a class under the names of an earlier version, with a warning that names the new one."""
+"""Names of an earlier version that still work for one release, with a warning that names the new one."""
 
 from __future__ import annotations
 
@@ -55,5 +55,18 @@ def _reader(cls: type[Any], old: str, new: str) -> Callable[[Any], Any]:
 
 def _warn(cls: type[Any], old: str, new: str) -> None:
     """Name the new field to whoever used the old one."""
-    message = f"{cls.__name__}.{old} is deprecated and goes with the next release: use {new}"
-    warnings.warn(message, DeprecationWarning, stacklevel=3)
+    warn_renamed(f"{cls.__name__}.{old}", new, depth=2)
+
+
+def warn_renamed(old: str, new: str, depth: int = 1) -> None:
+    """Warn that a name is deprecated.
+
+    Parameters
+    ----------
+    old, new : str
+        As the user writes them.
+    depth : int
+        How many functions lie between the user's line and the caller of this one, plus one.
+    """
+    message = f"{old} is deprecated and goes with the next release: use {new}"
+    warnings.warn(message, DeprecationWarning, stacklevel=2 + depth)

@@ -1,8 +1,8 @@
 r"""Moments: an ensemble's state as a function of the parameter, in coordinates.
 
-The parameter is scaled to :math:`s \in [-1, 1]`, the basis is orthonormal with respect to its law (scaled to a
+The parameter is scaled to :math:`s \in [-1, 1]`, the basis is orthonormal with respect to its distribution (scaled to a
 total mass of 2: :math:`ds` for the uniform one), and the order is the last axis but one of every array of
-moments. NumPy only, but for the cdf of Beta and normal laws, and the draws of normal ones, which load SciPy.
+moments. NumPy only, but for the cdf of Beta and normal distributions, and the draws of normal ones, which load SciPy.
 
 Examples
 --------
@@ -13,11 +13,14 @@ Examples
 True
 """
 
+from typing import Any
+
+from ensemble_ctrl.core.renamed import warn_renamed
 from ensemble_ctrl.moments._check import MAX_ORDER
 from ensemble_ctrl.moments.basis import Basis, LegendreBasis
 from ensemble_ctrl.moments.bernstein import bernstein_to_moments, moments_to_bernstein, nodes_to_bernstein
 from ensemble_ctrl.moments.beta import Beta
-from ensemble_ctrl.moments.law import Law
+from ensemble_ctrl.moments.distribution import Distribution
 from ensemble_ctrl.moments.measure import Interval
 from ensemble_ctrl.moments.mixture import Mixture
 from ensemble_ctrl.moments.normal import TruncatedNormal
@@ -40,7 +43,7 @@ from ensemble_ctrl.moments.transform import (
     nodes_to_moments,
 )
 
-DISTRIBUTIONS: dict[str, type[Law]] = {"uniform": Interval, "beta": Beta, "normal": TruncatedNormal}
+DISTRIBUTIONS: dict[str, type[Distribution]] = {"uniform": Interval, "beta": Beta, "normal": TruncatedNormal}
 """Every distribution over a range by the name that a problem file uses."""
 
 __all__ = [
@@ -48,8 +51,8 @@ __all__ = [
     "MAX_ORDER",
     "Basis",
     "Beta",
+    "Distribution",
     "Interval",
-    "Law",
     "LegendreBasis",
     "Mixture",
     "OrthonormalBasis",
@@ -73,3 +76,11 @@ __all__ = [
     "shift_right",
     "tensor_rule",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """The class `Distribution` under its name of version 0.1."""
+    if name != "Law":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    warn_renamed("ensemble_ctrl.moments.Law", "ensemble_ctrl.moments.Distribution")
+    return Distribution

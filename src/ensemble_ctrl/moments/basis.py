@@ -1,4 +1,4 @@
-r"""Orthonormal polynomials, the functions that moments are taken against; Legendre's, for the uniform law.
+r"""Orthonormal polynomials, the functions that moments are taken against; Legendre's, for the uniform distribution.
 
 Their basis is orthonormal with respect to :math:`ds` on [-1, 1], which makes :math:`\phi_0 = 1/\sqrt 2`:
 
@@ -156,7 +156,7 @@ class LegendreBasis:
 
     @property
     def diagonal(self) -> FloatArray:
-        """The recurrence's coefficients of phi_k itself: zero, for the uniform law is symmetric.
+        """The recurrence's coefficients of phi_k itself: zero, for the uniform distribution is symmetric.
 
         Returns
         -------

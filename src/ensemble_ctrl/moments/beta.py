@@ -1,4 +1,4 @@
-"""The Beta law."""
+"""The Beta distribution."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.moments._check import ends, finite_array, number_between
-from ensemble_ctrl.moments.orthonormal import WeightedLaw
+from ensemble_ctrl.moments.orthonormal import WeightedDistribution
 from ensemble_ctrl.moments.recurrence import Recurrence, slopes
 
 FloatArray = NDArray[np.float64]
@@ -20,8 +20,8 @@ SHAPES = 1e-3, 1e6
 
 
 @dataclass(frozen=True)
-class Beta(WeightedLaw):
-    r"""A parameter with a Beta law over a range.
+class Beta(WeightedDistribution):
+    r"""A parameter with a Beta distribution over a range.
 
     Its density at the share t of the way from `lower` to `upper` is proportional to
     :math:`t^{a-1} (1-t)^{b-1}`: uniform for a = b = 1, a bump for larger shapes, a bath-tub for smaller ones.
@@ -45,8 +45,8 @@ class Beta(WeightedLaw):
 
     Examples
     --------
-    >>> law = Beta(0.9, 1.1, a=2, b=5)
-    >>> law.basis(1).diagonal.round(4)
+    >>> distribution = Beta(0.9, 1.1, a=2, b=5)
+    >>> distribution.basis(1).diagonal.round(4)
     array([-0.4286, -0.2381])
     """
 
@@ -99,7 +99,7 @@ class Beta(WeightedLaw):
         return np.asarray(betainc(self.a, self.b, share))
 
     def cdf(self, psi: ArrayLike) -> FloatArray:
-        """Share of the fleet with a parameter of at most `psi`; see `Law.cdf`."""
+        """Share of the fleet with a parameter of at most `psi`; see `Distribution.cdf`."""
         values = finite_array("psi", psi)
         if not self.half_width:
             return np.where(values >= self.lower, 1.0, 0.0)

@@ -1,4 +1,4 @@
-"""The uniform law, the paper's."""
+"""The uniform distribution, the paper's."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.moments._check import ends, finite_array
 from ensemble_ctrl.moments.basis import LegendreBasis, gauss_rule
-from ensemble_ctrl.moments.law import Law
+from ensemble_ctrl.moments.distribution import Distribution
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Interval(Law):
+class Interval(Distribution):
     r"""A parameter spread uniformly over a range.
 
     The basis lives on :math:`s \in [-1, 1]`; the physical parameter is :math:`\psi = c + h s`.
@@ -54,15 +54,15 @@ class Interval(Law):
             object.__setattr__(self, name, value)
 
     def basis(self, order: int) -> LegendreBasis:
-        """Orthonormal Legendre polynomials; see `Law.basis`."""
+        """Orthonormal Legendre polynomials; see `Distribution.basis`."""
         return LegendreBasis(order)
 
     def rule(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """The Gauss-Legendre rule with `count` points; see `Law.rule`."""
+        """The Gauss-Legendre rule with `count` points; see `Distribution.rule`."""
         return gauss_rule(count)
 
     def cdf(self, psi: ArrayLike) -> FloatArray:
-        """Share of the fleet with a parameter of at most `psi`; see `Law.cdf`."""
+        """Share of the fleet with a parameter of at most `psi`; see `Distribution.cdf`."""
         values = finite_array("psi", psi)
         if not self.half_width:
             return np.where(values >= self.lower, 1.0, 0.0)

@@ -1,4 +1,4 @@
-"""A fleet of several kinds of robots: a mixture of laws."""
+"""A fleet of several kinds of robots: a mixture of distributions."""
 
 from __future__ import annotations
 
@@ -9,59 +9,59 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import finite_array, finite_number
+from ensemble_ctrl.moments.distribution import Distribution
 from ensemble_ctrl.moments.lanczos import merged, recurrence_of_points, usable
-from ensemble_ctrl.moments.law import Law
-from ensemble_ctrl.moments.orthonormal import WeightedLaw
+from ensemble_ctrl.moments.orthonormal import WeightedDistribution
 from ensemble_ctrl.moments.recurrence import Recurrence, values
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, init=False, repr=False)
-class Mixture(WeightedLaw):
-    """Members that follow one of several laws, chosen with given weights.
+class Mixture(WeightedDistribution):
+    """Members that follow one of several distributions, chosen with given weights.
 
     Parameters
     ----------
-    *parts : tuple of (Law, float)
-        One or more laws in the same unit, each with a positive weight; weights need not sum to 1.
+    *parts : tuple of (Distribution, float)
+        One or more distributions in the same unit, each with a positive weight; weights need not sum to 1.
 
     Attributes
     ----------
-    parts : tuple of (Law, float)
-        The laws with their weights as given.
+    parts : tuple of (Distribution, float)
+        The distributions with their weights as given.
 
     Raises
     ------
     ProblemError
-        If there are no parts, or one is not a law with a positive finite weight.
+        If there are no parts, or one is not a distribution with a positive finite weight.
 
     Notes
     -----
-    The union of the laws' Gauss rules has the same integrals of polynomials as the mixture, so that the Lanczos process
-    on it makes no error but rounding.
+    The union of the distributions' Gauss rules has the same integrals of polynomials as the mixture, so that the
+    Lanczos process on it makes no error but rounding.
 
     Examples
     --------
     >>> from ensemble_ctrl.moments import Interval
-    >>> law = Mixture((Interval(0.9, 0.95), 2), (Interval(1.05, 1.1), 1))
-    >>> law.lower, law.upper, round(float(law.cdf(1.0)), 4)
+    >>> distribution = Mixture((Interval(0.9, 0.95), 2), (Interval(1.05, 1.1), 1))
+    >>> distribution.lower, distribution.upper, round(float(distribution.cdf(1.0)), 4)
     (0.9, 1.1, 0.6667)
     """
 
-    parts: tuple[tuple[Law, float], ...]
+    parts: tuple[tuple[Distribution, float], ...]
     lower: float
     upper: float
 
-    def __init__(self, *parts: tuple[Law, float]) -> None:
+    def __init__(self, *parts: tuple[Distribution, float]) -> None:
         if not parts:
             raise ProblemError("parts: expected one or more pairs of a distribution and a weight, got none")
         object.__setattr__(self, "parts", tuple(_checked(i, part) for i, part in enumerate(parts)))
-        object.__setattr__(self, "lower", min(law.lower for law, _ in self.parts))
-        object.__setattr__(self, "upper", max(law.upper for law, _ in self.parts))
+        object.__setattr__(self, "lower", min(distribution.lower for distribution, _ in self.parts))
+        object.__setattr__(self, "upper", max(distribution.upper for distribution, _ in self.parts))
 
     def __repr__(self) -> str:
-        return f"Mixture({', '.join(f'({law!r}, {weight:g})' for law, weight in self.parts)})"
+        return f"Mixture({', '.join(f'({distribution!r}, {weight:g})' for distribution, weight in self.parts)})"
 
     @property
     def shares(self) -> FloatArray:
@@ -78,7 +78,10 @@ class Mixture(WeightedLaw):
 
     def points(self, count: int) -> tuple[FloatArray, FloatArray]:
         """The points of the parts' rules."""
-        rules = [self._rule(law, share, count) for (law, _), share in zip(self.parts, self.shares, strict=True)]
+        rules = [
+            self._rule(distribution, share, count)
+            for (distribution, _), share in zip(self.parts, self.shares, strict=True)
+        ]
         points, weights = (np.concatenate(part) for part in zip(*rules, strict=True))
         return merged(points, weights)
 
@@ -87,46 +90,49 @@ class Mixture(WeightedLaw):
         parts = zip(self.parts, self.shares, strict=True)
         # int_{-1}^s phi_k dmu = sum over the parts of share times int_{-1}^s phi_k dmu_part
         total: FloatArray = sum(
-            (share * self._partial(law, recurrence, np.asarray(s)) for (law, _), share in parts), np.zeros(1)
+            (share * self._partial(distribution, recurrence, np.asarray(s)) for (distribution, _), share in parts),
+            np.zeros(1),
         )
         return total
 
-    def _rule(self, law: Law, share: float, count: int) -> tuple[FloatArray, FloatArray]:
+    def _rule(self, distribution: Distribution, share: float, count: int) -> tuple[FloatArray, FloatArray]:
         """A part's Gauss rule on the scale of the mixture, with the part's share of the weight."""
-        s, weights = law.rule(count)
-        return np.clip(self.to_scaled(law.to_parameter(s)), -1.0, 1.0), share * weights
+        s, weights = distribution.rule(count)
+        return np.clip(self.to_scaled(distribution.to_parameter(s)), -1.0, 1.0), share * weights
 
-    def _partial(self, law: Law, recurrence: Recurrence, s: FloatArray) -> FloatArray:
+    def _partial(self, distribution: Distribution, recurrence: Recurrence, s: FloatArray) -> FloatArray:
         """Integrals over one part up to `s`, shape ``(*S, order + 1)``."""
-        nodes, weights = self._rule(law, 1.0, recurrence.order + 1)
+        nodes, weights = self._rule(distribution, 1.0, recurrence.order + 1)
         phi = values(recurrence, nodes)
-        if not law.half_width:
+        if not distribution.half_width:
             return np.where(s[..., None] >= nodes[0], 2 * phi[0], 0.0)
         # the mixture's polynomials in those of the part, whose partial moments are known
-        own = law.basis(min(recurrence.order, law.max_order))
-        expanded = (weights[:, None] * own.evaluate(law.rule(recurrence.order + 1)[0])).T @ phi
+        own = distribution.basis(min(recurrence.order, distribution.max_order))
+        expanded = (weights[:, None] * own.evaluate(distribution.rule(recurrence.order + 1)[0])).T @ phi
         # s of the mixture on the scale of the part
-        scaled = (self.center - law.center + self.half_width * s) / law.half_width
+        scaled = (self.center - distribution.center + self.half_width * s) / distribution.half_width
         return np.asarray(own.partial_moments(scaled) @ expanded)
 
     def cdf(self, psi: ArrayLike) -> FloatArray:
-        """Share of the fleet with a parameter of at most `psi`; see `Law.cdf`."""
+        """Share of the fleet with a parameter of at most `psi`; see `Distribution.cdf`."""
         at = finite_array("psi", psi)
-        return np.asarray(sum(share * law.cdf(at) for (law, _), share in zip(self.parts, self.shares, strict=True)))
+        return np.asarray(
+            sum(share * distribution.cdf(at) for (distribution, _), share in zip(self.parts, self.shares, strict=True))
+        )
 
     def _draw(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """`count` parameters: first which law, then its draw."""
+        """`count` parameters: first which distribution, then its draw."""
         which = rng.choice(len(self.parts), count, p=self.shares)
         drawn = np.empty(count)
-        for i, (law, _) in enumerate(self.parts):
+        for i, (distribution, _) in enumerate(self.parts):
             chosen = which == i
-            drawn[chosen] = law.sample(int(chosen.sum()), rng)
+            drawn[chosen] = distribution.sample(int(chosen.sum()), rng)
         return drawn
 
 
-def _checked(i: int, part: object) -> tuple[Law, float]:
-    """One part, a law and its weight."""
-    if not (isinstance(part, tuple | list) and len(part) == 2 and isinstance(part[0], Law)):
+def _checked(i: int, part: object) -> tuple[Distribution, float]:
+    """One part, a distribution and its weight."""
+    if not (isinstance(part, tuple | list) and len(part) == 2 and isinstance(part[0], Distribution)):
         raise ProblemError(f"parts[{i}]: expected a pair of a distribution and a weight, got {part!r}")
     weight = finite_number(f"parts[{i}]: weight", part[1])
     if weight <= 0:

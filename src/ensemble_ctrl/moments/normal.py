@@ -1,4 +1,4 @@
-"""The normal law, cut off at the ends of a range."""
+"""The normal distribution, cut off at the ends of a range."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import ends, finite_array, finite_number
 from ensemble_ctrl.moments.basis import gauss_rule
 from ensemble_ctrl.moments.lanczos import recurrence_of_points
-from ensemble_ctrl.moments.orthonormal import WeightedLaw
+from ensemble_ctrl.moments.orthonormal import WeightedDistribution
 from ensemble_ctrl.moments.recurrence import Recurrence, values
 
 FloatArray = NDArray[np.float64]
@@ -29,17 +29,17 @@ POINTS = 80
 
 
 @dataclass(frozen=True)
-class TruncatedNormal(WeightedLaw):
-    """A parameter with a normal law, truncated to a range.
+class TruncatedNormal(WeightedDistribution):
+    """A parameter with a normal distribution, truncated to a range.
 
     Parameters
     ----------
     lower, upper : float
         Ends of the range, in the parameter's own unit, finite, ``lower <= upper``.
     mean, deviation : float
-        Mean and standard deviation of the normal law before it is cut off, in the parameter's unit. The mean may be
-        outside of the range, by at most 1000 deviations; the deviation is above 0, and at least a millionth of the
-        range's half-width.
+        Mean and standard deviation of the normal distribution before it is cut off, in the parameter's unit. The mean
+        may be outside of the range, by at most 1000 deviations; the deviation is above 0, and at least a millionth of
+        the range's half-width.
 
     Raises
     ------
@@ -53,8 +53,8 @@ class TruncatedNormal(WeightedLaw):
 
     Examples
     --------
-    >>> law = TruncatedNormal(0.9, 1.1, mean=1.0, deviation=0.03)
-    >>> law.basis(2).nodes.round(4) + 0.0
+    >>> distribution = TruncatedNormal(0.9, 1.1, mean=1.0, deviation=0.03)
+    >>> distribution.basis(2).nodes.round(4) + 0.0
     array([-0.5095,  0.    ,  0.5095])
     """
 
@@ -133,7 +133,7 @@ class TruncatedNormal(WeightedLaw):
         return s, (half * weights).ravel() * np.exp(exponent)
 
     def cdf(self, psi: ArrayLike) -> FloatArray:
-        """Share of the fleet with a parameter of at most `psi`; see `Law.cdf`."""
+        """Share of the fleet with a parameter of at most `psi`; see `Distribution.cdf`."""
         from scipy.special import log_ndtr
 
         at = finite_array("psi", psi)
@@ -159,7 +159,7 @@ class TruncatedNormal(WeightedLaw):
         return np.clip(self.mean + self.deviation * (-z if flipped else z), self.lower, self.upper)
 
     def _tails(self) -> tuple[float, float, bool]:
-        """Logarithms of the normal law's shares below the ends, seen from the side on which they are small."""
+        """Logarithms of the normal distribution's shares below the ends, seen from the side on which they are small."""
         from scipy.special import log_ndtr
 
         low, high = (self.lower - self.mean) / self.deviation, (self.upper - self.mean) / self.deviation

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.moments._check import along_order_axis
 from ensemble_ctrl.moments.basis import Basis
-from ensemble_ctrl.moments.law import Law
+from ensemble_ctrl.moments.distribution import Distribution
 
 FloatArray = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ def multiplication_matrix(basis: Basis) -> FloatArray:
     Returns
     -------
     ndarray, shape (order + 1, order + 1)
-        The Jacobi matrix J: symmetric, tridiagonal, dimensionless; its diagonal is zero for a symmetric law.
+        The Jacobi matrix J: symmetric, tridiagonal, dimensionless; its diagonal is zero for a symmetric distribution.
         Its eigenvalues are the Gauss nodes.
 
     Notes
@@ -52,15 +52,15 @@ def multiplication_matrix(basis: Basis) -> FloatArray:
     return np.diag(basis.diagonal) + np.diag(c[1:], 1) + np.diag(c[1:], -1)
 
 
-def affine_multiplication_matrix(basis: Basis, interval: Law) -> FloatArray:
+def affine_multiplication_matrix(basis: Basis, interval: Distribution) -> FloatArray:
     r"""Matrix of "multiply by psi" on moments: :math:`G = c\,I + h\,J`.
 
     Parameters
     ----------
     basis : Basis
         The basis that moments are taken against.
-    interval : Law
-        Law of the parameter; its range has centre c and half-width h.
+    interval : Distribution
+        Distribution of the parameter; its range has centre c and half-width h.
 
     Returns
     -------

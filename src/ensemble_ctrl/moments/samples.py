@@ -1,4 +1,4 @@
-"""The law of measured values."""
+"""The distribution of measured values."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import finite_array, frozen
 from ensemble_ctrl.moments.lanczos import CHUNK, condensed, gauss_of_points, recurrence_of_points, usable
-from ensemble_ctrl.moments.orthonormal import WeightedLaw
+from ensemble_ctrl.moments.orthonormal import WeightedDistribution
 from ensemble_ctrl.moments.recurrence import Recurrence, values
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class Samples(WeightedLaw):
+class Samples(WeightedDistribution):
     """A parameter that is equally often each of some measured values.
 
     The fleet is the one that was measured: its range goes from the smallest to the largest value.
@@ -48,8 +48,8 @@ class Samples(WeightedLaw):
 
     Examples
     --------
-    >>> law = Samples([1.0, 0.95, 1.05, 1.0])
-    >>> law, law.max_order
+    >>> distribution = Samples([1.0, 0.95, 1.05, 1.0])
+    >>> distribution, distribution.max_order
     (Samples(4 values, 3 different, 0.95 to 1.05), 2)
     """
 
@@ -89,7 +89,7 @@ class Samples(WeightedLaw):
 
     @property
     def measured(self) -> FloatArray:
-        """The values; see `Law.measured`."""
+        """The values; see `Distribution.measured`."""
         return self.values
 
     def recurrence(self, order: int) -> Recurrence:
@@ -120,7 +120,7 @@ class Samples(WeightedLaw):
         return sums[at[1:]].reshape(*np.shape(s), recurrence.order + 1)
 
     def cdf(self, psi: ArrayLike) -> FloatArray:
-        """Share of the values that are at most `psi`; see `Law.cdf`."""
+        """Share of the values that are at most `psi`; see `Distribution.cdf`."""
         below = np.searchsorted(self.values, finite_array("psi", psi), side="right")
         return np.asarray(below / len(self.values))
 

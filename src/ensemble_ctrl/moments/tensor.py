@@ -14,7 +14,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import finite_array
 from ensemble_ctrl.moments.basis import Basis
 from ensemble_ctrl.moments.bernstein import bernstein_to_moments, nodes_to_bernstein
-from ensemble_ctrl.moments.law import Law
+from ensemble_ctrl.moments.distribution import Distribution
 from ensemble_ctrl.moments.transform import nodes_to_moments
 
 FloatArray = NDArray[np.float64]
@@ -133,12 +133,12 @@ def kron(matrices: Sequence[FloatArray]) -> FloatArray:
     return reduce(lambda a, b: np.asarray(np.kron(a, b)), matrices, np.ones((1, 1)))
 
 
-def tensor_rule(laws: Sequence[Law], count: int) -> tuple[FloatArray, FloatArray]:
-    """Points and weights that integrate over the product of laws.
+def tensor_rule(distributions: Sequence[Distribution], count: int) -> tuple[FloatArray, FloatArray]:
+    """Points and weights that integrate over the product of distributions.
 
     Parameters
     ----------
-    laws : sequence of Law
+    distributions : sequence of Distribution
         One for each parameter.
     count : int
         Polynomials up to degree ``2 count - 1`` in each parameter are integrated exactly, up to rounding.
@@ -149,7 +149,7 @@ def tensor_rule(laws: Sequence[Law], count: int) -> tuple[FloatArray, FloatArray
         Scaled points, and weights, which sum to 2.
     """
     # product rule: weights multiply as shares of the fleet, and sum to 2
-    rules = [law.rule(count) for law in laws]
+    rules = [distribution.rule(count) for distribution in distributions]
     points = list(product(*(s for s, _ in rules)))
     weights = 2 * kron([w[None, :] / 2 for _, w in rules])[0]
-    return np.array(points, dtype=float).reshape(len(points), len(laws)), np.asarray(weights)
+    return np.array(points, dtype=float).reshape(len(points), len(distributions)), np.asarray(weights)

@@ -2,7 +2,7 @@ r"""Between a state as a function of the parameter, its moments, and its values 
 
 .. math:: m_k = \int_{-1}^{1} \phi_k(s)\, x(s)\, d\mu(s), \qquad x(s) = \sum_k m_k \phi_k(s)
 
-with the measure :math:`\mu` of the basis: :math:`ds` for `LegendreBasis`, twice the law for others.
+with the measure :math:`\mu` of the basis: :math:`ds` for `LegendreBasis`, twice the distribution for others.
 
 Arrays of moments have shape ``(order + 1,)`` for a scalar state, or ``(..., order + 1, n)``; arrays of values
 at q points have shape ``(q,)`` or ``(..., q, n)``. So every transform is a matrix applied from the left with
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments._check import along_order_axis, finite_array, frozen, scaled_points, whole_number
 from ensemble_ctrl.moments.basis import Basis
-from ensemble_ctrl.moments.law import Law
+from ensemble_ctrl.moments.distribution import Distribution
 
 FloatArray = NDArray[np.float64]
 
@@ -234,12 +234,12 @@ def change_of_basis(old: Basis, new: Basis) -> FloatArray:
     return _change_of_basis(old, new)
 
 
-def inner_products(law: Law, basis: Basis) -> FloatArray:
-    r"""Inner products of a basis under a law that need not be its own, :math:`\int \phi_j \phi_k\, d\mu`.
+def inner_products(distribution: Distribution, basis: Basis) -> FloatArray:
+    r"""Inner products of a basis under a distribution that need not be its own, :math:`\int \phi_j \phi_k\, d\mu`.
 
     Parameters
     ----------
-    law : Law
+    distribution : Distribution
         Its measure has total mass 2.
     basis : Basis
         Of any measure on [-1, 1].
@@ -252,7 +252,8 @@ def inner_products(law: Law, basis: Basis) -> FloatArray:
 
     Notes
     -----
-    **Guarantee**: exact, up to rounding, and also for laws of so few values that they have no basis of that order.
+    **Guarantee**: exact, up to rounding, and also for distributions of so few values that they have no basis of that
+    order.
 
     Examples
     --------
@@ -261,8 +262,8 @@ def inner_products(law: Law, basis: Basis) -> FloatArray:
     array([[1., 0.],
            [0., 3.]])
     """
-    # the Gauss rule of the law is exact for products of degree 2 N
-    s, weights = law.rule(basis.order + 1)
+    # the Gauss rule of the distribution is exact for products of degree 2 N
+    s, weights = distribution.rule(basis.order + 1)
     phi = basis.evaluate(s)
     return np.asarray((weights[:, None] * phi).T @ phi)
 

@@ -1,8 +1,8 @@
 """A share of the fleet: which members do what only a share of them has to do.
 
 For ``share(p, f)`` the program asks `f` of the members in a box of parameters whose mass is at least `p` under the
-laws. Any such box is enough; which one is cheapest depends on the map, so some are tried: the middle of the law, and
-its lower and upper ends.
+distributions. Any such box is enough; which one is cheapest depends on the map, so some are tried: the middle of the
+distribution, and its lower and upper ends.
 
 *Guarantee*: sufficient. The same members do all of `f`; a plan in which other members do different parts is not found.
 """
@@ -38,7 +38,7 @@ def ranges(problem: Problem) -> tuple[Range | None, ...]:
 
 
 def _choices(dynamic: int) -> Iterator[Sides]:
-    """For each dynamic parameter which part of its law is kept, as shares below its ends."""
+    """For each dynamic parameter which part of its distribution is kept, as shares below its ends."""
 
     def low(mass: float) -> tuple[float, float]:
         return 0.0, mass
@@ -53,7 +53,7 @@ def _choices(dynamic: int) -> Iterator[Sides]:
         return 0.0, 1.0
 
     if dynamic > 1:
-        # the same part of every law, or all of every law but one
+        # the same part of every distribution, or all of every distribution but one
         yield (middle,) * dynamic
     for k in range(dynamic):
         for side in (middle, low, high):
@@ -66,11 +66,11 @@ def _box(problem: Problem, sides: Sides, share: float) -> Range:
     lower, upper = np.array(fleet.lower), np.array(fleet.upper)
 
     def ends(mass: float) -> tuple[Floats, Floats]:
-        for k, law, side in zip(fleet.dynamic, fleet.dynamic_laws, sides, strict=True):
+        for k, distribution, side in zip(fleet.dynamic, fleet.dynamic_distributions, sides, strict=True):
             a, b = side(mass)
-            # ends of the side as quantiles of the law
-            lower[k] = law.lower if a <= 0 else float(law.quantile(a))
-            upper[k] = law.upper if b >= 1 else float(law.quantile(b))
+            # ends of the side as quantiles of the distribution
+            lower[k] = distribution.lower if a <= 0 else float(distribution.quantile(a))
+            upper[k] = distribution.upper if b >= 1 else float(distribution.quantile(b))
         return lower, upper
 
     # bisection on the mass that each side keeps, until the box, whose mass is a product or a count, has the share
@@ -82,8 +82,11 @@ def _box(problem: Problem, sides: Sides, share: float) -> Range:
         few, many = (few, mass) if fleet.mass(*ends(mass)) >= share else (mass, many)
     ends(many)
     # in scaled parameters s, clipped to [-1, 1]
-    pairs = zip(fleet.dynamic, fleet.dynamic_laws, strict=True)
-    scaled = ([float(np.clip(law.to_scaled(end[k]), -1.0, 1.0)) for end in (lower, upper)] for k, law in pairs)
+    pairs = zip(fleet.dynamic, fleet.dynamic_distributions, strict=True)
+    scaled = (
+        [float(np.clip(distribution.to_scaled(end[k]), -1.0, 1.0)) for end in (lower, upper)]
+        for k, distribution in pairs
+    )
     return tuple((low, high) for low, high in scaled)
 
 

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 QUADRATURE = {0: 0, 1: 16, 2: 6, 3: 3}
 """Order of the Gauss rules for each of so many parameters, else 2: Legendre's, whose robots are evaluated with the
-corners, and the laws'."""
+corners, and the distributions'."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _worst(problem: Problem, controls: Floats, order: int, within: Range | None)
 
 
 def _fleet(problem: Problem, controls: Floats) -> StateSignals:
-    """Members of equal weight, for what a task says of the fleet as a whole, drawn from the parameters' laws.
+    """Members of equal weight, for what a task says of the fleet as a whole, drawn from the parameters' distributions.
 
     With one parameter they are its quantiles.
     """

@@ -69,7 +69,7 @@ def _robustness(problem: Problem, states: Floats, controls: Floats, draws: bool)
     signals, ops = StateSignals(states, fleet.states, step), ExactOps()
     whole = signals
     if draws and any(map(reads_fleet, formulas)):
-        # what speaks of the fleet as a whole is read on members drawn from the laws
+        # what speaks of the fleet as a whole is read on members drawn from the distributions
         drawn = fleet.integrated(controls, fleet.sample(FLEET, seed=0), step, 1)
         whole = StateSignals(drawn, fleet.states, step)
     values = [float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in formulas]

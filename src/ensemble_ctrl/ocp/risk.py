@@ -1,6 +1,7 @@
 r"""The risk penalty in the program, by the form of Rockafellar and Uryasev, and exactly.
 
-Members of equal weight stand for the laws. With their losses :math:`L_i`, new variables t and :math:`e_i \ge 0`:
+Members of equal weight stand for the distributions. With their losses :math:`L_i`, new variables t and
+:math:`e_i \ge 0`:
 
 .. math:: w \Bigl(t + \frac{1}{n (1 - \alpha)} \sum_i e_i\Bigr), \qquad e_i + t \ge L_i
 
@@ -135,7 +136,10 @@ def risk_of(problem: Problem, members: Floats, paths: Floats) -> float:
 def _scaled(problem: Problem, members: Floats) -> Floats:
     """The dynamic parameters of members, scaled."""
     fleet = problem.fleet
-    columns = [law.to_scaled(members[:, k]) for k, law in zip(fleet.dynamic, fleet.dynamic_laws, strict=True)]
+    columns = [
+        distribution.to_scaled(members[:, k])
+        for k, distribution in zip(fleet.dynamic, fleet.dynamic_distributions, strict=True)
+    ]
     return np.column_stack(columns) if columns else np.zeros((len(members), 0))
 
 

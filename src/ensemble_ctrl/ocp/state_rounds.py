@@ -92,7 +92,7 @@ def whole(problem: Problem, order: int | None = None) -> Truncation:
     if order is None:
         order = ORDERS.get(count, 1) if problem.order is None else problem.order
     degrees, cells = (order,) * count, problem.solve.cells
-    return Truncation(degrees, degrees, problem.solve.guarantee == "hull", problem.fleet.dynamic_laws, cells)
+    return Truncation(degrees, degrees, problem.solve.guarantee == "hull", problem.fleet.dynamic_distributions, cells)
 
 
 def first(problem: Problem, guess: Guess, clock: Clock, watch: Watch | None) -> tuple[Attempt, Floats]:

@@ -1,12 +1,12 @@
 r"""The penalty of where the fleet ends, in the program and exactly.
 
-With the fleet's final positions :math:`p(q)` and :math:`E` the mean over the parameters' laws, the terminal term is
-``objective.terminal`` times
+With the fleet's final positions :math:`p(q)` and :math:`E` the mean over the parameters' distributions, the terminal
+term is ``objective.terminal`` times
 
 - :math:`2\,E|p - r|^2` for one place r, or a place r(q) for each member (`Formation`): the paper's ``|m(T) - m_F|^2``;
 - :math:`\sum_k w_k |m_k(T) - m_{F,k}|^2` for some moments (`MomentTarget`);
 - :math:`2\,W_2^2` for a mean and a covariance (`SpreadTarget`), twice the squared Wasserstein distance between normal
-  laws: :math:`W_2^2 = |\mu - \mu_F|^2 + \mathrm{tr}\, C + \mathrm{tr}\, C_F - 2\, \mathrm{tr}\sqrt A` with
+  distributions: :math:`W_2^2 = |\mu - \mu_F|^2 + \mathrm{tr}\, C + \mathrm{tr}\, C_F - 2\, \mathrm{tr}\sqrt A` with
   :math:`A = C_F^{1/2} C\, C_F^{1/2}`; in two dimensions
   :math:`\mathrm{tr}\sqrt A = \sqrt{\mathrm{tr} A + 2\sqrt{\det A}}`.
 
@@ -87,7 +87,7 @@ def terminal_of(problem: Problem, nodes: Floats, weights: Floats, final: Floats)
     members = fleet.dynamic_members(nodes)
     match aim.target:
         case MomentTarget() as target:
-            basis = fleet.dynamic_laws[0].basis(len(target.moments) - 1)
+            basis = fleet.dynamic_distributions[0].basis(len(target.moments) - 1)
             # m_k - m_F,k by the Gauss rule
             off = (weights[:, None] * basis.evaluate(nodes[:, 0])).T @ final - target.moments
             cost = float(target.weights @ (off**2).sum(axis=1))
@@ -102,11 +102,11 @@ def terminal_of(problem: Problem, nodes: Floats, weights: Floats, final: Floats)
 
 
 def _places(problem: Problem, truncation: Truncation) -> Floats:
-    """The points whose curve is closest to the places wanted, under the laws, shape (points, 2)."""
+    """The points whose curve is closest to the places wanted, under the distributions, shape (points, 2)."""
     if not isinstance(problem.objective.target, Formation):
         return np.tile(np.asarray(problem.objective.place), (truncation.count, 1))
     nodes, weights = problem.fleet.rule(FINE)
-    # least squares under the laws: min_P sum_j w_j |(evaluation P)(q_j) - r(q_j)|^2 over the rule's nodes
+    # least squares under the distributions: min_P sum_j w_j |(evaluation P)(q_j) - r(q_j)|^2 over the rule's nodes
     root = np.sqrt(weights)[:, None]
     fleet = problem.fleet
     wanted = problem.objective.places(fleet, fleet.dynamic_members(nodes))

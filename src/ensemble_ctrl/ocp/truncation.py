@@ -5,10 +5,10 @@ parameters.  Truncation at orders N keeps the polynomial through the robots at t
 displacement of those robots over a step depends on the commands alone, so the decision variables need not carry their
 positions: they carry the `points` that the constraints speak of, any linear image of them.
 
-The nodes are Legendre's whatever the parameters' laws, for the polynomial has to be close to the curve over the whole
-range and is turned into points that contain it; the nodes of a law that leaves a part of the range nearly empty are far
-worse at both.  The laws have their say in what is averaged: mean, moments and terminal cost are exact integrals of that
-polynomial against them.
+The nodes are Legendre's whatever the parameters' distributions, for the polynomial has to be close to the curve over
+the whole range and is turned into points that contain it; the nodes of a distribution that leaves a part of the range
+nearly empty are far worse at both.  The distributions have their say in what is averaged: mean, moments and terminal
+cost are exact integrals of that polynomial against them.
 
 Parameters that only shift the start add a constant box to every position (``Fleet.shift``): they need no nodes at all,
 and rows pay for them with a constant.
@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.moments import (
     MAX_ORDER,
+    Distribution,
     Interval,
-    Law,
     LegendreBasis,
     TensorBasis,
     bernstein_to_moments,
@@ -48,7 +48,7 @@ TAIL_TOLERANCE = 1e-4
 Range = tuple[tuple[float, float], ...]
 """A range of each scaled dynamic parameter."""
 UNIFORM = Interval(-1.0, 1.0)
-"""The law of a scaled parameter unless another is given."""
+"""The distribution of a scaled parameter unless another is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +63,13 @@ class Truncation:
         The points carry the moments 0..degree of the position; the rest is a tail that becomes margin.
     hull : bool
         True for Bernstein coefficients, whose convex hull contains the curve; False for the Gauss-node robots.
-    laws : tuple of Law, optional
-        What moments are taken against, one law for each dynamic parameter; all uniform if not given.
+    distributions : tuple of Distribution, optional
+        What moments are taken against, one distribution for each dynamic parameter; all uniform if not given.
     cells : int
         Equal parts of the first dynamic parameter's range that have separating hyperplanes of their own.
     joint : pair of ndarray, optional
-        Scaled members, shape (members, dynamic parameters), and weights that sum to 2, of a law that is no product;
-        means and squares are over it in place of `laws`.
+        Scaled members, shape (members, dynamic parameters), and weights that sum to 2, of a distribution that is no
+        product; means and squares are over it in place of `distributions`.
     within : tuple of (float, float), optional
         A range of each scaled dynamic parameter: the members that do what a share of the fleet has to do
         (`ensemble_ctrl.ocp.chance`).
@@ -78,7 +78,7 @@ class Truncation:
     orders: tuple[int, ...]
     degrees: tuple[int, ...]
     hull: bool
-    laws: tuple[Law, ...] | None = None
+    distributions: tuple[Distribution, ...] | None = None
     cells: int = 1
     joint: tuple[Floats, Floats] | None = None
     within: Range | None = None
@@ -90,9 +90,11 @@ class Truncation:
 
     @cached_property
     def basis(self) -> TensorBasis:
-        """The laws' basis of the carried moments; of fewer, for a law of few values."""
-        pairs = zip(self._laws, self.degrees, strict=True)
-        return TensorBasis(tuple(law.basis(min(degree, law.max_order)) for law, degree in pairs))
+        """The distributions' basis of the carried moments; of fewer, for a distribution of few values."""
+        pairs = zip(self._distributions, self.degrees, strict=True)
+        return TensorBasis(
+            tuple(distribution.basis(min(degree, distribution.max_order)) for distribution, degree in pairs)
+        )
 
     @property
     def nodes(self) -> Floats:
@@ -144,10 +146,10 @@ class Truncation:
 
     @cached_property
     def to_moments(self) -> Floats:
-        """Matrix from points to the moments they carry, under the laws, shape (moments, points)."""
+        """Matrix from points to the moments they carry, under the distributions, shape (moments, points)."""
         if self._uniform:
             return self.to_legendre
-        # from Legendre polynomials to those of the laws, a Kronecker product over the parameters
+        # from Legendre polynomials to those of the distributions, a Kronecker product over the parameters
         changes = [
             change_of_basis(LegendreBasis(degree), basis)
             for degree, basis in zip(self.degrees, self.basis.factors, strict=True)
@@ -166,18 +168,18 @@ class Truncation:
             # sum_i w_i p(s_i) . p(s_i) over the joint samples, whose weights sum to 2
             values = self.evaluation(self.joint[0])
             return np.asarray(values.T @ (self.joint[1][:, None] * values))
-        # int p . p dmu = m^T (int phi phi^T dmu) m, the identity for uniform laws
+        # int p . p dmu = m^T (int phi phi^T dmu) m, the identity for uniform distributions
         inner = np.eye(len(self.to_legendre))
         if not self._uniform:
-            pairs = zip(self._laws, self.degrees, strict=True)
-            inner = kron([inner_products(law, LegendreBasis(degree)) for law, degree in pairs])
+            pairs = zip(self._distributions, self.degrees, strict=True)
+            inner = kron([inner_products(distribution, LegendreBasis(degree)) for distribution, degree in pairs])
         return np.asarray(self.to_legendre.T @ inner @ self.to_legendre)
 
     @cached_property
     def mean(self) -> Floats:
         """Weights of the points in the mean position, shape (points,)."""
         if self.joint is not None:
-            # (1/2) sum_i w_i p(s_i); under the laws m_0 / sqrt(2), since phi_0 = 1 / sqrt(2)
+            # (1/2) sum_i w_i p(s_i); under the distributions m_0 / sqrt(2), since phi_0 = 1 / sqrt(2)
             return np.asarray(self.joint[1] @ self.evaluation(self.joint[0]) / 2)
         return np.asarray(self.to_moments[0] / np.sqrt(2.0))
 
@@ -187,14 +189,14 @@ class Truncation:
         return np.asarray(_basis(self.degrees).evaluate(s) @ self.to_legendre)
 
     @property
-    def _laws(self) -> tuple[Law, ...]:
-        """One law for each dynamic parameter."""
-        return (UNIFORM,) * len(self.orders) if self.laws is None else self.laws
+    def _distributions(self) -> tuple[Distribution, ...]:
+        """One distribution for each dynamic parameter."""
+        return (UNIFORM,) * len(self.orders) if self.distributions is None else self.distributions
 
     @property
     def _uniform(self) -> bool:
-        """Whether all laws are uniform."""
-        return all(isinstance(law, Interval) for law in self._laws)
+        """Whether all distributions are uniform."""
+        return all(isinstance(distribution, Interval) for distribution in self._distributions)
 
 
 def node_drives(problem: Problem, truncation: Truncation) -> Floats:
@@ -246,7 +248,7 @@ def choose(problem: Problem, controls: Floats) -> Truncation:
 
 
 def plain(orders: tuple[int, ...], hull: bool) -> Truncation:
-    """A truncation that carries all its moments, under uniform laws."""
+    """A truncation that carries all its moments, under uniform distributions."""
     return Truncation(orders, orders, hull)
 
 
@@ -254,15 +256,15 @@ def _whole(problem: Problem, orders: tuple[int, ...], hull: bool) -> Truncation:
     """A truncation of a problem's fleet that carries all its moments."""
     fleet = problem.fleet
     joint = None if fleet.samples is None else fleet.rule(max(orders, default=0) + 1)
-    return Truncation(orders, orders, hull, fleet.dynamic_laws, problem.solve.cells, joint)
+    return Truncation(orders, orders, hull, fleet.dynamic_distributions, problem.solve.cells, joint)
 
 
 def coarse(problem: Problem) -> Truncation:
     """A low truncation for first solves: parabolas, or straight lines where there are many parameters."""
-    laws, hull = problem.fleet.dynamic_laws, problem.solve.guarantee != "moment"
+    distributions, hull = problem.fleet.dynamic_distributions, problem.solve.guarantee != "moment"
     target = problem.objective.target
     least = len(target.moments) - 1 if isinstance(target, MomentTarget) else 0
-    return _whole(problem, (max(2 if len(laws) < 3 else 1, least),) * len(laws), hull)
+    return _whole(problem, (max(2 if len(distributions) < 3 else 1, least),) * len(distributions), hull)
 
 
 def raised(truncation: Truncation) -> Truncation:

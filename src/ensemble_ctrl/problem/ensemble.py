@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays
 from ensemble_ctrl.core.values import numbers
-from ensemble_ctrl.moments import Law, Samples, tensor_rule
+from ensemble_ctrl.moments import Distribution, Samples, tensor_rule
 from ensemble_ctrl.problem.arguments import mapping_of
 
 Floats = NDArray[np.float64]
@@ -26,26 +26,28 @@ PRIMES = np.array([1, 2, 3, 5, 7, 11, 13])
 
 
 class Ensemble(ReadOnlyArrays):
-    """The parameters of a fleet with their laws; members are rows of numbers in the parameters' order.
+    """The parameters of a fleet with their distributions; members are rows of numbers in the parameters' order.
 
     Attributes
     ----------
-    parameters : mapping of str to Law
-        The law of each parameter, independent of each other.
+    parameters : mapping of str to Distribution
+        The distribution of each parameter, independent of each other.
     samples : mapping of str to ndarray of shape (robots,), or None
         Columns of parameters that were measured together, where there are such.
     """
 
-    parameters: Mapping[str, Law]
+    parameters: Mapping[str, Distribution]
     samples: Mapping[str, Floats] | None = None
 
-    def with_laws(self, laws: Mapping[str, Law]) -> Self:
-        """The same fleet with other laws of its parameters, for which joint samples do not hold."""
-        changes: dict[str, Any] = {"parameters": dict(laws)} | ({} if self.samples is None else {"samples": None})
+    def with_distributions(self, distributions: Mapping[str, Distribution]) -> Self:
+        """The same fleet with other distributions of its parameters, for which joint samples do not hold."""
+        changes: dict[str, Any] = {"parameters": dict(distributions)} | (
+            {} if self.samples is None else {"samples": None}
+        )
         return replace(self, **changes)  # type: ignore[type-var]
 
     def checked_samples(self, samples: Mapping[str, ArrayLike]) -> dict[str, Floats]:
-        """Columns of one length, whose laws are their samples."""
+        """Columns of one length, whose distributions are their samples."""
         given = mapping_of("fleet.samples", samples, object, "columns")
         columns = {name: numbers(f"fleet.samples[{name!r}]", values) for name, values in given.items()}
         lengths = {column.shape for column in columns.values()}
@@ -67,11 +69,11 @@ class Ensemble(ReadOnlyArrays):
         return tuple(range(len(self.parameters)))
 
     def sample(self, count: int, seed: int) -> Floats:
-        """Members drawn from the parameters' laws, shape (count, parameters)."""
+        """Members drawn from the parameters' distributions, shape (count, parameters)."""
         drawn = np.empty((count, len(self.parameters)))
-        for k, law in enumerate(self.parameters.values()):
+        for k, distribution in enumerate(self.parameters.values()):
             # an independent stream of random numbers for each parameter
-            drawn[:, k] = law.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
+            drawn[:, k] = distribution.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
         if self.samples is not None:
             # joint samples: whole rows, drawn with replacement
             robots = np.random.default_rng(seed).integers(0, len(next(iter(self.samples.values()))), count)
@@ -80,7 +82,7 @@ class Ensemble(ReadOnlyArrays):
         return drawn
 
     def rule(self, count: int) -> tuple[Floats, Floats]:
-        """Points and weights that integrate over the laws of the dynamic parameters.
+        """Points and weights that integrate over the distributions of the dynamic parameters.
 
         Parameters
         ----------
@@ -93,18 +95,19 @@ class Ensemble(ReadOnlyArrays):
             Weights sum to 2; measured robots are their own points, each with the same weight.
         """
         if self.samples is None:
-            return tensor_rule(self.dynamic_laws, count)
+            return tensor_rule(self.dynamic_distributions, count)
         own = [self.names[k] in self.samples for k in self.dynamic]
         # every row of the joint samples with the product rule of the other parameters
         others, weights = tensor_rule(
-            [law for law, mine in zip(self.dynamic_laws, own, strict=True) if not mine], count
+            [distribution for distribution, mine in zip(self.dynamic_distributions, own, strict=True) if not mine],
+            count,
         )
         robots = len(next(iter(self.samples.values())))
         scaled = np.empty((robots, len(others), len(own)))
         scaled[:, :, [not mine for mine in own]] = others
-        for column, (k, law) in enumerate(zip(self.dynamic, self.dynamic_laws, strict=True)):
+        for column, (k, distribution) in enumerate(zip(self.dynamic, self.dynamic_distributions, strict=True)):
             if own[column]:
-                scaled[:, :, column] = law.to_scaled(self.samples[self.names[k]])[:, None]
+                scaled[:, :, column] = distribution.to_scaled(self.samples[self.names[k]])[:, None]
         return scaled.reshape(-1, len(own)), np.tile(weights / robots, robots)
 
     @property
@@ -115,28 +118,28 @@ class Ensemble(ReadOnlyArrays):
     @cached_property
     def lower(self) -> Floats:
         """Lower ends of the parameters' ranges, shape (parameters,)."""
-        return np.array([law.lower for law in self.parameters.values()])
+        return np.array([distribution.lower for distribution in self.parameters.values()])
 
     @cached_property
     def upper(self) -> Floats:
         """Upper ends of the parameters' ranges, shape (parameters,)."""
-        return np.array([law.upper for law in self.parameters.values()])
+        return np.array([distribution.upper for distribution in self.parameters.values()])
 
     @cached_property
     def center(self) -> Floats:
         """Middles of the parameters' ranges, shape (parameters,)."""
-        return np.array([law.center for law in self.parameters.values()])
+        return np.array([distribution.center for distribution in self.parameters.values()])
 
     @property
-    def dynamic_laws(self) -> tuple[Law, ...]:
-        """Laws of the dynamic parameters."""
-        laws = list(self.parameters.values())
-        return tuple(laws[k] for k in self.dynamic)
+    def dynamic_distributions(self) -> tuple[Distribution, ...]:
+        """Distributions of the dynamic parameters."""
+        distributions = list(self.parameters.values())
+        return tuple(distributions[k] for k in self.dynamic)
 
     @property
     def corners(self) -> Floats:
         """The members at the corners of the box of parameters, shape (2^parameters, parameters)."""
-        ends = [(law.lower, law.upper) for law in self.parameters.values()]
+        ends = [(distribution.lower, distribution.upper) for distribution in self.parameters.values()]
         return np.array(list(product(*ends)), dtype=float).reshape(2 ** len(ends), len(ends))
 
     def dynamic_members(self, scaled: Floats) -> Floats:
@@ -152,18 +155,18 @@ class Ensemble(ReadOnlyArrays):
         """
         # psi_k = c_k + h_k s_k for the dynamic parameters, centres for the others
         members = np.tile(self.center, (len(scaled), 1))
-        for column, (k, law) in enumerate(zip(self.dynamic, self.dynamic_laws, strict=True)):
-            members[:, k] = law.to_parameter(scaled[:, column])
+        for column, (k, distribution) in enumerate(zip(self.dynamic, self.dynamic_distributions, strict=True)):
+            members[:, k] = distribution.to_parameter(scaled[:, column])
         return members
 
     def grid(self, count: int) -> Floats:
         """About `count` members spread evenly over the ranges, both ends of each included, shape (.., parameters)."""
-        wide = [law.upper > law.lower for law in self.parameters.values()]
+        wide = [distribution.upper > distribution.lower for distribution in self.parameters.values()]
         # count^(1 / n) values in each of the n ranges that have a width
         each = max(2, round(count ** (1 / max(sum(wide), 1))))
         axes = [
-            np.linspace(law.lower, law.upper, each if w else 1)
-            for law, w in zip(self.parameters.values(), wide, strict=True)
+            np.linspace(distribution.lower, distribution.upper, each if w else 1)
+            for distribution, w in zip(self.parameters.values(), wide, strict=True)
         ]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
 
@@ -175,15 +178,19 @@ class Ensemble(ReadOnlyArrays):
         return np.asarray(self.lower + share * (self.upper - self.lower))
 
     def representatives(self, count: int) -> Floats:
-        """Exactly `count` members of equal weight that represent the laws, shape (count, parameters).
+        """Exactly `count` members of equal weight that represent the distributions, shape (count, parameters).
 
         Even in the distribution of the first parameter, scattered evenly in the others; joint samples stay whole.
         """
         # quantiles at the points of a Kronecker sequence, in the first parameter at midpoints
         share = (0.5 + np.arange(count)[:, None] * np.sqrt(PRIMES[: len(self.names)])) % 1.0
         share[:, :1] = (0.5 + np.arange(count)[:, None]) / count
-        laws = self.parameters.values()
-        members = np.column_stack([law.quantile(s) for law, s in zip(laws, share.T, strict=True)]) if laws else share
+        distributions = self.parameters.values()
+        members = (
+            np.column_stack([distribution.quantile(s) for distribution, s in zip(distributions, share.T, strict=True)])
+            if distributions
+            else share
+        )
         if self.samples is not None:
             first = self.names.index(next(iter(self.samples)))
             robots = (share[:, first] * len(next(iter(self.samples.values())))).astype(int)
@@ -192,7 +199,7 @@ class Ensemble(ReadOnlyArrays):
         return members
 
     def mass(self, lower: Floats, upper: Floats) -> float:
-        """Share of the fleet in a closed box of parameters, under the laws and the joint samples.
+        """Share of the fleet in a closed box of parameters, under the distributions and the joint samples.
 
         Parameters
         ----------
@@ -207,11 +214,11 @@ class Ensemble(ReadOnlyArrays):
         # continuous distributions: product of cdf differences; measured values: counted, joint ones row by row
         samples, share, together = self.samples or {}, 1.0, []
         counted = whole = 1
-        for k, (name, law) in enumerate(self.parameters.items()):
-            values = samples.get(name, law.measured)
+        for k, (name, distribution) in enumerate(self.parameters.items()):
+            values = samples.get(name, distribution.measured)
             if values is None:
                 below = np.nextafter(lower[k], -np.inf)
-                share *= float(law.cdf(upper[k]) - law.cdf(below))
+                share *= float(distribution.cdf(upper[k]) - distribution.cdf(below))
                 continue
             inside = (values >= lower[k]) & (values <= upper[k])
             if name in samples:

@@ -15,8 +15,8 @@ from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.core.readonly import ReadOnlyMapping
 from ensemble_ctrl.core.renamed import renamed_fields
 from ensemble_ctrl.core.values import expect, numbers
-from ensemble_ctrl.moments import Law
-from ensemble_ctrl.problem.arguments import laws_of
+from ensemble_ctrl.moments import Distribution
+from ensemble_ctrl.problem.arguments import distributions_of
 from ensemble_ctrl.problem.arguments.fleets import per_control, radius_of, rates_of, start_of
 from ensemble_ctrl.problem.ensemble import Ensemble, Member
 from ensemble_ctrl.problem.integrated import ACCURACY, accurate, integrated, needed
@@ -40,8 +40,8 @@ class Fleet(Ensemble):
     ----------
     system : System
         The dynamics that all members share.
-    parameters : mapping of str to Law
-        The law of each parameter that differs between members, independent of each other. Names are those of
+    parameters : mapping of str to Distribution
+        The distribution of each parameter that differs between members, independent of each other. Names are those of
         ``system.parameters``, and ``start_`` with the name of a state, an offset of its start. Parameters of the system
         that are not named have its values.
     position : array_like, shape (d,), optional
@@ -55,8 +55,8 @@ class Fleet(Ensemble):
         Radius of a robot in metres; obstacles grow by it.
     samples : mapping of str to array_like of shape (robots,), optional
         Measured robots whose parameters belong together: for each of some parameters that bend trajectories the values
-        of all robots, in one order. Their laws have to be the `Samples` of these values. Means, moments and draws
-        follow the joint samples; a plan still holds for all combinations in the ranges.
+        of all robots, in one order. Their distributions have to be the `Samples` of these values. Means, moments and
+        draws follow the joint samples; a plan still holds for all combinations in the ranges.
     rate_bounds : array_like, shape (n_u,), optional
         Largest change of each command per second, between successive steps; infinite if not given.
     start : mapping of str to float, optional
@@ -81,7 +81,7 @@ class Fleet(Ensemble):
     """
 
     system: System
-    parameters: Mapping[str, Law]
+    parameters: Mapping[str, Distribution]
     input_lower: Floats
     input_upper: Floats
     radius: float
@@ -92,7 +92,7 @@ class Fleet(Ensemble):
     def __init__(
         self,
         system: System,
-        parameters: Mapping[str, Law],
+        parameters: Mapping[str, Distribution],
         position: ArrayLike | None = None,
         heading: float | str | None = None,
         input_lower: ArrayLike | None = None,
@@ -104,7 +104,9 @@ class Fleet(Ensemble):
         start: Mapping[str, float] | None = None,
     ) -> None:
         expect("fleet.system", system, System).require_complete()
-        self._set(system=system, parameters=ReadOnlyMapping(laws_of("fleet.parameters", parameters)), samples=None)
+        self._set(
+            system=system, parameters=ReadOnlyMapping(distributions_of("fleet.parameters", parameters)), samples=None
+        )
         self._check_names()
         self._set(start=start_of(system, start, position, heading), radius=radius_of(radius))
         lower, upper = np.array(system.input_bounds, dtype=float).T
@@ -253,11 +255,11 @@ class Fleet(Ensemble):
     def shift_covariance(self) -> Floats:
         """Covariance of these shifts, shape (d, d), square metres: no control can change it."""
         total = np.zeros((len(self.places), len(self.places)))
-        for direction, law in zip(self.shifting, self.parameters.values(), strict=True):
+        for direction, distribution in zip(self.shifting, self.parameters.values(), strict=True):
             if direction.any():
                 # variance of psi by two Gauss points, exact for degree 3
-                s, weights = law.rule(2)
-                psi = law.to_parameter(s)
+                s, weights = distribution.rule(2)
+                psi = distribution.to_parameter(s)
                 variance = float(weights @ psi**2 / 2 - (weights @ psi / 2) ** 2)
                 total += variance * np.outer(direction, direction)
         return total

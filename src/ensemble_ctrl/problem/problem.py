@@ -314,9 +314,12 @@ class Problem:
     def __repr__(self) -> str:
         order = "auto" if self.order is None else self.order
         count = len(self.obstacles)
-        laws = ", ".join(f"{name} {law.lower:g}..{law.upper:g}" for name, law in self.fleet.parameters.items())
+        distributions = ", ".join(
+            f"{name} {distribution.lower:g}..{distribution.upper:g}"
+            for name, distribution in self.fleet.parameters.items()
+        )
         return (
-            f"Problem({self.name!r}: {self.fleet.system.name}, {laws}, "
+            f"Problem({self.name!r}: {self.fleet.system.name}, {distributions}, "
             f"{self.duration:g} s in {self.steps} steps, order {order}, {count} obstacle{'s' * (count != 1)}, "
             f"task {self.task})"
         )
@@ -325,7 +328,10 @@ class Problem:
         from ensemble_ctrl.problem.drawing import card_html, map_svg
 
         order = "auto" if self.order is None else str(self.order)
-        ranges = ", ".join(f"{name} {law.lower:g} to {law.upper:g}" for name, law in self.fleet.parameters.items())
+        ranges = ", ".join(
+            f"{name} {distribution.lower:g} to {distribution.upper:g}"
+            for name, distribution in self.fleet.parameters.items()
+        )
         rows = [
             ("fleet", f"{self.fleet.system.name}, {ranges or 'all members equal'}, radius {self.fleet.radius:g} m"),
             ("horizon", f"{self.duration:g} s in {self.steps} steps, order {order}"),

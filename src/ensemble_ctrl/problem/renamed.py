@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from ensemble_ctrl.core.renamed import warn_renamed
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.problem import Problem
 
@@ -34,6 +34,5 @@ RENAMED: Mapping[str, tuple[str, Callable[..., Any]]] = {
 def renamed(name: str) -> Callable[..., Any]:
     """The object of an old name, with a warning."""
     new, what = RENAMED[name]
-    message = f"ensemble_ctrl.{name} is deprecated and goes with the next release: use ensemble_ctrl.{new}"
-    warnings.warn(message, DeprecationWarning, stacklevel=3)
+    warn_renamed(f"ensemble_ctrl.{name}", f"ensemble_ctrl.{new}", depth=2)
     return what

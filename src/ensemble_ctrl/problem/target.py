@@ -66,7 +66,8 @@ class MomentTarget(ReadOnlyArrays):
     Parameters
     ----------
     moments : array_like, shape (count, 2)
-        Metres, against the orthonormal polynomials of the parameter's law: the mean is the first, divided by sqrt(2).
+        Metres, against the orthonormal polynomials of the parameter's distribution: the mean is the first, divided by
+        sqrt(2).
     weights : array_like, shape (count,), optional
         Of each moment's squared error; all 1 if not given.
 
@@ -142,7 +143,7 @@ Target = Formation | MomentTarget | SpreadTarget
 
 
 def wasserstein(mean: Floats, covariance: Floats, target: SpreadTarget) -> float:
-    """Squared Wasserstein distance in square metres between normal laws, from a mean and a covariance to a target."""
+    """Squared Wasserstein distance (m^2) of the normal distribution of a mean and a covariance to a target."""
     # W^2 = |m - m_F|^2 + tr C + tr F - 2 tr (C F)^(1/2) (Dowson and Landau 1982)
     C, F = covariance, target.covariance
     inner = np.trace(C @ F) + 2 * np.sqrt(max(np.linalg.det(C) * np.linalg.det(F), 0.0))

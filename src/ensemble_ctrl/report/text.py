@@ -164,7 +164,8 @@ def ranges_text(fleet: Ensemble) -> str:
     if not fleet.names:
         return "all members equal"
     return ", ".join(
-        f"{name} {law.lower:.4g} to {law.upper:.4g}{unit_of(name)}" for name, law in fleet.parameters.items()
+        f"{name} {distribution.lower:.4g} to {distribution.upper:.4g}{unit_of(name)}"
+        for name, distribution in fleet.parameters.items()
     )
 
 

@@ -156,8 +156,8 @@ class Asked:
     def of(cls, case: Case, states: Long, rng: Rng) -> Asked:
         """At random; without the obstacle if members start in it."""
         system = case.system
-        laws = {n: ec.Interval(a, b) for n, a, b in zip(case.names, case.lower, case.upper, strict=True)}
-        fleet = ec.Fleet(system, laws, start=dict(zip(system.states, case.origin.tolist(), strict=True)))
+        distributions = {n: ec.Interval(a, b) for n, a, b in zip(case.names, case.lower, case.upper, strict=True)}
+        fleet = ec.Fleet(system, distributions, start=dict(zip(system.states, case.origin.tolist(), strict=True)))
         state = int(rng.integers(len(system.states)))
         begin, end = np.sort(rng.uniform(0, case.duration, 2)).tolist()
         limit = float(states[:, :, state].max() + rng.choice([-0.01, 0.0, 1e-4, 0.02]))

@@ -77,7 +77,7 @@ def _rates(system: Any, u: list[float], psi: dict[str, float], _: float, x: Any)
     return np.array(system.xdot(list(x), u, psi), dtype=float)
 
 
-@pytest.mark.parametrize("name", ["fleets/bicycle", "fleets/uncertain_start", "risk/share", "laws/measured"])
+@pytest.mark.parametrize("name", ["fleets/bicycle", "fleets/uncertain_start", "risk/share", "distributions/measured"])
 def test_both_enclosures_of_arcs_hold_each_other(name: str) -> None:
     """``python -m tests.campaign.systems.twins`` takes all problem files."""
     path = ROOT / "configs" / f"{name}.yaml"

@@ -79,8 +79,8 @@ def test_obstacles_that_move() -> None:
 
 def masses(task: str, spread: float = 0.2, **more: Any) -> ec.Problem:
     """Point masses of unequal mass and start."""
-    laws = {"mass": ec.Interval(1 - spread, 1 + spread), "start_vy": ec.Interval(-0.05, 0.05)}
-    fleet = ec.Fleet(ec.DoubleIntegrator(), laws, radius=0.1)
+    distributions = {"mass": ec.Interval(1 - spread, 1 + spread), "start_vy": ec.Interval(-0.05, 0.05)}
+    fleet = ec.Fleet(ec.DoubleIntegrator(), distributions, radius=0.1)
     obstacles = {"post": (Obstacle.polygon([[1.5, 0.4], [2.0, 0.3], [2.2, 0.9], [1.7, 1.1]]),)}
     regions = {"goal": ec.Polyhedron.box([[1.8, 3.2], [-0.8, 0.8]])}
     return ec.Problem("masses", fleet, 3.0, 15, ec.parse(task), regions, obstacles, **more)

@@ -24,7 +24,7 @@ def swarm_of(low: float, high: float, count: int = 3000, noise: float = 0.002) -
     return SimulatedSwarm(SHORT.fleet.arcs, coefficients, SHORT.step, noise, seed=4)
 
 
-def test_aggregates_tell_the_law_and_every_robot_stays_proven() -> None:
+def test_aggregates_tell_the_distribution_and_every_robot_stays_proven() -> None:
     loop, robots = Swarm(SHORT, options(), plan(), process_time), swarm_of(0.98, 1.10)
     while not loop.over:
         loop.observe(robots.look())
@@ -45,7 +45,7 @@ def rms(off: Floats) -> float:
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
-def test_a_law_is_found_exactly_without_noise() -> None:
+def test_a_distribution_is_found_exactly_without_noise() -> None:
     loop, robots = Swarm(SHORT, options(), plan(), process_time), swarm_of(0.9, 1.0, noise=0.0)
     robots.drive(plan()[:20])
     loop.sent = 20
@@ -55,7 +55,7 @@ def test_a_law_is_found_exactly_without_noise() -> None:
     assert loop.range[1] - loop.range[0] == pytest.approx(1.2 * 0.1, abs=2e-3)
 
 
-def test_what_no_law_explains_shows_in_the_misfit() -> None:
+def test_what_no_distribution_explains_shows_in_the_misfit() -> None:
     loop = Swarm(SHORT, options(), plan(), process_time)
     loop.observe(Aggregate(1.0, np.array([5.0, 5.0]), 0.01 * np.eye(2)))
     assert loop.misfit > 1
@@ -79,6 +79,6 @@ def test_strange_aggregates_are_left_out() -> None:
 )
 def test_a_fleet_of_more_than_one_factor_is_refused(names: tuple[str, ...], said: str) -> None:
     """Nor may robots start in different places: nobody measures where each is."""
-    laws = {name: Interval(-0.1, 0.1) if name == "start_x" else Interval(0.9, 1.1) for name in names}
+    distributions = {name: Interval(-0.1, 0.1) if name == "start_x" else Interval(0.9, 1.1) for name in names}
     with pytest.raises(ProblemError, match=f"swarm: expected a fleet with one factor, got {said}"):
-        Swarm(SHORT.with_(fleet=replace(SHORT.fleet, parameters=laws)), options(), plan())
+        Swarm(SHORT.with_(fleet=replace(SHORT.fleet, parameters=distributions)), options(), plan())

@@ -25,7 +25,7 @@ from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fl
 from ensemble_ctrl.problem.specification import AvoidConstraint, ChanceConstraint, TaskPart
 
 if TYPE_CHECKING:
-    from ensemble_ctrl.moments import Law
+    from ensemble_ctrl.moments import Distribution
     from ensemble_ctrl.problem import Problem
 
 
@@ -43,7 +43,7 @@ class GeneralProof:
     ----------
     problem : Problem
     controls : ndarray, shape (steps, n_u)
-    laws : mapping of str to Law
+    distributions : mapping of str to Distribution
         The ranges that the claim is about.
 
     Raises
@@ -54,7 +54,7 @@ class GeneralProof:
 
     problem: Problem
     controls: Floats
-    laws: Mapping[str, Law]
+    distributions: Mapping[str, Distribution]
 
     @cached_property
     def enclosure(self) -> Enclosure:
@@ -64,13 +64,13 @@ class GeneralProof:
     @cached_property
     def _start(self) -> Start:
         """The ranges and where members start."""
-        fleet, names = self.problem.fleet, tuple(self.laws)
+        fleet, names = self.problem.fleet, tuple(self.distributions)
         shifts = [fleet.shifted(name) for name in names]
         given = {**fleet.system.start(), **fleet.start}
         return Start(
             names,
-            np.array([law.lower for law in self.laws.values()], dtype=float),
-            np.array([law.upper for law in self.laws.values()], dtype=float),
+            np.array([distribution.lower for distribution in self.distributions.values()], dtype=float),
+            np.array([distribution.upper for distribution in self.distributions.values()], dtype=float),
             np.array([float(given.get(name, 0.0)) for name in fleet.states]),
             np.array(shifts, dtype=np.int64),
         )
@@ -106,7 +106,7 @@ class GeneralProof:
             if schedule is None:
                 break
             elements = Elements.of(schedule.mesh, duration, steps, parts)
-            fleet = weighed(self.problem, self.laws)
+            fleet = weighed(self.problem, self.distributions)
             bound = bound_task(self.enclosure, schedule, elements, states, fleet, reads_fleet(part.written))
             if bound.proven >= 0 or bound.sampled < 0:
                 break
@@ -119,7 +119,7 @@ class GeneralProof:
         if found.sampled < 0 and problem.fleet.radius > 0:
             # predicates grow obstacles by the radius with sharp corners: what is refuted is refuted without it
             bare = problem.with_(fleet=replace(problem.fleet, radius=0.0))
-            other = GeneralProof(bare, self.controls, self.laws)
+            other = GeneralProof(bare, self.controls, self.distributions)
             other.enclosure = self.enclosure
             found = replace(found, sampled=other.part(TaskPart.of(bare, chance.share)).sampled)
         return replace(found, share=chance.share.p) if found.proven >= 0 else found

@@ -149,7 +149,7 @@ class Signals:
         return self.masses.reached(value, share, self.upper)
 
     def averaged(self) -> Signals:
-        """Each cell's average member, for a law that is uniform within cells: terms of odd powers vanish."""
+        """Each cell's average member, for a distribution that is uniform within cells: terms of odd powers vanish."""
         # (1/2) int T_a(s) ds over [-1, 1] = 1 / (1 - a^2) for even a, 0 for odd a
         powers = self.basis.exponents
         weight = np.where(powers % 2 == 0, 1.0 / (1.0 - np.where(powers == 1, 0.0, powers) ** 2.0), 0.0).prod(axis=1)
@@ -171,7 +171,7 @@ class MeanSignals:
         return self.of.upper
 
     def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
-        """The masses' mean of the cells' averages, which are anywhere in a cell if the law is not uniform."""
+        """The masses' mean of the cells' averages, which are anywhere in a cell if the distribution is not uniform."""
         found = self.of.masses
         if found is None:
             raise AssertionError("a mean is of all cells")
@@ -303,5 +303,7 @@ def bound_task(
 
 def _ends(fleet: Fleet) -> tuple[Floats, Floats]:
     """The ranges of the parameters."""
-    laws = list(fleet.parameters.values())
-    return np.array([law.lower for law in laws]), np.array([law.upper for law in laws])
+    distributions = list(fleet.parameters.values())
+    return np.array([distribution.lower for distribution in distributions]), np.array(
+        [distribution.upper for distribution in distributions]
+    )

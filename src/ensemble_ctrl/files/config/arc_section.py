@@ -11,12 +11,18 @@ from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.distributions import LawSection, OffsetSection, TurnSection, law_data, law_of
+from ensemble_ctrl.files.config.distributions import (
+    DistributionSection,
+    OffsetSection,
+    TurnSection,
+    distribution_data,
+    distribution_of,
+)
 from ensemble_ctrl.files.config.errors import Wrong
 from ensemble_ctrl.files.config.fields import Model
 from ensemble_ctrl.files.config.joint_samples import JointSamples, read_joint_samples
 from ensemble_ctrl.files.config.samples import Columns
-from ensemble_ctrl.moments import Law, Samples
+from ensemble_ctrl.moments import Distribution, Samples
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
@@ -28,11 +34,11 @@ ON_ARCS: dict[str, type[ArcSystem]] = {Unicycle.name: Unicycle, Bicycle.name: Bi
 class Parameters(Model):
     """The parameters that differ between members; those left out are the same for all."""
 
-    traction: LawSection | None = None
+    traction: DistributionSection | None = None
     """Factor on speed and turn rate at once; above 0."""
-    linear_traction: LawSection | None = None
+    linear_traction: DistributionSection | None = None
     """Factor on the speed alone; above 0."""
-    angular_traction: LawSection | None = None
+    angular_traction: DistributionSection | None = None
     """Factor on the turn rate alone; above 0."""
     start_x: OffsetSection | None = None
     """Offset of the start from `start.position`, in metres."""
@@ -90,7 +96,7 @@ class FleetSection(Model):
     """The dynamics all members share; `ensemble-plan models` lists them."""
     wheelbase: f.Wheelbase | None = None
     """Bicycle only: distance between the axles; 0.3 m if not given."""
-    parameters: Parameters = Field(default_factory=lambda: Parameters(traction=LawSection()))
+    parameters: Parameters = Field(default_factory=lambda: Parameters(traction=DistributionSection()))
     """What differs between members; without the section, `traction` from 0.9 to 1.1."""
     samples: JointSamples | None = None
     """Measured robots whose parameters belong together: a CSV file with a column for each, or columns."""
@@ -106,11 +112,15 @@ class FleetSection(Model):
 
     @model_validator(mode="after")
     def _read_joint_samples(self, info: ValidationInfo) -> Self:
-        """Read the table of measured robots; what it holds is not given by a law too."""
+        """Read the table of measured robots; what it holds is not given by a distribution too."""
         if self.samples is not None:
             self._robots = read_joint_samples(self.samples, (info.context or {}).get("folder", Path()))
-            laws = {name for name, law in self.parameters if law is not None and "parameters" in self.model_fields_set}
-            for name in sorted(laws & set(self._robots)):
+            distributions = {
+                name
+                for name, distribution in self.parameters
+                if distribution is not None and "parameters" in self.model_fields_set
+            }
+            for name in sorted(distributions & set(self._robots)):
                 raise Wrong(
                     f"expected {name} in the joint samples or among the parameters, got both", path=("samples",)
                 )
@@ -151,7 +161,7 @@ class FleetSection(Model):
         )
         return Fleet(
             system=system,
-            parameters=_laws(self),
+            parameters=_distributions(self),
             rate_bounds=_rates(self, system),
             samples={name: np.array(column) for name, column in self.robots.items()} or None,
             position=np.array(start.position),
@@ -170,11 +180,13 @@ def _rates(section: FleetSection, system: ArcSystem) -> NDArray[np.float64] | No
     return np.array([math.inf if rate is None else rate for rate in given])
 
 
-def _laws(section: FleetSection) -> dict[str, Law]:
-    """The law of each parameter; the default one only where no other is given."""
+def _distributions(section: FleetSection) -> dict[str, Distribution]:
+    """The distribution of each parameter; the default one only where no other is given."""
     given = section.parameters if section.samples is None or "parameters" in section.model_fields_set else ()
-    laws = {name: law_of(law, name) for name, law in given if law is not None}
-    return laws | {name: Samples(column) for name, column in section.robots.items()}
+    distributions = {
+        name: distribution_of(distribution, name) for name, distribution in given if distribution is not None
+    }
+    return distributions | {name: Samples(column) for name, column in section.robots.items()}
 
 
 def _system(section: FleetSection) -> ArcSystem:
@@ -192,7 +204,11 @@ def arc_fleet_data(fleet: Fleet) -> Data:
     return {
         "model": system.name,
         **{name: float(value) for name, value in system.settings().items()},
-        "parameters": {name: law_data(law) for name, law in fleet.parameters.items() if name not in samples},
+        "parameters": {
+            name: distribution_data(distribution)
+            for name, distribution in fleet.parameters.items()
+            if name not in samples
+        },
         **({"samples": {name: column.tolist() for name, column in samples.items()}} if samples else {}),
         "start": {
             "position": fleet.position.tolist(),

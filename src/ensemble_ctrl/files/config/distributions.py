@@ -13,7 +13,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.files.config.samples import Columns, Values, columns_of, samples
-from ensemble_ctrl.moments import DISTRIBUTIONS, Law, Mixture, Samples
+from ensemble_ctrl.moments import DISTRIBUTIONS, Distribution, Mixture, Samples
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import Finding
 
@@ -96,9 +96,9 @@ class PartSection(f.Model):
         except Wrong as error:
             raise Wrong(error.message, error.hint, ("samples",)) from None
 
-    def over_range(self) -> Law:
+    def over_range(self) -> Distribution:
         """The distribution over the range."""
-        make: Callable[..., Law] = DISTRIBUTIONS[self.distribution]
+        make: Callable[..., Distribution] = DISTRIBUTIONS[self.distribution]
         return make(*self.range, *(_number(self, name) for name in DISTRIBUTIONS[self.distribution].numbers))
 
 
@@ -109,7 +109,7 @@ class MixturePart(PartSection):
     """Share of this distribution, relative to the others."""
 
 
-class LawSection(PartSection):
+class DistributionSection(PartSection):
     """How a parameter is spread over the fleet: a distribution over a range, a mixture, or measured values."""
 
     mixture: list[MixturePart] | None = None
@@ -215,7 +215,7 @@ class PlainSection(PlainPart):
         return self
 
 
-AnySection = LawSection | OffsetSection | TurnSection | PlainSection
+AnySection = DistributionSection | OffsetSection | TurnSection | PlainSection
 AnyPart = MixturePart | OffsetMixturePart | TurnMixturePart | PlainMixturePart
 
 
@@ -233,8 +233,8 @@ def _check_range(section: AnySection) -> None:
         raise Wrong("expected a range, samples or a mixture, got none", "for example  {range: [-0.1, 0.1]}")
 
 
-def law_of(section: AnySection, name: str) -> Law:
-    """The law of the parameter called `name`.
+def distribution_of(section: AnySection, name: str) -> Distribution:
+    """The distribution of the parameter called `name`.
 
     Raises
     ------
@@ -248,15 +248,15 @@ def law_of(section: AnySection, name: str) -> Law:
     return Mixture(*((_part(part, name, (*path, "mixture", i)), part.weight) for i, part in enumerate(parts)))
 
 
-def law_data(law: Law) -> Data:
-    """A law as it stands in a problem file, with measured values in place of the name of their file."""
-    if isinstance(law, Mixture):
-        return {"mixture": [_part_data(part) | {"weight": weight} for part, weight in _flat(law)]}
-    return _part_data(law)
+def distribution_data(distribution: Distribution) -> Data:
+    """A distribution as it stands in a problem file, with measured values in place of the name of their file."""
+    if isinstance(distribution, Mixture):
+        return {"mixture": [_part_data(part) | {"weight": weight} for part, weight in _flat(distribution)]}
+    return _part_data(distribution)
 
 
-def _part(section: PartSection, name: str, path: Place) -> Law:
-    """One law that is no mixture."""
+def _part(section: PartSection, name: str, path: Place) -> Distribution:
+    """One distribution that is no mixture."""
     if section.samples is None:
         return section.over_range()
     columns = section._columns
@@ -270,24 +270,28 @@ def _part(section: PartSection, name: str, path: Place) -> Law:
     return Samples(columns[name])
 
 
-def _part_data(law: Law) -> Data:
-    """One law that is no mixture, as data."""
-    if isinstance(law, Samples):
-        return {"samples": law.values.tolist()}
-    kind = next((name for name, made in DISTRIBUTIONS.items() if type(law) is made), None)
+def _part_data(distribution: Distribution) -> Data:
+    """One distribution that is no mixture, as data."""
+    if isinstance(distribution, Samples):
+        return {"samples": distribution.values.tolist()}
+    kind = next((name for name, made in DISTRIBUTIONS.items() if type(distribution) is made), None)
     if kind is None:
-        raise ProblemError(f"fleet.parameter: expected a distribution that a problem file can hold, got {law!r}")
-    numbers = {name: getattr(law, name) for name in law.numbers}
+        raise ProblemError(
+            f"fleet.parameter: expected a distribution that a problem file can hold, got {distribution!r}"
+        )
+    numbers = {name: getattr(distribution, name) for name in distribution.numbers}
     named = {name: value for name, value in numbers.items() if name in PartSection.model_fields}
     added = {name: value for name, value in numbers.items() if name not in named}
-    data: Data = {"range": [law.lower, law.upper]} | ({} if kind == "uniform" else {"distribution": kind})
+    data: Data = {"range": [distribution.lower, distribution.upper]} | (
+        {} if kind == "uniform" else {"distribution": kind}
+    )
     return data | named | ({"numbers": added} if added else {})
 
 
-def _flat(law: Mixture, weight: float | None = None) -> Iterator[tuple[Law, float]]:
+def _flat(distribution: Mixture, weight: float | None = None) -> Iterator[tuple[Distribution, float]]:
     """Parts of a mixture, those of mixtures in it included; `weight` is that of the whole."""
-    total = sum(own for _, own in law.parts)
-    for part, own in law.parts:
+    total = sum(own for _, own in distribution.parts)
+    for part, own in distribution.parts:
         share = own if weight is None else weight * (own / total)
         if isinstance(part, Mixture):
             yield from _flat(part, share)
@@ -313,12 +317,12 @@ def _complete(section: PartSection) -> None:
     for name in section.numbers or {}:
         if name not in takes or name in type(section).model_fields:
             raise Wrong(f"expected no {name} in numbers for {section.distribution}", path=("numbers", name))
-    for law, names in SHAPES.items():
+    for distribution, names in SHAPES.items():
         for name in names:
             if name not in takes and getattr(section, name) is not None:
                 raise Wrong(
                     f"expected no {name} for {section.distribution}",
-                    f"{name} is for distribution: {law}",
+                    f"{name} is for distribution: {distribution}",
                     (name,),
                 )
 

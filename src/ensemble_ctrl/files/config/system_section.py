@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, WithJs
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.distributions import PlainSection, law_data, law_of
+from ensemble_ctrl.files.config.distributions import PlainSection, distribution_data, distribution_of
 from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
 from ensemble_ctrl.files.config.user_system import BY_ODE, system_class
 from ensemble_ctrl.problem.arguments.units import quantity
@@ -99,11 +99,11 @@ class SystemFleetSection(f.Model):
             [self.input_bounds.get(name, own) for name, own in zip(system.controls, system.input_bounds, strict=True)]
         )
         rates = [self.rate_bounds.get(name, np.inf) for name in system.controls]
-        laws = {name: law_of(section, name) for name, section in self.parameters.items()}
+        distributions = {name: distribution_of(section, name) for name, section in self.parameters.items()}
         try:
             return Fleet(
                 system,
-                laws,
+                distributions,
                 input_lower=bounds[:, 0],
                 input_upper=bounds[:, 1],
                 radius=self.radius,
@@ -176,7 +176,7 @@ def system_fleet_data(fleet: Fleet) -> Data:
     return {
         "model": _model_data(system),
         **({"settings": dict(system.settings())} if system.settings() else {}),
-        "parameters": {name: law_data(law) for name, law in fleet.parameters.items()},
+        "parameters": {name: distribution_data(distribution) for name, distribution in fleet.parameters.items()},
         "start": {name: float(value) for name, value in fleet.start.items()},
         "input_bounds": dict(zip(system.controls, bounds, strict=True)),
         **({"rate_bounds": finite} if finite else {}),

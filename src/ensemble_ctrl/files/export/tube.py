@@ -89,7 +89,9 @@ def to_geojson(problem: Problem, controls: Floats) -> dict[str, Any]:
     all_ = Area(whole, (float(heights[:, 0].min()), float(heights[:, 1].max())) if len(places) == 3 else ())
     where = "area" if len(places) < 3 else f"area, {places[2]} between its ends,"
     facts = {
-        "parameters": {name: [law.lower, law.upper] for name, law in problem.fleet.parameters.items()},
+        "parameters": {
+            name: [distribution.lower, distribution.upper] for name, distribution in problem.fleet.parameters.items()
+        },
         "radius": problem.fleet.radius,
         "axes": list(places[:2]),
         "meaning": f"the middle of every robot that follows the model is in this {where} from t_begin to t_end; metres",

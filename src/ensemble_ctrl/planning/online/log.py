@@ -51,7 +51,7 @@ class RunLog:
             steps=loop.steps,
             step_seconds=loop.problem.step,
             controls=list(fleet.system.controls),
-            ranges={n: [law.lower, law.upper] for n, law in fleet.parameters.items()},
+            ranges={n: [distribution.lower, distribution.upper] for n, distribution in fleet.parameters.items()},
             options=asdict(loop.options),
         )
 

@@ -76,15 +76,19 @@ def of_one_robot(problem: Problem) -> Problem:
     if wrong is not None:
         raise UnsupportedError(str(wrong))
     fleet = problem.fleet
-    laws = {name: law for name, law in fleet.parameters.items() if name in fleet.system.parameters}
-    laws = {name: Interval(law.lower, law.upper) for name, law in laws.items()}
-    return problem.with_(fleet=fleet.with_(parameters=laws, samples=None, position=fleet.start_place))
+    distributions = {
+        name: distribution for name, distribution in fleet.parameters.items() if name in fleet.system.parameters
+    }
+    distributions = {
+        name: Interval(distribution.lower, distribution.upper) for name, distribution in distributions.items()
+    }
+    return problem.with_(fleet=fleet.with_(parameters=distributions, samples=None, position=fleet.start_place))
 
 
 def with_ranges(fleet: Fleet, ranges: Floats) -> Fleet:
     """The fleet with other ranges of its parameters, shape (parameters, 2)."""
-    laws = {name: Interval(*map(float, ends)) for name, ends in zip(fleet.names, ranges, strict=True)}
-    return replace(fleet, parameters=laws)
+    distributions = {name: Interval(*map(float, ends)) for name, ends in zip(fleet.names, ranges, strict=True)}
+    return replace(fleet, parameters=distributions)
 
 
 @dataclass(frozen=True, eq=False)

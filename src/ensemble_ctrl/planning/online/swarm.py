@@ -1,9 +1,9 @@
 """A whole fleet under one broadcast, of which only mean and covariance are seen.
 
-Which robot is where is not known, so no robot's parameters are learnt, but their law is: a range whose uniform law
-moves the mean and spreads the places as was measured.  Plans under way are made for that range.  What is *proven* is
-always the whole sequence of commands, those sent and those planned, for the range that was assumed at the start: every
-robot that follows the model does the task, whatever was learnt.
+Which robot is where is not known, so no robot's parameters are learnt, but their distribution is: a range whose uniform
+distribution moves the mean and spreads the places as was measured.  Plans under way are made for that range.  What is
+*proven* is always the whole sequence of commands, those sent and those planned, for the range that was assumed at the
+start: every robot that follows the model does the task, whatever was learnt.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ensemble_ctrl.systems import ArcSystem
 Floats = NDArray[np.float64]
 
 NODES = 8
-"""Points of the rule with which means over the law are taken."""
+"""Points of the rule with which means over the distribution are taken."""
 SPARE = 1.2
 """Factor on a learnt half width: a range is planned for that is a little wider than what was seen."""
 ROUNDS = 12
@@ -80,7 +80,7 @@ class Swarm:
     range : tuple of float
         What plans are made for: what is assumed until something has been learnt.
     misfit : float
-        Root mean square difference, in metres, between what was seen and what the learnt law explains.
+        Root mean square difference, in metres, between what was seen and what the learnt distribution explains.
     certificate : SetCertificate
         Of all commands, sent and planned, for the assumed range.
 
@@ -141,7 +141,7 @@ class Swarm:
         return controls
 
     def expected(self, bounds: tuple[float, float], times: Floats) -> Floats:
-        """Mean and deviations at some times under a uniform law, shape (times, 4), metres."""
+        """Mean and deviations at some times under a uniform distribution, shape (times, 4), metres."""
         # members at Gauss-Legendre nodes of the range; places between grid times are interpolated
         s, weights = np.polynomial.legendre.leggauss(NODES)
         members = (bounds[0] + bounds[1]) / 2 + (bounds[1] - bounds[0]) / 2 * s[:, None]
@@ -151,7 +151,7 @@ class Swarm:
         at = np.clip(times / step, 0, self.problem.steps)
         low = np.minimum(at.astype(int), self.problem.steps - 1)
         places = paths[:, low] + (at - low)[:, None] * (paths[:, low + 1] - paths[:, low])
-        # mean and deviation under the uniform law, whose weights sum to 2
+        # mean and deviation under the uniform distribution, whose weights sum to 2
         mean = np.einsum("m,mtd->td", weights / 2, places)
         spread = np.einsum("m,mtd->td", weights / 2, (places - mean) ** 2)
         return np.concatenate([mean, np.sqrt(spread)], axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.rewrite import rebuilt
 from ensemble_ctrl.constraints.stl.robustness import Temporal
-from ensemble_ctrl.moments import DISTRIBUTIONS, Law
+from ensemble_ctrl.moments import DISTRIBUTIONS, Distribution
 from ensemble_ctrl.planning.planner import Curved
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict
@@ -171,14 +171,17 @@ def turned(problem: Problem, angle: float) -> Relaxed:
 def narrower(problem: Problem, share: float) -> Relaxed:
     """Every range that has ends of its own shrunk towards its middle."""
     fleet = problem.fleet
-    laws = {name: _shrunk(fleet.parameters[name], share) for name in _narrows(fleet)}
+    distributions = {name: _shrunk(fleet.parameters[name], share) for name in _narrows(fleet)}
     texts = [
-        f"{name} {law.lower:g} to {law.upper:g} in place of {fleet.parameters[name].lower:g} to "
+        f"{name} {distribution.lower:g} to {distribution.upper:g} in place of {fleet.parameters[name].lower:g} to "
         f"{fleet.parameters[name].upper:g}"
-        for name, law in laws.items()
+        for name, distribution in distributions.items()
     ]
-    overrides = tuple(f"fleet.parameters.{name}.range={[law.lower, law.upper]}" for name, law in laws.items())
-    changed = replace(fleet, parameters={**fleet.parameters, **laws})
+    overrides = tuple(
+        f"fleet.parameters.{name}.range={[distribution.lower, distribution.upper]}"
+        for name, distribution in distributions.items()
+    )
+    changed = replace(fleet, parameters={**fleet.parameters, **distributions})
     return Relaxed(", ".join(texts), overrides, problem.with_(fleet=changed))
 
 
@@ -229,16 +232,16 @@ def rounded_up(value: float) -> float:
 
 
 def _narrows(fleet: Fleet) -> Iterator[str]:
-    """Parameters whose law has a range that can shrink."""
-    for name, law in fleet.parameters.items():
-        if type(law) in DISTRIBUTIONS.values() and law.lower < law.upper:
+    """Parameters whose distribution has a range that can shrink."""
+    for name, distribution in fleet.parameters.items():
+        if type(distribution) in DISTRIBUTIONS.values() and distribution.lower < distribution.upper:
             yield name
 
 
-def _shrunk(law: Law, share: float) -> Law:
-    """A law over the middle of its range."""
-    half = law.half_width * share
-    return law.over(float(f"{law.center - half:.4g}"), float(f"{law.center + half:.4g}"))
+def _shrunk(distribution: Distribution, share: float) -> Distribution:
+    """A distribution over the middle of its range."""
+    half = distribution.half_width * share
+    return distribution.over(float(f"{distribution.center - half:.4g}"), float(f"{distribution.center + half:.4g}"))
 
 
 def _in_the_way(problem: Problem, conflicts: Sequence[Conflict]) -> list[str]:

@@ -4,7 +4,7 @@ A text is read as in a problem file: ``"20 s"`` for a duration, ``"G avoid(post)
 """
 
 from ensemble_ctrl.problem.arguments.readers import (
-    laws_of,
+    distributions_of,
     mapping_of,
     names_of,
     numbers_by_name,
@@ -15,7 +15,7 @@ from ensemble_ctrl.problem.arguments.readers import (
 )
 
 __all__ = [
-    "laws_of",
+    "distributions_of",
     "mapping_of",
     "names_of",
     "numbers_by_name",

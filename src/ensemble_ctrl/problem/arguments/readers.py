@@ -12,7 +12,7 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
 from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect, numbers, shown
-from ensemble_ctrl.moments import Law
+from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem.arguments.errors import Wrong
 from ensemble_ctrl.problem.arguments.units import quantity
 
@@ -43,9 +43,9 @@ def mapping_of(name: str, value: Any, kind: type[T], wanted: str) -> dict[str, T
     return {_name(name, key): expect(f"{name}[{key!r}]", each, kind, wanted) for key, each in value.items()}
 
 
-def laws_of(name: str, value: Any) -> dict[str, Law]:
-    """The laws of parameters by their names."""
-    return mapping_of(name, value, Law, "a law such as Interval(0.9, 1.1)")  # type: ignore[type-abstract]
+def distributions_of(name: str, value: Any) -> dict[str, Distribution]:
+    """The distributions of parameters by their names."""
+    return mapping_of(name, value, Distribution, "a distribution such as Interval(0.9, 1.1)")  # type: ignore[type-abstract]
 
 
 def numbers_by_name(name: str, value: Any) -> dict[str, float]:

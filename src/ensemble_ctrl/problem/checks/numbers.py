@@ -10,7 +10,7 @@ import numpy as np
 
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
-from ensemble_ctrl.moments import MAX_ORDER, Law, Mixture, Samples
+from ensemble_ctrl.moments import MAX_ORDER, Distribution, Mixture, Samples
 from ensemble_ctrl.problem.checks.finding import Finding, Path
 
 if TYPE_CHECKING:
@@ -78,23 +78,25 @@ def _choice(path: Path, value: object, known: tuple[str, ...]) -> Iterator[Findi
 
 
 def _factors(problem: Problem) -> Iterator[Finding]:
-    """Factors are positive, since a robot with traction zero can't move; and a file can hold the laws."""
-    for name, law in problem.fleet.parameters.items():
+    """Factors are positive, since a robot with traction zero can't move; and a file can hold the distributions."""
+    for name, distribution in problem.fleet.parameters.items():
         path = ("fleet", "parameters", name)
-        if name in problem.fleet.system.factors and law.lower <= 0:
-            field = {Samples: "samples", Mixture: "mixture"}.get(type(law), "range")
-            yield Finding((*path, field), f"expected a range above 0, got [{law.lower:g}, {law.upper:g}]")
-        count = _measured(law)
+        if name in problem.fleet.system.factors and distribution.lower <= 0:
+            field = {Samples: "samples", Mixture: "mixture"}.get(type(distribution), "range")
+            yield Finding(
+                (*path, field), f"expected a range above 0, got [{distribution.lower:g}, {distribution.upper:g}]"
+            )
+        count = _measured(distribution)
         if count > MAX_SAMPLES:
             message = f"expected at most {MAX_SAMPLES} measured values, got {count}"
             yield Finding((*path, "samples"), message, "keep every tenth, say: the distribution hardly changes")
 
 
-def _measured(law: Law) -> int:
-    """How many measured values a law holds."""
-    if isinstance(law, Mixture):
-        return sum(_measured(part) for part, _ in law.parts)
-    return len(law.values) if isinstance(law, Samples) else 0
+def _measured(distribution: Distribution) -> int:
+    """How many measured values a distribution holds."""
+    if isinstance(distribution, Mixture):
+        return sum(_measured(part) for part, _ in distribution.parts)
+    return len(distribution.values) if isinstance(distribution, Samples) else 0
 
 
 def name_findings(problem: Problem) -> Iterator[Finding]:

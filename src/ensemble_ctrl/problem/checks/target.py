@@ -55,16 +55,17 @@ def _formation(problem: Problem, target: Formation) -> Iterator[Finding]:
         known = ", ".join(dynamic) or "none"
         yield Finding(PATH, f"expected a parameter that bends trajectories ({known}), got {target.parameter!r}")
         return
-    law = fleet.parameters[target.parameter]
+    distribution = fleet.parameters[target.parameter]
     first, last = target.values[0], target.values[-1]
-    if first > law.lower + SLACK or last < law.upper - SLACK:
-        message = f"expected places for {law.lower:g} to {law.upper:g}, got them for {first:g} to {last:g} only"
+    if first > distribution.lower + SLACK or last < distribution.upper - SLACK:
+        wanted = f"{distribution.lower:g} to {distribution.upper:g}"
+        message = f"expected places for {wanted}, got them for {first:g} to {last:g} only"
         yield Finding(path, message, "add the ends of the range")
         return
     inside = [
         (float(value), place)
         for value, place in zip(target.values, target.places, strict=True)
-        if law.lower - SLACK <= value <= law.upper + SLACK
+        if distribution.lower - SLACK <= value <= distribution.upper + SLACK
     ]
     far = [finding for value, place in inside for finding in _reach(problem, target, value, place)]
     yield from far
@@ -144,14 +145,14 @@ def place_findings(problem: Problem) -> Iterator[Finding]:
 
 
 def _moments(problem: Problem, target: MomentTarget) -> Iterator[Finding]:
-    """Moments are of one parameter, and of no higher order than its law has."""
-    laws = problem.fleet.dynamic_laws
-    if len(laws) != 1:
+    """Moments are of one parameter, and of no higher order than its distribution has."""
+    distributions = problem.fleet.dynamic_distributions
+    if len(distributions) != 1:
         yield Finding(
-            (*PATH, "moments"), f"expected a fleet with one parameter that bends trajectories, got {len(laws)}"
+            (*PATH, "moments"), f"expected a fleet with one parameter that bends trajectories, got {len(distributions)}"
         )
-    elif len(target.moments) - 1 > min(laws[0].max_order, problem.order or 50):
-        most = min(laws[0].max_order, problem.order or 50) + 1
+    elif len(target.moments) - 1 > min(distributions[0].max_order, problem.order or 50):
+        most = min(distributions[0].max_order, problem.order or 50) + 1
         yield Finding((*PATH, "moments"), f"expected at most {most} moments, got {len(target.moments)}")
     else:
         yield from _mean(problem, target.middle, "moments")

@@ -29,7 +29,7 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
     Parameters
     ----------
     problem : Problem
-        With the target and the parameters' laws.
+        With the target and the parameters' distributions.
     controls : ndarray, shape (steps, n_u)
         Broadcast commands.
 
@@ -37,18 +37,18 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
     -------
     dict
         Empty without a target. For places ``rms`` and ``largest``, metres; for mean and covariance these of the fleet
-        and ``distance``, the Wasserstein distance of normal laws in metres; for moments ``moments``, the fleet's. Means
-        are exact up to the rule; the largest distance is that of about 2,000 members.
+        and ``distance``, the Wasserstein distance of normal distributions in metres; for moments ``moments``, the
+        fleet's. Means are exact up to the rule; the largest distance is that of about 2,000 members.
     """
     fleet, target = problem.fleet, problem.objective.target
     if target is None:
         return {}
-    laws = fleet.dynamic_laws
-    nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
+    distributions = fleet.dynamic_distributions
+    nodes, weights = fleet.rule(COUNT if len(distributions) < 2 else COUNT // 4)
     final = _final(problem, controls, fleet.dynamic_members(nodes))
     if isinstance(target, MomentTarget):
         # m_k = sum_n w_n phi_k(s_n) p(T; s_n)
-        phi = laws[0].basis(len(target.moments) - 1).evaluate(nodes[:, 0])
+        phi = distributions[0].basis(len(target.moments) - 1).evaluate(nodes[:, 0])
         return {"moments": ((weights[:, None] * phi).T @ final).tolist()}
     if isinstance(target, SpreadTarget):
         # mean and covariance by quadrature (weights sum to 2); starts add theirs, independent of the rest

@@ -136,7 +136,7 @@ class Replay:
         Parameters
         ----------
         z : float
-            Standard deviations of the normal law: 1.96 for a confidence of 95 %.
+            Standard deviations of the normal distribution: 1.96 for a confidence of 95 %.
 
         Returns
         -------
@@ -145,8 +145,8 @@ class Replay:
 
         Notes
         -----
-        Members at the corners of the ranges were not drawn and don't count. E. B. Wilson, Probable inference, the law
-        of succession, and statistical inference, 1927.
+        Members at the corners of the ranges were not drawn and don't count. E. B. Wilson, Probable inference, the
+        distribution of succession, and statistical inference, 1927.
         """
         return wilson(~self.violating[self.corners :], z)
 
@@ -194,7 +194,7 @@ def replay(
     controls : ndarray, shape (steps, n_u)
         The broadcast commands, one row a step of equal length.
     members : int, optional
-        How many to draw from the parameters' laws, the corners of their ranges included; default
+        How many to draw from the parameters' distributions, the corners of their ranges included; default
         `problem.verify.members`.
     parameters : array_like or sequence of mappings, optional
         Members to run instead of drawing any, as `Fleet.members` takes them.

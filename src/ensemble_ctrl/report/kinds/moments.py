@@ -34,17 +34,17 @@ def moments(problem: Problem, controls: Floats) -> Iterator[tuple[str, Floats]]:
 
     Notes
     -----
-    Integrals of exact trajectories against the orthonormal polynomials of the parameters' laws, by Gauss rules; the
-    mean position is ``m_0 / sqrt(2)``.
+    Integrals of exact trajectories against the orthonormal polynomials of the parameters' distributions, by Gauss
+    rules; the mean position is ``m_0 / sqrt(2)``.
     """
     fleet = problem.fleet
-    laws = fleet.dynamic_laws
-    order = ORDER if len(laws) == 1 else 1
+    distributions = fleet.dynamic_distributions
+    order = ORDER if len(distributions) == 1 else 1
     # m_k(t) = sum_n w_n phi_k(s_n) p(t; s_n): quadrature over the distributions
-    nodes, weights = fleet.rule(COUNT if len(laws) < 2 else COUNT // 4)
+    nodes, weights = fleet.rule(COUNT if len(distributions) < 2 else COUNT // 4)
     paths = trajectories(problem, controls, fleet.dynamic_members(nodes))
     # phi_k of the product distribution, degrees up to `order` in all
-    basis = TensorBasis(tuple(law.basis(order) for law in laws))
+    basis = TensorBasis(tuple(distribution.basis(order) for distribution in distributions))
     phi = basis.evaluate(nodes)
     for column, index in enumerate(basis.indices):
         if sum(index) <= order:

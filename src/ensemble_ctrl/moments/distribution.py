@@ -1,7 +1,8 @@
-r"""What every law of the parameter can do.
+r"""What every distribution of the parameter can do.
 
-A law is the parameter's distribution over the fleet. Its basis lives on :math:`s \in [-1, 1]`, where the law is a
-measure of total mass 2, so that :math:`\phi_0 = 1/\sqrt 2` and the mean is :math:`m_0/\sqrt 2` whatever the law.
+It says how the parameter is spread over the fleet. Its basis lives on :math:`s \in [-1, 1]`, where the
+distribution is a measure of total mass 2, so that :math:`\phi_0 = 1/\sqrt 2` and the mean is :math:`m_0/\sqrt 2`
+whatever the distribution.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from ensemble_ctrl.moments.basis import Basis
 FloatArray = NDArray[np.float64]
 
 
-class Law(ABC):
+class Distribution(ABC):
     r"""How the parameter is spread over the fleet; equal and hashable by value.
 
     The physical parameter is :math:`\psi = c + h s` with the centre c and the half-width h of its range.
@@ -42,9 +43,9 @@ class Law(ABC):
         """The values of the members in increasing order, each as often as the others, where these were measured."""
         return None
 
-    def over(self, lower: float, upper: float) -> Law:
+    def over(self, lower: float, upper: float) -> Distribution:
         """The same shape over another range."""
-        make: Callable[..., Law] = type(self)
+        make: Callable[..., Distribution] = type(self)
         return make(lower, upper, *(getattr(self, name) for name in self.numbers))
 
     @property
@@ -106,12 +107,12 @@ class Law(ABC):
 
     @property
     def max_order(self) -> int:
-        """Highest order of a basis of this law: 50, or less for a law of a few values."""
+        """Highest order of a basis of this distribution: 50, or less for a distribution of a few values."""
         return MAX_ORDER
 
     @abstractmethod
     def basis(self, order: int) -> Basis:
-        """Orthonormal polynomials of the law.
+        """Orthonormal polynomials of the distribution.
 
         Parameters
         ----------
@@ -126,7 +127,7 @@ class Law(ABC):
 
     @abstractmethod
     def rule(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Points and weights that integrate polynomials over the law.
+        """Points and weights that integrate polynomials over the distribution.
 
         Parameters
         ----------

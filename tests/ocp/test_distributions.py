@@ -1,4 +1,4 @@
-"""Programs under other laws than the uniform one: what is averaged follows the law, what is enclosed does not."""
+"""Programs under distributions that are not uniform: averages follow them, enclosures do not."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.files.config import load
-from ensemble_ctrl.moments import Beta, Interval, Law, LegendreBasis, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.moments import Beta, Distribution, Interval, LegendreBasis, Mixture, Samples, TruncatedNormal
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.truncation import Truncation, choose, points, positions, raised, tail
 from ensemble_ctrl.planning.planner import Solution, solve
@@ -22,36 +22,36 @@ from tests.paths import CONFIGS
 
 CONFIG = CONFIGS / "one_obstacles.yaml"
 RNG = np.random.default_rng(6)
-LAWS: dict[str, Law] = {
+DISTRIBUTIONS: dict[str, Distribution] = {
     "Beta": Beta(0.9, 1.1, 2, 5),
     "normal": TruncatedNormal(0.9, 1.1, 1.0, 0.01),
     "two clusters": Samples(np.concatenate([RNG.normal(0.93, 0.003, 30), RNG.normal(1.07, 0.003, 30)])),
     "two robots": Samples([0.9, 1.1]),
     "two kinds": Mixture((Interval(0.9, 0.95), 2), (TruncatedNormal(1.0, 1.1, 1.05, 0.02), 1)),
 }
-laws = pytest.mark.parametrize("name", LAWS)
+distributions = pytest.mark.parametrize("name", DISTRIBUTIONS)
 FORMS = [Truncation((8,), (3,), True), Truncation((4,), (4,), True), Truncation((4,), (4,), False)]
 
 
-def under(law: Law) -> Problem:
-    """One obstacle, for a fleet with this law."""
+def under(distribution: Distribution) -> Problem:
+    """One obstacle, for a fleet with this distribution."""
     problem = load(CONFIG)
-    return problem.with_(fleet=replace(problem.fleet, parameters={"traction": law}))
+    return problem.with_(fleet=replace(problem.fleet, parameters={"traction": distribution}))
 
 
 @cache
 def planned(name: str) -> Solution:
     """Its plan, made once."""
-    return solve(under(LAWS[name]))
+    return solve(under(DISTRIBUTIONS[name]))
 
 
-@laws
+@distributions
 @pytest.mark.parametrize("form", FORMS)
-def test_mean_and_mean_square_are_those_of_the_law(name: str, form: Truncation) -> None:
-    law = LAWS[name]
-    truncation = replace(form, laws=(law,))
+def test_mean_and_mean_square_are_those_of_the_distribution(name: str, form: Truncation) -> None:
+    distribution = DISTRIBUTIONS[name]
+    truncation = replace(form, distributions=(distribution,))
     curve = RNG.normal(size=truncation.count)
-    s, weights = law.rule(30)
+    s, weights = distribution.rule(30)
     states = truncation.evaluation(s[:, None]) @ curve
     mean, square = weights @ states / 2, weights @ states**2 / 2
     assert truncation.to_moments[0] @ curve / np.sqrt(2) == pytest.approx(mean, abs=1e-10)
@@ -63,19 +63,19 @@ def test_mean_and_mean_square_are_those_of_the_law(name: str, form: Truncation) 
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_nothing_changes_for_the_uniform_law(form: Truncation) -> None:
-    wide = replace(form, laws=(Interval(0.9, 1.1),))
+def test_nothing_changes_for_the_uniform_distribution(form: Truncation) -> None:
+    wide = replace(form, distributions=(Interval(0.9, 1.1),))
     np.testing.assert_array_equal(wide.to_moments, wide.to_legendre)
     np.testing.assert_array_equal(wide.square, wide.to_moments.T @ wide.to_moments)
     assert wide.basis.factors == (LegendreBasis(form.degrees[0]),)
-    almost = replace(form, laws=(Beta(0.9, 1.1, 1, 1),))
+    almost = replace(form, distributions=(Beta(0.9, 1.1, 1, 1),))
     np.testing.assert_allclose(almost.to_moments, wide.to_moments, atol=1e-13)
     np.testing.assert_allclose(almost.square, wide.square, atol=1e-13)
 
 
-@laws
-def test_points_enclose_the_whole_range_whatever_the_law(name: str) -> None:
-    problem, controls = under(LAWS[name]), planned(name).controls
+@distributions
+def test_points_enclose_the_whole_range_whatever_the_distribution(name: str) -> None:
+    problem, controls = under(DISTRIBUTIONS[name]), planned(name).controls
     truncation = choose(problem, controls)
     np.testing.assert_array_equal(truncation.nodes[:, 0], LegendreBasis(truncation.orders[0]).nodes)
     exact = positions(problem, controls, problem.fleet.grid(101))
@@ -85,24 +85,24 @@ def test_points_enclose_the_whole_range_whatever_the_law(name: str) -> None:
         assert ((exact @ direction).max(axis=0) <= (hull @ direction).max(axis=-1) + slack).all()
 
 
-@laws
-def test_a_plan_is_proven_for_the_range_and_replayed_under_the_law(name: str) -> None:
-    found, problem = planned(name), under(LAWS[name])
+@distributions
+def test_a_plan_is_proven_for_the_range_and_replayed_under_the_distribution(name: str) -> None:
+    found, problem = planned(name), under(DISTRIBUTIONS[name])
     assert found.status == "planned"
     assert found.certificate is not None
     assert found.certificate.proven == "yes"
-    assert found.certificate.ranges == {"traction": (LAWS[name].lower, LAWS[name].upper)}
+    assert found.certificate.ranges == {"traction": (DISTRIBUTIONS[name].lower, DISTRIBUTIONS[name].upper)}
     run = replay(problem, found.controls, members=4000, substeps=2)
     assert not run.violating.any()
-    s, weights = LAWS[name].rule(8)
-    assert run.parameters[2:].mean() == pytest.approx(weights @ LAWS[name].to_parameter(s) / 2, abs=0.005)
+    s, weights = DISTRIBUTIONS[name].rule(8)
+    assert run.parameters[2:].mean() == pytest.approx(weights @ DISTRIBUTIONS[name].to_parameter(s) / 2, abs=0.005)
 
 
-@laws
-def test_the_terminal_cost_is_the_mean_over_the_law(name: str) -> None:
-    problem, controls = under(LAWS[name]), planned(name).controls
+@distributions
+def test_the_terminal_cost_is_the_mean_over_the_distribution(name: str) -> None:
+    problem, controls = under(DISTRIBUTIONS[name]), planned(name).controls
     value = evaluate(problem, controls, choose(problem, controls))
-    members = LAWS[name].sample(20_000, seed=3)[:, None]
+    members = DISTRIBUTIONS[name].sample(20_000, seed=3)[:, None]
     assert problem.objective.place is not None
     off = positions(problem, controls, members)[:, -1] - problem.objective.place
     each = 2 * problem.objective.terminal * (off**2).sum(axis=-1)
@@ -111,16 +111,16 @@ def test_the_terminal_cost_is_the_mean_over_the_law(name: str) -> None:
 
 @pytest.mark.parametrize("order", [None, 4])
 @pytest.mark.parametrize("guarantee", ["hull", "nodes", "moment"])
-def test_every_truncation_of_a_problem_has_its_law(order: int | None, guarantee: Guarantee) -> None:
-    problem = under(LAWS["Beta"])
+def test_every_truncation_of_a_problem_has_its_distribution(order: int | None, guarantee: Guarantee) -> None:
+    problem = under(DISTRIBUTIONS["Beta"])
     problem = problem.with_(order=order, solve=replace(problem.solve, guarantee=guarantee))
     chosen = choose(problem, planned("Beta").controls)
-    assert chosen.laws == (LAWS["Beta"],)
-    assert raised(chosen).laws == (LAWS["Beta"],)
+    assert chosen.distributions == (DISTRIBUTIONS["Beta"],)
+    assert raised(chosen).distributions == (DISTRIBUTIONS["Beta"],)
 
 
-def test_the_law_decides_which_plan_is_better() -> None:
-    """Each of two plans costs less than the other under its own law."""
+def test_the_distribution_decides_which_plan_is_better() -> None:
+    """Each of two plans costs less than the other under its own distribution."""
     slow, fast = under(Beta(0.9, 1.1, 1, 20)), under(Beta(0.9, 1.1, 20, 1))
     plans = {problem: solve(problem).controls for problem in (slow, fast)}
     for mine, other in ((slow, fast), (fast, slow)):
@@ -128,35 +128,35 @@ def test_the_law_decides_which_plan_is_better() -> None:
         assert costs[0] < costs[1]
 
 
-@pytest.mark.parametrize("name", quick(LAWS, "normal"))
-def test_the_papers_constraints_on_moments_take_the_laws_moments(name: str) -> None:
-    problem = under(LAWS[name])
+@pytest.mark.parametrize("name", quick(DISTRIBUTIONS, "normal"))
+def test_the_papers_constraints_on_moments_take_the_distributions_moments(name: str) -> None:
+    problem = under(DISTRIBUTIONS[name])
     found = solve(
         problem.with_(
             solve=replace(problem.solve, guarantee="moment"), verify=replace(problem.verify, certificate=False)
         )
     )
     assert found.status == "planned"
-    members = LAWS[name].sample(2000, seed=1)[:, None]
+    members = DISTRIBUTIONS[name].sample(2000, seed=1)[:, None]
     mean = positions(problem, found.controls, members).mean(axis=0)
     G, h = problem.pieces[0][1].unit_rows()
     assert (mean @ G.T - h).max(axis=-1).min() > -0.02
 
 
-def test_means_are_proven_under_other_laws_too() -> None:
+def test_means_are_proven_under_other_distributions_too() -> None:
     controls = planned("Beta").controls
-    for law in (Interval(0.9, 1.1), Beta(0.9, 1.1, 2, 5)):
-        problem = under(law).with_(task=parse("mean(F[14, 16] x >= 5) and G[0, 16] avoid(obstacles)"))
+    for distribution in (Interval(0.9, 1.1), Beta(0.9, 1.1, 2, 5)):
+        problem = under(distribution).with_(task=parse("mean(F[14, 16] x >= 5) and G[0, 16] avoid(obstacles)"))
         found = certify(problem, controls)
         assert (found.proven, found.parts[0].covered) == ("yes", True)
-        mean = positions(problem, controls, law.sample(50_000, seed=9)[:, None]).mean(axis=0)
+        mean = positions(problem, controls, distribution.sample(50_000, seed=9)[:, None]).mean(axis=0)
         assert found.parts[0].proven <= mean[140:, 0].max() - 5 + 2e-3
 
 
-def test_what_a_task_says_of_the_fleet_is_read_under_the_law() -> None:
+def test_what_a_task_says_of_the_fleet_is_read_under_the_distribution() -> None:
     controls = planned("Beta").controls
-    law = Beta(0.9, 1.1, 2, 40)
-    problem = under(law).with_(task=parse("mean(F[14, 16] x >= 0) and G[0, 16] avoid(obstacles)"))
+    distribution = Beta(0.9, 1.1, 2, 40)
+    problem = under(distribution).with_(task=parse("mean(F[14, 16] x >= 0) and G[0, 16] avoid(obstacles)"))
     value = evaluate(problem, controls, choose(problem, controls))
-    mean = positions(problem, controls, law.sample(50_000, seed=9)[:, None]).mean(axis=0)
+    mean = positions(problem, controls, distribution.sample(50_000, seed=9)[:, None]).mean(axis=0)
     assert value.robustness == pytest.approx(mean[140:, 0].max(), abs=2e-3)

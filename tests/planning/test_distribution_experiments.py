@@ -1,4 +1,4 @@
-"""The problem files whose parameter has another law: planned, proven for the range, replayed under the law."""
+"""Problem files with other distributions: planned, proven for the range, replayed under the distribution."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ensemble_ctrl.moments import Beta, Interval, Samples
 from ensemble_ctrl.problem import Problem
 from tests.paths import CONFIGS
 
-FILES = CONFIGS / "laws"
+FILES = CONFIGS / "distributions"
 NAMES = ["beta", "measured"]
 experiments = pytest.mark.parametrize("name", NAMES)
 
@@ -41,12 +41,12 @@ def test_every_file_is_an_experiment_here() -> None:
 
 def test_what_the_files_say() -> None:
     assert problem("beta").fleet.parameters["traction"] == Beta(0.85, 1.15, 2, 5)
-    law = problem("measured").fleet.parameters["traction"]
-    assert isinstance(law, Samples)
-    assert len(law.values) == 60
-    assert 0.9 < law.lower < 0.95 < 1.0 < law.upper < 1.1
+    distribution = problem("measured").fleet.parameters["traction"]
+    assert isinstance(distribution, Samples)
+    assert len(distribution.values) == 60
+    assert 0.9 < distribution.lower < 0.95 < 1.0 < distribution.upper < 1.1
     table = np.loadtxt(FILES / "measured.csv", delimiter=",", skiprows=2)
-    np.testing.assert_array_equal(law.values, np.sort(table[:, 1]))
+    np.testing.assert_array_equal(distribution.values, np.sort(table[:, 1]))
 
 
 @experiments
@@ -54,19 +54,19 @@ def test_it_is_planned_and_proven_for_the_whole_range(name: str) -> None:
     found = planned(name)
     assert found.certificate is not None
     assert found.certificate.proven == "yes"
-    law = problem(name).fleet.parameters["traction"]
-    assert found.certificate.ranges == {"traction": (law.lower, law.upper)}
+    distribution = problem(name).fleet.parameters["traction"]
+    assert found.certificate.ranges == {"traction": (distribution.lower, distribution.upper)}
     assert not found.replay(members=5000, substeps=5).violating.any()
 
 
 @experiments
-def test_a_saved_plan_keeps_the_law(name: str, tmp_path: Path) -> None:
+def test_a_saved_plan_keeps_the_distribution(name: str, tmp_path: Path) -> None:
     again = Plan.load(planned(name).save(tmp_path / "plan.npz"))
     assert again.problem.fleet.parameters["traction"] == problem(name).fleet.parameters["traction"]
     np.testing.assert_array_equal(again.controls, planned(name).controls)
 
 
-def test_verify_draws_from_the_law() -> None:
+def test_verify_draws_from_the_distribution() -> None:
     found = planned("beta")
     drawn = _replayed(found, {}, 2000).parameters[:, 0]
     assert (len(drawn), drawn[0], drawn[1]) == (2000, 0.85, 1.15)

@@ -1,4 +1,4 @@
-"""Laws of the parameter in problem files: every form, there and back, and what is wrong with line and column."""
+"""Distributions of the parameter in problem files: every form, there and back, and errors with line and column."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load, load_text, schema
-from ensemble_ctrl.files.config.distributions import law_data
-from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.files.config.distributions import distribution_data
+from ensemble_ctrl.moments import Beta, Distribution, Interval, Mixture, Samples, TruncatedNormal
 from ensemble_ctrl.problem.checks import MAX_SAMPLES
 
 NORMAL = "{range: [0.9, 1.1], distribution: normal, mean: 1.0, deviation: 0.03}"
-FORMS: dict[str, Law] = {
+FORMS: dict[str, Distribution] = {
     "{}": Interval(0.9, 1.1),
     "{range: [0.8, 1.1]}": Interval(0.8, 1.1),
     "{range: [0.9, 1.1], distribution: uniform}": Interval(0.9, 1.1),
@@ -44,22 +44,22 @@ TABLES = {
 }
 
 
-def text(law: str) -> str:
-    """A problem with this law, on line 4 from column 15."""
+def text(distribution: str) -> str:
+    """A problem with this distribution, on line 4 from column 15."""
     return f"""fleet:
   model: unicycle
   parameters:
-    traction: {law}
+    traction: {distribution}
   start: {{position: [0, 0], heading: 0}}
 horizon: {{duration: 4 s}}
 task: F[0, T] x >= 1
 """
 
 
-def wrong(law: str, folder: Path) -> tuple[int | None, int | None, str, str, str]:
-    """The one error of a problem with this law."""
+def wrong(distribution: str, folder: Path) -> tuple[int | None, int | None, str, str, str]:
+    """The one error of a problem with this distribution."""
     path = folder / "problem.yaml"
-    path.write_text(text(law), encoding="utf-8")
+    path.write_text(text(distribution), encoding="utf-8")
     with pytest.raises(ConfigError) as caught:
         load(path)
     (error,) = caught.value.diagnostics
@@ -67,9 +67,9 @@ def wrong(law: str, folder: Path) -> tuple[int | None, int | None, str, str, str
     return error.line, error.column, field, error.message.replace(f"{folder}/", ""), error.hint
 
 
-@pytest.mark.parametrize(("written", "law"), FORMS.items())
-def test_every_form_is_read(written: str, law: Law) -> None:
-    assert load_text(text(written)).fleet.parameters["traction"] == law
+@pytest.mark.parametrize(("written", "distribution"), FORMS.items())
+def test_every_form_is_read(written: str, distribution: Distribution) -> None:
+    assert load_text(text(written)).fleet.parameters["traction"] == distribution
 
 
 @pytest.mark.parametrize("written", FORMS)
@@ -80,18 +80,18 @@ def test_every_form_is_written_and_read_again(written: str) -> None:
     assert dump(again) == dump(problem)
 
 
-def test_the_uniform_law_is_written_as_before() -> None:
-    assert law_data(Interval(0.9, 1.1)) == {"range": [0.9, 1.1]}
+def test_the_uniform_distribution_is_written_as_before() -> None:
+    assert distribution_data(Interval(0.9, 1.1)) == {"range": [0.9, 1.1]}
 
 
 def test_mixtures_in_mixtures_are_written_flat() -> None:
     inner = Mixture((Interval(0.9, 1.0), 1), (Interval(1.0, 1.1), 3))
-    law = Mixture((inner, 2), (Samples([1.0]), 2))
-    parts = law_data(law)["mixture"]
+    distribution = Mixture((inner, 2), (Samples([1.0]), 2))
+    parts = distribution_data(distribution)["mixture"]
     assert [part["weight"] for part in parts] == [0.5, 1.5, 2]
     psi = np.linspace(0.9, 1.1, 9)
-    flat = load_text(text(str(law_data(law)))).fleet.parameters["traction"]
-    np.testing.assert_allclose(flat.cdf(psi), law.cdf(psi), atol=1e-15)
+    flat = load_text(text(str(distribution_data(distribution)))).fleet.parameters["traction"]
+    np.testing.assert_allclose(flat.cdf(psi), distribution.cdf(psi), atol=1e-15)
 
 
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
@@ -263,17 +263,17 @@ def test_as_many_samples_as_allowed_are_written_and_read_again() -> None:
     assert load_text(dump(many)).fleet.parameters["traction"] == Samples(values)
 
 
-def test_a_problem_with_laws_that_no_file_can_hold_is_refused() -> None:
+def test_a_problem_with_distributions_that_no_file_can_hold_is_refused() -> None:
     problem = load_text(text("{}"))
-    for law, field in (
+    for distribution, field in (
         (Samples(np.ones(MAX_SAMPLES + 1)), "samples: expected at most 40000 measured values, got 40001"),
         (Samples([-1.0, 1.0]), r"samples: expected a range above 0, got \[-1, 1\]"),
         (Mixture((Interval(-1.0, 1.0), 1)), r"mixture: expected a range above 0, got \[-1, 1\]"),
     ):
         with pytest.raises(ProblemError, match=rf"^fleet.parameters.traction.{field}"):
-            problem.with_(fleet=replace(problem.fleet, parameters={"traction": law}))
+            problem.with_(fleet=replace(problem.fleet, parameters={"traction": distribution}))
 
 
 def test_editors_know_the_fields() -> None:
-    described = schema()["$defs"]["LawSection"]["properties"]
+    described = schema()["$defs"]["DistributionSection"]["properties"]
     assert set(described) == {"range", "distribution", "a", "b", "mean", "deviation", "numbers", "samples", "mixture"}

@@ -1,4 +1,4 @@
-"""What every law promises: draws, shares, equality, and words for what is wrong."""
+"""What every distribution promises: draws, shares, equality, and words for what is wrong."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import pytest
 from scipy.stats import beta, kstest, truncnorm
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.moments import Beta, Interval, Law, Mixture, Samples, TruncatedNormal
+from ensemble_ctrl.moments import Beta, Distribution, Interval, Mixture, Samples, TruncatedNormal
 
 MEASURED = np.random.default_rng(3).normal(1.0, 0.03, 60)
-LAWS: dict[str, Law] = {
+DISTRIBUTIONS: dict[str, Distribution] = {
     "uniform": Interval(0.9, 1.1),
     "bump": Beta(0.9, 1.1, 2, 5),
     "bath-tub": Beta(0.9, 1.1, 0.4, 0.7),
@@ -25,56 +25,58 @@ LAWS: dict[str, Law] = {
     "two kinds": Mixture((Interval(0.9, 0.95), 2), (TruncatedNormal(1.0, 1.1, 1.05, 0.01), 1)),
     "measured": Samples(MEASURED),
 }
-laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+distributions = pytest.mark.parametrize("distribution", DISTRIBUTIONS.values(), ids=DISTRIBUTIONS)
 smooth = pytest.mark.parametrize(
-    "law", [law for law in LAWS.values() if not isinstance(law, Samples)], ids=list(LAWS)[:-1]
+    "distribution",
+    [distribution for distribution in DISTRIBUTIONS.values() if not isinstance(distribution, Samples)],
+    ids=list(DISTRIBUTIONS)[:-1],
 )
 
 
-@laws
-def test_draws_are_in_range_and_repeat(law: Law) -> None:
-    draws = law.sample(5000, seed=7)
+@distributions
+def test_draws_are_in_range_and_repeat(distribution: Distribution) -> None:
+    draws = distribution.sample(5000, seed=7)
     assert draws.shape == (5000,)
-    assert law.lower <= draws.min() <= draws.max() <= law.upper
-    np.testing.assert_array_equal(draws, law.sample(5000, seed=7))
-    assert (draws != law.sample(5000, seed=8)).any()
-    assert law.sample(0, seed=7).shape == (0,)
+    assert distribution.lower <= draws.min() <= draws.max() <= distribution.upper
+    np.testing.assert_array_equal(draws, distribution.sample(5000, seed=7))
+    assert (draws != distribution.sample(5000, seed=8)).any()
+    assert distribution.sample(0, seed=7).shape == (0,)
 
 
 @smooth
-def test_draws_follow_the_cdf(law: Law) -> None:
-    assert kstest(law.cdf(law.sample(20_000, seed=1)), "uniform").pvalue > 0.01
+def test_draws_follow_the_cdf(distribution: Distribution) -> None:
+    assert kstest(distribution.cdf(distribution.sample(20_000, seed=1)), "uniform").pvalue > 0.01
 
 
 def test_draws_of_samples_are_the_samples_equally_often() -> None:
-    law = Samples([0.9, 1.0, 1.0, 1.1])
-    found, counts = np.unique(law.sample(40_000, seed=2), return_counts=True)
+    distribution = Samples([0.9, 1.0, 1.0, 1.1])
+    found, counts = np.unique(distribution.sample(40_000, seed=2), return_counts=True)
     np.testing.assert_array_equal(found, [0.9, 1.0, 1.1])
     np.testing.assert_allclose(counts / 40_000, [0.25, 0.5, 0.25], atol=0.01)
 
 
-@laws
-def test_the_cdf_rises_from_nothing_to_everyone(law: Law) -> None:
-    shares = law.cdf(np.linspace(law.lower - 0.1, law.upper + 0.1, 400))
+@distributions
+def test_the_cdf_rises_from_nothing_to_everyone(distribution: Distribution) -> None:
+    shares = distribution.cdf(np.linspace(distribution.lower - 0.1, distribution.upper + 0.1, 400))
     assert (shares[0], shares[-1]) == (0.0, 1.0)
     assert (np.diff(shares) >= -1e-15).all()
-    assert law.cdf(law.upper) == pytest.approx(1.0, abs=1e-15)
+    assert distribution.cdf(distribution.upper) == pytest.approx(1.0, abs=1e-15)
 
 
 def test_cdfs_are_those_of_scipy() -> None:
     psi = np.linspace(0.9, 1.1, 50)
-    np.testing.assert_allclose(LAWS["bump"].cdf(psi), beta(2, 5, 0.9, 0.2).cdf(psi), atol=1e-13)
+    np.testing.assert_allclose(DISTRIBUTIONS["bump"].cdf(psi), beta(2, 5, 0.9, 0.2).cdf(psi), atol=1e-13)
     for name, mean, deviation in (("normal", 1.0, 0.03), ("far mean", 1.6, 0.02), ("far mean below", 0.5, 0.02)):
         low, high = (0.9 - mean) / deviation, (1.1 - mean) / deviation
         expected = truncnorm(low, high, mean, deviation).cdf(psi)
-        np.testing.assert_allclose(LAWS[name].cdf(psi), expected, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(LAWS["measured"].cdf(psi), (MEASURED[:, None] <= psi).mean(axis=0))
+        np.testing.assert_allclose(DISTRIBUTIONS[name].cdf(psi), expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(DISTRIBUTIONS["measured"].cdf(psi), (MEASURED[:, None] <= psi).mean(axis=0))
 
 
-@laws
-def test_the_rule_has_the_mean_and_the_spread_of_the_draws(law: Law) -> None:
-    s, weights = law.rule(6)
-    psi, draws = law.to_parameter(s), law.sample(200_000, seed=5)
+@distributions
+def test_the_rule_has_the_mean_and_the_spread_of_the_draws(distribution: Distribution) -> None:
+    s, weights = distribution.rule(6)
+    psi, draws = distribution.to_parameter(s), distribution.sample(200_000, seed=5)
     assert weights.sum() == pytest.approx(2.0, abs=1e-13)
     assert (weights > 0).all()
     mean = weights @ psi / 2
@@ -83,27 +85,27 @@ def test_the_rule_has_the_mean_and_the_spread_of_the_draws(law: Law) -> None:
     assert draws.std() == pytest.approx(deviation, rel=0.01)
 
 
-@laws
-def test_a_law_is_a_value(law: Law) -> None:
-    again = eval(repr(law)) if not isinstance(law, Samples) else Samples(MEASURED[::-1])
-    assert (again, hash(again)) == (law, hash(law))
-    assert all(other != law for other in LAWS.values() if other is not law)
-    assert law.basis(5) == again.basis(5)
-    assert hash(law.basis(5)) == hash(again.basis(5))
+@distributions
+def test_a_distribution_is_a_value(distribution: Distribution) -> None:
+    again = eval(repr(distribution)) if not isinstance(distribution, Samples) else Samples(MEASURED[::-1])
+    assert (again, hash(again)) == (distribution, hash(distribution))
+    assert all(other != distribution for other in DISTRIBUTIONS.values() if other is not distribution)
+    assert distribution.basis(5) == again.basis(5)
+    assert hash(distribution.basis(5)) == hash(again.basis(5))
 
 
-@laws
-def test_a_law_does_not_change(law: Law) -> None:
+@distributions
+def test_a_distribution_does_not_change(distribution: Distribution) -> None:
     with pytest.raises(FrozenInstanceError):
-        law.lower = 0.5
-    assert pickle.loads(pickle.dumps(law)) == law
+        distribution.lower = 0.5
+    assert pickle.loads(pickle.dumps(distribution)) == distribution
 
 
 def test_a_mixture_of_equal_robots_is_a_fleet_of_few() -> None:
-    law = Mixture((Interval(1.0, 1.0), 1), (Samples([1.2, 1.2]), 3))
-    assert law.max_order == 1
-    np.testing.assert_allclose(law.to_parameter(law.basis(1).nodes), [1.0, 1.2])
-    np.testing.assert_allclose(law.basis(1).weights, [0.5, 1.5])
+    distribution = Mixture((Interval(1.0, 1.0), 1), (Samples([1.2, 1.2]), 3))
+    assert distribution.max_order == 1
+    np.testing.assert_allclose(distribution.to_parameter(distribution.basis(1).nodes), [1.0, 1.2])
+    np.testing.assert_allclose(distribution.basis(1).weights, [0.5, 1.5])
     one = Mixture((Interval(1.0, 1.0), 1), (Beta(1.0, 1.0, 2, 2), 1))
     assert (one.max_order, one.sample(2, 0).tolist(), float(one.cdf(1.0))) == (0, [1.0, 1.0], 1.0)
 
@@ -114,12 +116,16 @@ def test_how_samples_and_mixtures_read() -> None:
     assert repr(Mixture((Beta(1, 2, 2, 5), 3.0))) == "Mixture((Beta(lower=1.0, upper=2.0, a=2.0, b=5.0), 3))"
 
 
-@pytest.mark.parametrize("law", [Beta(1, 1, 2, 5), TruncatedNormal(1, 1, 1, 0.1), Samples([1.0, 1.0]), Interval(1, 1)])
-def test_a_range_without_width_is_a_fleet_of_equals(law: Law) -> None:
-    np.testing.assert_array_equal(law.sample(3, seed=0), [1.0, 1.0, 1.0])
-    np.testing.assert_array_equal(law.cdf([0.9, 1.0, 1.1]), [0.0, 1.0, 1.0])
-    np.testing.assert_array_equal(law.to_parameter(law.rule(4)[0]), np.ones_like(law.rule(4)[0]))
-    both = Mixture((law, 1), (Interval(2, 3), 1))
+@pytest.mark.parametrize(
+    "distribution", [Beta(1, 1, 2, 5), TruncatedNormal(1, 1, 1, 0.1), Samples([1.0, 1.0]), Interval(1, 1)]
+)
+def test_a_range_without_width_is_a_fleet_of_equals(distribution: Distribution) -> None:
+    np.testing.assert_array_equal(distribution.sample(3, seed=0), [1.0, 1.0, 1.0])
+    np.testing.assert_array_equal(distribution.cdf([0.9, 1.0, 1.1]), [0.0, 1.0, 1.0])
+    np.testing.assert_array_equal(
+        distribution.to_parameter(distribution.rule(4)[0]), np.ones_like(distribution.rule(4)[0])
+    )
+    both = Mixture((distribution, 1), (Interval(2, 3), 1))
     assert both.basis(3).weights.sum() == pytest.approx(2)
     assert both.cdf(1.5) == 0.5
 
@@ -162,7 +168,10 @@ BAD = {
         lambda: Samples([1.0, 2.0, 2.0]).basis(2),
         r"^order: expected at most 1 for Samples\(3 values, 2 different, 1 to 2\), got 2$",
     ),
-    "order of no law": (lambda: Beta(0, 1, 1, 1).basis(51), r"^order: expected a whole number from 0 to 50, got 51$"),
+    "order of no distribution": (
+        lambda: Beta(0, 1, 1, 1).basis(51),
+        r"^order: expected a whole number from 0 to 50, got 51$",
+    ),
     "root": (lambda: Beta(0, 1, 1, 1).basis(3).roots(4), r"^k: expected a whole number from 0 to 3, got 4$"),
 }
 
@@ -178,8 +187,8 @@ def test_scipy_is_loaded_for_draws_and_shares_only() -> None:
     code = """
 import sys
 from ensemble_ctrl.moments import Beta, Mixture, Samples, TruncatedNormal
-law = Mixture((Beta(1, 2, 3, 4), 1), (TruncatedNormal(1, 2, 1, 1), 1), (Samples([1.0, 1.5]), 1))
-law.basis(8).nodes, Beta(1, 2, 3, 4).sample(3, 0)
+distribution = Mixture((Beta(1, 2, 3, 4), 1), (TruncatedNormal(1, 2, 1, 1), 1), (Samples([1.0, 1.5]), 1))
+distribution.basis(8).nodes, Beta(1, 2, 3, 4).sample(3, 0)
 print("scipy" in sys.modules)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
