@@ -977,9 +977,9 @@ OLD_KEYS = [
     ("report: {twin: true}", "report.baseline", "twin"),
     ("fleet: {START, cloud: {traction: [1, 1.1]}}", "fleet.samples", "cloud"),
     (
-        "fleet: {START, parameters: {traction: {distribution: uniform}}}",
+        "fleet: {START, parameters: {traction: {law: uniform}}}",
         "fleet.parameters.traction.distribution",
-        "distribution",
+        "law",
     ),
     (
         "fleet: {START, parameters: {traction: {mixture: [{law: uniform, range: [1, 2], weight: 1}]}}}",
