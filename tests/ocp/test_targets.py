@@ -13,18 +13,25 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import sqrtm
 
+from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load, load_text, read
 from ensemble_ctrl.moments import Beta, Distribution, Interval
+from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import assemble
-from ensemble_ctrl.ocp.terminal import terminal_blocks, terminal_cost
+from ensemble_ctrl.ocp.state_rounds import whole
+from ensemble_ctrl.ocp.terminal import terminal_blocks, terminal_cost, terminal_of
+from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points
 from ensemble_ctrl.planning.planner import Solution, solve
 from ensemble_ctrl.problem import Objective, Problem
+from ensemble_ctrl.problem.checks import require_sound
 from ensemble_ctrl.problem.evaluation.arrival import arrival
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target, wasserstein
+from ensemble_ctrl.systems import DoubleIntegrator, Quadrotor
 from tests.examples import examples
 from tests.paths import CONFIGS
 
@@ -89,15 +96,66 @@ def test_the_cost_is_what_many_members_say(name: str, distribution: Interval | B
 
 
 @examples(200)
-@given(st.integers(0, 2**31))
-def test_wasserstein_is_that_of_normal_distributions(seed: int) -> None:
+@given(st.integers(0, 2**31), st.sampled_from([1, 2, 3]))
+def test_wasserstein_is_that_of_normal_distributions(seed: int, dimensions: int) -> None:
     rng = np.random.default_rng(seed)
-    a, b = (m @ m.T for m in rng.normal(size=(2, 2, 2)))
-    mean, target = rng.normal(size=2), SpreadTarget(rng.normal(size=2), b)
+    a, b = (m @ m.T for m in rng.normal(size=(2, dimensions, dimensions)))
+    mean, target = rng.normal(size=dimensions), SpreadTarget(rng.normal(size=dimensions), b)
     root = sqrtm(b)
     wanted = ((mean - target.mean) ** 2).sum() + np.trace(a + b - 2 * np.real(sqrtm(root @ a @ root)))
     assert wasserstein(mean, a, target) == pytest.approx(float(wanted), abs=1e-6)
     assert wasserstein(target.mean, b, target) == pytest.approx(0.0, abs=1e-6)
+
+
+class Cart(DoubleIntegrator):
+    """A point mass of which only one coordinate is a position."""
+
+    name = "cart"
+    positions = ("x",)
+
+
+SPACE: dict[str, Target] = {
+    "formation": Formation("payload", np.array([0.0, 0.5]), np.array([[1, 0, 2.0], [1, 0.5, 1.2]])),
+    "moments": MomentTarget(np.array([[1.4, 0, 2.1], [0, 0, -0.3]])),
+    "spread": SpreadTarget(np.array([1.0, 0, 1.5]), np.diag([0.02, 0.01, 0.3]) + 0.004),
+}
+
+
+@pytest.mark.parametrize("name", SPACE)
+@pytest.mark.parametrize("seed", range(3))
+def test_the_programs_price_in_space_is_the_exact_one(name: str, seed: int) -> None:
+    fleet = Fleet(Quadrotor(mass=6), {"payload": Interval(0.0, 0.5)}, position=[0, 0, 1.5])
+    problem = Problem("up", fleet, 1.6, 20, parse("G z >= 0"), objective=Objective(0.0, SPACE[name], 3.0, 0.1))
+    swing = np.random.default_rng(seed).uniform(-0.2, 0.2, (20, 4)) * [10, 1, 1, 0.2]
+    controls, truncation = fleet.rest(fleet.center) + swing, whole(problem)
+    planes = separate(np.zeros((21, len(truncation.nodes), 3)), (), 1.6)
+    nothing = Avoiding(planes, planes.active)
+    transcription = transcribe(problem, truncation, Iterate(controls, substeps=8), nothing)
+    nodes, weights = fleet.rule(len(truncation.nodes))
+    final = transcription.model.curve[-1][:, fleet.place_columns]
+    exact = terminal_of(problem, nodes, weights, final)
+    # the terminal block alone, on the final positions in the decision vector
+    layout = transcription.layout
+    columns = layout.points[-1, transcription.model.position_columns]
+    program = assemble(layout.size, [], terminal_blocks(problem, truncation, columns, truncation.to_points))
+    f = float(ca.DM(program.functions["grad_f"](transcription.guess, program.parameters)[0]))
+    assert exact > 0.01
+    assert f == pytest.approx(exact, rel=2e-3, abs=1e-4 if name == "spread" else 1e-9)
+
+
+def test_a_line_has_targets_too() -> None:
+    """Distances from the start are as 1 / mass: 1.7 m on average part carts of 0.8 to 1.2 kg by 0.2 m (deviation)."""
+    fleet = Fleet(Cart(), {"mass": Interval(0.8, 1.2)}, start={"x": 0.3})
+    spread = SpreadTarget(np.array([2.0]), np.array([[0.04]]))
+    problem = Problem("line", fleet, 4.0, 20, parse("G x <= 4"), objective=Objective(0.0, spread, 100.0, 0.01))
+    found = solve(problem)
+    close = arrival(problem, found.controls)
+    members = fleet.sample(4000, seed=1)
+    final = trajectories(problem, found.controls, members)[:, -1, 0]
+    assert found.status == "planned"
+    assert final.mean() == pytest.approx(close["mean"][0], abs=0.02)
+    assert final.std() == pytest.approx(0.2, abs=0.01)
+    assert close["distance"] < 0.02
 
 
 @cache
@@ -107,7 +165,15 @@ def solution(name: str) -> Solution:
 
 
 def test_every_file_is_here() -> None:
-    assert sorted(path.stem for path in FILES.glob("*.yaml")) == ["gather", "line"]
+    assert sorted(path.stem for path in FILES.glob("*.yaml")) == ["gather", "line", "quadrotor_heights"]
+
+
+def test_quadrotors_end_at_their_own_heights() -> None:
+    found = solution("quadrotor_heights")
+    assert found.certificate is not None
+    assert (found.status, found.certificate.proven) == ("planned", "yes")
+    final = trajectories(found.problem, found.controls, [0.0, 0.5])[:, -1]
+    np.testing.assert_allclose(final, [[2.5, 0, 1.85], [2.5, 0, 1.15]], atol=0.03)
 
 
 @pytest.mark.parametrize("name", ["gather", "line"])
@@ -158,6 +224,7 @@ MISTAKES = [
     ("{mean: [1, 2]}", "", "expected mean and covariance, but covariance is missing"),
     ("{mean: [1, 2], covariance: [[1, 2], [2, 1]]}", ".covariance", "expected a symmetric covariance without negative"),
     ("{mean: [1, 2], covarience: [[1, 2], [2, 1]]}", ".covarience", "unknown field"),
+    ("{moments: [[1, 2], [0, 0, 0]]}", ".moments[1]", "expected [x, y], got [0, 0, 0]"),
     ("{mean: [1, 2], covariance: [[1, 2]]}", ".covariance", "expected [[a, b], [b, c]]"),
     (
         "{mean: [1, 2], covariance: [[1e-4, 0], [0, 1]]}",
@@ -188,6 +255,8 @@ objective: {{terminal: {{target: {written}}}}}
 
 
 def test_wrong_numbers_are_refused_in_python() -> None:
+    with pytest.raises(ProblemError, match=r"expected a number for each of x, y in every place, got 3"):
+        require_sound(aiming(MomentTarget(np.ones((1, 3)))))
     with pytest.raises(ProblemError, match=r"^target: expected finite numbers for values"):
         Formation("p", np.array([0, np.nan]), np.eye(2))
     with pytest.raises(ProblemError, match=r"^target: expected a symmetric covariance"):

@@ -6,15 +6,17 @@ term is ``objective.terminal`` times
 - :math:`2\,E|p - r|^2` for one place r, or a place r(q) for each member (`Formation`): the paper's ``|m(T) - m_F|^2``;
 - :math:`\sum_k w_k |m_k(T) - m_{F,k}|^2` for some moments (`MomentTarget`);
 - :math:`2\,W_2^2` for a mean and a covariance (`SpreadTarget`), twice the squared Wasserstein distance between normal
-  distributions: :math:`W_2^2 = |\mu - \mu_F|^2 + \mathrm{tr}\, C + \mathrm{tr}\, C_F - 2\, \mathrm{tr}\sqrt A` with
-  :math:`A = C_F^{1/2} C\, C_F^{1/2}`; in two dimensions
-  :math:`\mathrm{tr}\sqrt A = \sqrt{\mathrm{tr} A + 2\sqrt{\det A}}`.
+  distributions: :math:`W_2^2 = |\mu - \mu_F|^2 + \mathrm{tr}\, C + \mathrm{tr}\, C_F - 2t` with the trace
+  :math:`t = \mathrm{tr}\sqrt A` of :math:`A = C_F^{1/2} C\, C_F^{1/2}`.  From the invariants of A it is the fixed point
+  of :math:`t = \sqrt{I_1 + 2 \sqrt{I_2 + 2 \sqrt{I_3}\, t}}`, which in the plane (:math:`I_3 = 0`) is explicit and in
+  space contracts by 1/9 or better.
 
 Start positions that differ shift all of this by a constant, which is left out but for the covariance, where it belongs.
 """
 
 from __future__ import annotations
 
+from itertools import combinations, product
 from typing import Any
 
 import casadi as ca
@@ -31,6 +33,8 @@ Ints = NDArray[np.int64]
 
 ROUND = 1e-6
 """Added to a determinant (m^4) under a square root, which has no slope at zero."""
+ITERATIONS = 8
+"""Of the fixed point in space, whose error falls ninefold in each: below 1e-7 of its value."""
 FINE = 24
 """Order of the rule with which a formation is projected on the moments carried."""
 
@@ -135,10 +139,10 @@ def _moments_error(target: MomentTarget, truncation: Truncation) -> Any:
         ca.DM(np.asarray(target.weights)),
     )
 
-    def error(x: ca.SX, y: ca.SX) -> ca.SX:
+    def error(*coordinates: ca.SX) -> ca.SX:
         # sum_k w_k |m_k - m_F,k|^2
-        off = [ca.mtimes(image, x) - wanted[:, 0], ca.mtimes(image, y) - wanted[:, 1]]
-        cost: ca.SX = ca.dot(weights, off[0] ** 2 + off[1] ** 2)
+        off = [ca.mtimes(image, c) - wanted[:, i] for i, c in enumerate(coordinates)]
+        cost: ca.SX = ca.dot(weights, sum((one**2 for one in off), ca.SX(0)))
         return cost
 
     return error
@@ -148,18 +152,39 @@ def _spread_error(target: SpreadTarget, truncation: Truncation, start: Floats) -
     """Twice the squared Wasserstein distance."""
     # S is half the matrix of twice the mean square: E[p p] = P^T S P
     average, square, F = ca.DM(truncation.mean), ca.DM(truncation.square / 2), target.covariance
-    det_f = max(float(np.linalg.det(F)), 0.0)
 
-    def error(x: ca.SX, y: ca.SX) -> ca.SX:
-        # C = P^T S P - mean mean^T + C_start, then tr A = tr(C_F C) and det A = det C_F det C
-        mean = [ca.dot(average, x), ca.dot(average, y)]
-        xx = ca.bilin(square, x, x) - mean[0] ** 2 + start[0, 0]
-        yy = ca.bilin(square, y, y) - mean[1] ** 2 + start[1, 1]
-        xy = ca.bilin(square, x, y) - mean[0] * mean[1] + start[0, 1]
-        both = F[0, 0] * xx + 2 * F[0, 1] * xy + F[1, 1] * yy
-        inner = both + 2 * ca.sqrt(det_f * (xx * yy - xy**2) + ROUND**2)
-        off = (mean[0] - target.mean[0]) ** 2 + (mean[1] - target.mean[1]) ** 2
-        cost: ca.SX = 2 * (off + xx + yy + float(np.trace(F)) - 2 * ca.sqrt(inner + ROUND))
-        return cost
+    def error(*coordinates: ca.SX) -> ca.SX:
+        # C = P^T S P - mean mean^T + C_start
+        mean = [ca.dot(average, c) for c in coordinates]
+        d = len(coordinates)
+        covariance = ca.SX(d, d)
+        for i, j in product(range(d), repeat=2):
+            covariance[i, j] = ca.bilin(square, coordinates[i], coordinates[j]) - mean[i] * mean[j] + start[i, j]
+        off: ca.SX = sum(((m - f) ** 2 for m, f in zip(mean, target.mean.tolist(), strict=True)), ca.SX(0))
+        return 2 * (off + ca.trace(covariance) + float(np.trace(F)) - 2 * _trace_of_root(F, covariance))
 
     return error
+
+
+def _trace_of_root(F: Floats, C: ca.SX) -> ca.SX:
+    """The trace of the square root of ``F^(1/2) C F^(1/2)`` for symmetric matrices of up to three rows."""
+    d, wanted = len(F), ca.DM(F)
+    # I_1 = tr(F C), I_2 = tr of the products of second-order minors (Cauchy and Binet), I_3 = det F det C
+    first = ca.trace(ca.mtimes(wanted, C))
+    pairs = list(combinations(range(d), 2))
+    second = sum((_minor(F, a, b) * _minor(C, b, a) for a in pairs for b in pairs), ca.SX(0))
+    if d < 3:
+        root: ca.SX = ca.sqrt(first + 2 * ca.sqrt(second + ROUND**2) + ROUND)
+        return root
+    third = max(float(np.linalg.det(F)), 0.0) * ca.det(C)
+    # t = sqrt(I_1 + 2 sqrt(I_2 + 2 sqrt(I_3) t)), from above: t^2 <= 3 I_1
+    root = ca.sqrt(3 * first + ROUND)
+    for _ in range(ITERATIONS):
+        root = ca.sqrt(first + 2 * ca.sqrt(second + 2 * ca.sqrt(third + ROUND**4) * root + ROUND**2) + ROUND)
+    return root
+
+
+def _minor(matrix: Any, rows: tuple[int, int], columns: tuple[int, int]) -> Any:
+    """The determinant of two rows and two columns."""
+    (i, k), (j, m) = rows, columns
+    return matrix[i, j] * matrix[k, m] - matrix[i, m] * matrix[k, j]

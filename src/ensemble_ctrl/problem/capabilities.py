@@ -20,10 +20,9 @@ if TYPE_CHECKING:
 TRAITS: Mapping[str, Callable[[type[System] | System], bool]] = {
     "positions": lambda system: system.transcription == "positions",
     "arcs": lambda system: system.on_arcs,
-    "plane": lambda system: not system.positions or len(system.positions) == 2,
     "any": lambda system: True,
 }
-"""What a feature may need of a system: a program in positions, exact arcs, a position in the plane, or nothing."""
+"""What a feature may need of a system: a program in positions, exact arcs, or nothing."""
 
 
 @dataclass(frozen=True)
@@ -93,15 +92,7 @@ FEATURES: Mapping[str, Feature] = {
         "use nlp",
         lambda problem: problem.solve.method == "minlp",
     ),
-    "targets": Feature(
-        "formations, moments and spreads as targets",
-        "plane",
-        "they are about positions in the plane",
-        ("objective", "terminal", "target"),
-        "for example [1, 0]",
-        lambda problem: hasattr(problem.objective.target, "middle"),
-        plural=True,
-    ),
+    "targets": Feature("formations, moments and spreads as targets", plural=True),
     "online": Feature(
         "online replanning",
         "arcs",

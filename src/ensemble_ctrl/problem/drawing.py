@@ -50,7 +50,7 @@ def map_svg(
     """
     paths, marks = [_flat(path) for path in paths], [_flat(mark[None])[0] for mark in marks]
     regions = {name: shadow(corners) for name, corners in outlines(problem, paths).items()}
-    targets = target_lines(problem)
+    targets = [_flat(line) for line in target_lines(problem)]
     shapes = [shadow(piece.vertices) for _, piece in problem.pieces] + _ends(problem)
     shapes += [*regions.values(), *paths, *targets, *(mark[None] for mark in marks)]
     sheet = _Sheet(*frame([_flat(problem.fleet.start_place[None, :]), *shapes]))
@@ -221,21 +221,27 @@ def _flat(path: Floats) -> Floats:
     return path[:, :2] if path.shape[1] > 1 else np.column_stack([path, np.zeros(len(path))])
 
 
-def target_lines(problem: Problem) -> list[Floats]:
-    """Where the fleet should end, as lines of shape (points, 2) in metres.
+def target_lines(problem: Problem, view: Sequence[int] = (0, 1)) -> list[Floats]:
+    """Where the fleet should end, as lines of shape (points, coordinates) in metres.
 
-    A formation's places; of mean and covariance the ellipse of one standard deviation. One place, and moments, have no
-    line.
+    A formation's places; of mean and covariance the ellipse of one standard deviation, in one coordinate its ends. One
+    place, and moments, have no line.
+
+    Parameters
+    ----------
+    problem : Problem
+    view : sequence of int
+        The coordinates of the position that are drawn, one or two; those that it has.
     """
-    target = problem.objective.target
+    target, columns = problem.objective.target, [k for k in view if k < len(problem.fleet.places)]
     if isinstance(target, Formation):
-        return [target.places]
+        return [target.places[:, columns]]
     if isinstance(target, SpreadTarget):
         # ellipse of one standard deviation: m + V diag(lambda)^(1/2) (cos t, sin t)
-        values, vectors = np.linalg.eigh(target.covariance)
+        values, vectors = np.linalg.eigh(target.covariance[np.ix_(columns, columns)])
         turn = np.linspace(0, 2 * np.pi, 65)
-        circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        return [target.mean + circle * np.sqrt(np.maximum(values, 0.0)) @ vectors.T]
+        circle = np.stack([np.cos(turn), np.sin(turn)], axis=1) if len(columns) > 1 else np.array([[-1.0], [1.0]])
+        return [target.mean[columns] + circle * np.sqrt(np.maximum(values, 0.0)) @ vectors.T]
     return []
 
 

@@ -24,7 +24,7 @@ class Formation(ReadOnlyArrays):
         Its name.
     values : array_like, shape (entries,)
         Values of the parameter, increasing, at least two.
-    places : array_like, shape (entries, 2)
+    places : array_like, shape (entries, d)
         Where members with these values should end, metres.
 
     Raises
@@ -40,22 +40,22 @@ class Formation(ReadOnlyArrays):
     def __post_init__(self) -> None:
         expect("target.parameter", self.parameter, str, "the name of a parameter")
         values, places = _numbers("values", self.values), _numbers("places", self.places)
-        if values.ndim != 1 or len(values) < 2 or places.shape != (len(values), 2):
+        if values.ndim != 1 or len(values) < 2 or not _placed(places, len(values)):
             shapes = f"{values.shape} and {places.shape}"
-            raise ProblemError(f"target: expected two or more values, each with a place [x, y], got shapes {shapes}")
+            raise ProblemError(f"target: expected two or more values, each with a place, got shapes {shapes}")
         if not (np.diff(values) > 0).all():
             raise ProblemError(f"target: expected increasing values of {self.parameter}, got {values.tolist()}")
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "places", places)
 
     def at(self, value: ArrayLike) -> Floats:
-        """Places of members with these values of the parameter, shape (..., 2), metres."""
+        """Places of members with these values of the parameter, shape (..., d), metres."""
         given = np.asarray(value, dtype=float)
-        return np.stack([np.interp(given, self.values, self.places[:, axis]) for axis in (0, 1)], axis=-1)
+        return np.stack([np.interp(given, self.values, column) for column in self.places.T], axis=-1)
 
     @property
     def middle(self) -> Floats:
-        """The place of the middle value, shape (2,), metres."""
+        """The place of the middle value, shape (d,), metres."""
         return self.at((self.values[0] + self.values[-1]) / 2)
 
 
@@ -65,7 +65,7 @@ class MomentTarget(ReadOnlyArrays):
 
     Parameters
     ----------
-    moments : array_like, shape (count, 2)
+    moments : array_like, shape (count, d)
         Metres, against the orthonormal polynomials of the parameter's distribution: the mean is the first, divided by
         sqrt(2).
     weights : array_like, shape (count,), optional
@@ -82,8 +82,8 @@ class MomentTarget(ReadOnlyArrays):
 
     def __post_init__(self) -> None:
         moments = _numbers("moments", self.moments)
-        if moments.ndim != 2 or not len(moments) or moments.shape[1] != 2:
-            raise ProblemError(f"target: expected moments of shape (count, 2), got shape {moments.shape}")
+        if not len(np.atleast_1d(moments)) or not _placed(moments, len(np.atleast_1d(moments))):
+            raise ProblemError(f"target: expected moments of shape (count, d), got shape {moments.shape}")
         weights = np.ones(len(moments)) if self.weights is None else _numbers("weights", self.weights)
         if weights.shape != (len(moments),) or (weights < 0).any():
             raise ProblemError(
@@ -94,7 +94,7 @@ class MomentTarget(ReadOnlyArrays):
 
     @property
     def middle(self) -> Floats:
-        """The mean position, shape (2,), metres."""
+        """The mean position, shape (d,), metres."""
         # mean = m_0 / sqrt(2)
         return np.asarray(self.moments[0] / np.sqrt(2.0))
 
@@ -105,9 +105,9 @@ class SpreadTarget(ReadOnlyArrays):
 
     Parameters
     ----------
-    mean : array_like, shape (2,)
+    mean : array_like, shape (d,)
         Metres.
-    covariance : array_like, shape (2, 2)
+    covariance : array_like, shape (d, d)
         Square metres, symmetric, without negative eigenvalues.
 
     Raises
@@ -121,9 +121,9 @@ class SpreadTarget(ReadOnlyArrays):
 
     def __post_init__(self) -> None:
         mean, covariance = _numbers("mean", self.mean), _numbers("covariance", self.covariance)
-        if mean.shape != (2,) or covariance.shape != (2, 2):
+        if not _placed(mean[None], 1) or covariance.shape != 2 * mean.shape:
             shapes = f"{mean.shape} and {covariance.shape}"
-            raise ProblemError(f"target: expected a mean [x, y] and a 2 x 2 covariance, got shapes {shapes}")
+            raise ProblemError(f"target: expected a mean and a square covariance of its size, got shapes {shapes}")
         least = float(np.linalg.eigvalsh((covariance + covariance.T) / 2)[0])
         if not np.allclose(covariance, covariance.T) or least < -1e-12:
             raise ProblemError(
@@ -135,7 +135,7 @@ class SpreadTarget(ReadOnlyArrays):
 
     @property
     def middle(self) -> Floats:
-        """The mean position, shape (2,), metres."""
+        """The mean position, shape (d,), metres."""
         return self.mean
 
 
@@ -146,10 +146,16 @@ def wasserstein(mean: Floats, covariance: Floats, target: SpreadTarget) -> float
     """Squared Wasserstein distance (m^2) of the normal distribution of a mean and a covariance to a target."""
     # W^2 = |m - m_F|^2 + tr C + tr F - 2 tr (C F)^(1/2) (Dowson and Landau 1982)
     C, F = covariance, target.covariance
-    inner = np.trace(C @ F) + 2 * np.sqrt(max(np.linalg.det(C) * np.linalg.det(F), 0.0))
-    # for 2 x 2 matrices (tr (C F)^(1/2))^2 = tr C F + 2 sqrt(det C det F)
-    off = ((mean - target.mean) ** 2).sum()
-    return float(off + np.trace(C) + np.trace(F) - 2 * np.sqrt(max(inner, 0.0)))
+    # tr (C F)^(1/2) = tr (R C R)^(1/2) with R = F^(1/2), from eigenvalues
+    values, vectors = np.linalg.eigh(F)
+    root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    inner = np.sqrt(np.maximum(np.linalg.eigvalsh(root @ C @ root), 0.0)).sum()
+    return float(((mean - target.mean) ** 2).sum() + np.trace(C) + np.trace(F) - 2 * inner)
+
+
+def _placed(rows: Floats, count: int) -> bool:
+    """Whether an array has this many rows of one to three coordinates."""
+    return rows.ndim == 2 and len(rows) == count and 1 <= rows.shape[1] <= 3
 
 
 def _numbers(name: str, values: ArrayLike) -> Floats:

@@ -115,7 +115,9 @@ class MapContent:
     @property
     def lines(self) -> list[Floats]:
         """Other targets, as lines of shape (points, 2)."""
-        return target_lines(self.problem)
+        if self.view is not None:
+            return target_lines(self.problem, self.view)
+        return [np.insert(line, 0, self.problem.duration, axis=1) for line in target_lines(self.problem, (0,))]
 
     @property
     def radius(self) -> float:

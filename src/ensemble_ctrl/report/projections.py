@@ -85,6 +85,9 @@ def _draw_shapes(content: MapContent, ax: Axes) -> None:
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
     for name, (x, y) in content.tags.items():
         ax.annotate(literal(name), (x, y), (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
+    for line in content.lines:
+        marker = "x" if len(line) < 60 else ""
+        ax.plot(*line.T, ":", color="black", linewidth=1.0, marker=marker, markersize=5, zorder=4.5)
     ax.plot(*content.start, "ko", markersize=5, zorder=5)
     if content.view is not None:
         ax.set_aspect("equal")
@@ -150,4 +153,8 @@ def _ratios(problem: Problem, controls: Floats) -> list[float]:
 
 def _shapes(content: MapContent) -> list[Floats]:
     """Corners of everything that is drawn."""
-    return [*content.regions.values(), *(corners for shape in content.obstacles for corners in shape.pieces)]
+    return [
+        *content.regions.values(),
+        *content.lines,
+        *(corners for shape in content.obstacles for corners in shape.pieces),
+    ]

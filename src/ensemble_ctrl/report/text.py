@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import ceil, floor
 from shlex import quote
 from textwrap import wrap
@@ -350,12 +350,16 @@ def _arrival(found: dict[str, Any]) -> Iterator[str]:
     if "rms" in found:
         yield f"{found['rms']:.4f} m RMS from the target, {found['largest']:.4f} m at most"
     elif "distance" in found:
-        x, y = found["mean"]
-        sx, sy = (found["covariance"][k][k] ** 0.5 for k in (0, 1))
-        spread = f"mean ({x:.3f}, {y:.3f}), deviation {sx:.3f} m by {sy:.3f} m"
+        deviations = " by ".join(f"{row[k] ** 0.5:.3f} m" for k, row in enumerate(found["covariance"]))
+        spread = f"mean {_place(found['mean'], 3)}, deviation {deviations}"
         yield f"{spread}; {found['distance']:.4f} m from the target distribution"
     elif "moments" in found:
-        yield "moments " + ", ".join(f"({x:.4f}, {y:.4f})" for x, y in found["moments"])
+        yield "moments " + ", ".join(_place(moment, 4) for moment in found["moments"])
+
+
+def _place(numbers: Sequence[float], digits: int) -> str:
+    """A place or a moment, ``(1.00, 2.00)``."""
+    return f"({', '.join(f'{number:.{digits}f}' for number in numbers)})"
 
 
 def _work(d: dict[str, Any]) -> str:

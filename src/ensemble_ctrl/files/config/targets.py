@@ -16,29 +16,28 @@ from ensemble_ctrl.problem.checks import STATES
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
 
 Floats = NDArray[np.float64]
-Pair = tuple[float, float]
+Names = tuple[str, ...]
 Data = dict[str, Any]
 Place = tuple[str | int, ...]
 Made = TypeVar("Made")
 
-FORMS = "[x, y], {PARAMETER: [[value, [x, y]], ...]}, {moments: ...}, or {mean: ..., covariance: ...}"
+FORMS = "{0}, {{PARAMETER: [[value, {0}], ...]}}, {{moments: ...}}, or {{mean: ..., covariance: ...}}"
+MATRICES = {1: "[[a]]", 2: "[[a, b], [b, c]]", 3: "[[a, b, c], [b, d, e], [c, e, f]]"}
+"""Covariances in words, by their size."""
 _LENGTH, _NUMBER = quantity("length"), quantity("number")
 
 
 def target(value: Any, info: ValidationInfo) -> tuple[float, ...] | Target:
     """A target in any of its forms."""
-    places = (info.context or {}).get("places", STATES)
+    names = tuple((info.context or {}).get("places", STATES))
+    forms = FORMS.format(_written(names))
     if not isinstance(value, dict):
-        if tuple(places) == STATES:
-            return _pair(value, (), FORMS)
-        if not isinstance(value, list) or len(value) != len(places):
-            raise Wrong(f"expected [{', '.join(places)}], got {show(value)}")
-        return tuple(_one(one, (i,), _LENGTH) for i, one in enumerate(value))
+        return _place(value, (), names, forms)
     keys = set(value)
     if "moments" in keys:
         only(keys, {"moments", "weights"})
         weights = value.get("weights")
-        rows = np.array(_rows(value["moments"], ("moments",), "[x, y]"))
+        rows = np.array(_rows(value["moments"], ("moments",), names))
         given = None if weights is None else np.array(_numbers(weights, ("weights",)))
         return _built(lambda: MomentTarget(rows, given), ("moments",))
     if keys & {"mean", "covariance"}:
@@ -46,12 +45,12 @@ def target(value: Any, info: ValidationInfo) -> tuple[float, ...] | Target:
         for name in ("mean", "covariance"):
             if name not in keys:
                 raise Wrong(f"expected mean and covariance, but {name} is missing")
-        mean, square = np.array(_pair(value["mean"], ("mean",), "[x, y]")), _matrix(value["covariance"])
+        mean, square = np.array(_place(value["mean"], ("mean",), names)), _matrix(value["covariance"], len(names))
         return _built(lambda: SpreadTarget(mean, square), ("covariance",))
     if len(keys) != 1:
-        raise Wrong(f"expected {FORMS}, got {show(value)}")
+        raise Wrong(f"expected {forms}, got {show(value)}")
     (name,) = keys
-    return _formation(str(name), value[name])
+    return _formation(str(name), value[name], names)
 
 
 def target_data(given: Any) -> Any:
@@ -76,18 +75,18 @@ Terminal = Annotated[
 ]
 
 
-def _formation(name: str, rows: Any) -> Formation:
+def _formation(name: str, rows: Any, names: Names) -> Formation:
     """A table of a parameter's values and their places."""
-    wanted = "[[value, [x, y]], ...]"
+    wanted = f"[value, {_written(names)}]"
     if not isinstance(rows, list) or not rows:
-        raise Wrong(f"expected {wanted}, got {show(rows)}", path=(name,))
+        raise Wrong(f"expected [{wanted}, ...], got {show(rows)}", path=(name,))
     values, places = [], []
     for i, row in enumerate(rows):
         if not isinstance(row, list | tuple) or len(row) != 2:
-            raise Wrong(f"expected [value, [x, y]], got {show(row)}", path=(name, i))
-        convert = _LENGTH if name in ("start_x", "start_y") else _NUMBER
+            raise Wrong(f"expected {wanted}, got {show(row)}", path=(name, i))
+        convert = _LENGTH if name in [f"start_{place}" for place in names] else _NUMBER
         values.append(_one(row[0], (name, i, 0), convert))
-        places.append(_pair(row[1], (name, i, 1), "[x, y]"))
+        places.append(_place(row[1], (name, i, 1), names))
     return _built(lambda: Formation(name, np.array(values), np.array(places)), (name,))
 
 
@@ -99,18 +98,19 @@ def _built(make: Callable[[], Made], path: Place) -> Made:
         raise Wrong(str(error).partition(": ")[2], path=path) from None
 
 
-def _matrix(value: Any) -> Floats:
-    """Two rows of two numbers."""
-    if not isinstance(value, list) or [len(row) if isinstance(row, list) else 0 for row in value] != [2, 2]:
-        raise Wrong(f"expected [[a, b], [b, c]], got {show(value)}", path=("covariance",))
+def _matrix(value: Any, size: int) -> Floats:
+    """As many rows as numbers in each."""
+    if not isinstance(value, list) or [len(row) if isinstance(row, list) else 0 for row in value] != [size] * size:
+        wanted = MATRICES[size]
+        raise Wrong(f"expected {wanted}, got {show(value)}", path=("covariance",))
     return np.array([_numbers(row, ("covariance", i)) for i, row in enumerate(value)])
 
 
-def _rows(value: Any, path: Place, wanted: str) -> list[Pair]:
-    """A list of pairs."""
+def _rows(value: Any, path: Place, names: Names) -> list[tuple[float, ...]]:
+    """A list of places."""
     if not isinstance(value, list) or not value:
-        raise Wrong(f"expected a list of {wanted}, got {show(value)}", path=path)
-    return [_pair(row, (*path, i), wanted) for i, row in enumerate(value)]
+        raise Wrong(f"expected a list of {_written(names)}, got {show(value)}", path=path)
+    return [_place(row, (*path, i), names) for i, row in enumerate(value)]
 
 
 def _numbers(value: Any, path: Place) -> list[float]:
@@ -120,11 +120,16 @@ def _numbers(value: Any, path: Place) -> list[float]:
     return [_one(item, (*path, i), _NUMBER) for i, item in enumerate(value)]
 
 
-def _pair(value: Any, path: Place, wanted: str) -> Pair:
-    """Two lengths."""
-    if not isinstance(value, list | tuple) or len(value) != 2:
-        raise Wrong(f"expected {wanted}, got {show(value)}", path=path)
-    return _one(value[0], (*path, 0), _LENGTH), _one(value[1], (*path, 1), _LENGTH)
+def _place(value: Any, path: Place, names: Names, wanted: str = "") -> tuple[float, ...]:
+    """A length for each coordinate of the position."""
+    if not isinstance(value, list | tuple) or len(value) != len(names):
+        raise Wrong(f"expected {wanted or _written(names)}, got {show(value)}", path=path)
+    return tuple(_one(one, (*path, i), _LENGTH) for i, one in enumerate(value))
+
+
+def _written(names: Names) -> str:
+    """A place in words, ``[x, y]``."""
+    return f"[{', '.join(names)}]"
 
 
 def _one(value: Any, path: Place, convert: Callable[[Any], float]) -> float:

@@ -23,6 +23,11 @@ Floats = NDArray[np.float64]
 def target_findings(problem: Problem) -> Iterator[Finding]:
     """What is wrong with the terminal target, and with a risk penalty."""
     yield from _risk(problem)
+    place, names = problem.objective.place, problem.fleet.places
+    if place is not None and len(place) != len(names):
+        if not isinstance(problem.objective.target, np.ndarray):
+            yield Finding(PATH, f"expected a number for each of {', '.join(names)} in every place, got {len(place)}")
+        return
     match problem.objective.target:
         case Formation() as target:
             yield from _formation(problem, target)
