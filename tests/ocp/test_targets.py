@@ -21,7 +21,7 @@ from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.program import assemble
 from ensemble_ctrl.ocp.state_rounds import whole
-from ensemble_ctrl.ocp.terminal import terminal_blocks, terminal_cost, terminal_of
+from ensemble_ctrl.ocp.terminal import _trace_of_root, terminal_blocks, terminal_cost, terminal_of
 from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points
 from ensemble_ctrl.planning.planner import Solution, solve
@@ -105,6 +105,17 @@ def test_wasserstein_is_that_of_normal_distributions(seed: int, dimensions: int)
     wanted = ((mean - target.mean) ** 2).sum() + np.trace(a + b - 2 * np.real(sqrtm(root @ a @ root)))
     assert wasserstein(mean, a, target) == pytest.approx(float(wanted), abs=1e-6)
     assert wasserstein(target.mean, b, target) == pytest.approx(0.0, abs=1e-6)
+
+
+@examples(100)
+@given(st.integers(0, 2**31), st.sampled_from([1, 2, 3]))
+def test_the_programs_root_is_that_of_a_matrix(seed: int, dimensions: int) -> None:
+    a, b = (m @ m.T for m in np.random.default_rng(seed).normal(size=(2, dimensions, dimensions)))
+    root = sqrtm(b)
+    wanted = float(np.trace(np.real(sqrtm(root @ a @ root))))
+    C = ca.SX.sym("C", dimensions, dimensions)
+    found = float(ca.Function("root", [C], [_trace_of_root(b, C)])(a))
+    assert found == pytest.approx(wanted, rel=1e-5, abs=1e-3)
 
 
 class Cart(DoubleIntegrator):
