@@ -271,7 +271,7 @@ CASES = {
         ("moments: {order", "moments: {zzz: 1, order"),
         (7, 11, "moments.zzz"),
         "unknown field",
-        "known here: basis, order",
+        "known here: basis, order, coordinates, integrator",
     ),
     "field of a later release": (
         ("  radius:", "  parameters: {traction: {beta: [2, 5]}}\n  radius:"),

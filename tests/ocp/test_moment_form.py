@@ -15,7 +15,7 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.ocp.layout import Layout
-from ensemble_ctrl.ocp.moment_form import moment_blocks
+from ensemble_ctrl.ocp.moment_form import Read, moment_blocks
 from ensemble_ctrl.ocp.program import Block, assemble
 from ensemble_ctrl.ocp.task import SHARPNESS
 from ensemble_ctrl.ocp.truncation import Truncation
@@ -46,7 +46,7 @@ def problem_of(task: str) -> Problem:
 def rows_of(problem: Problem) -> tuple[list[Block], Layout]:
     """The rows of the program."""
     layout = Layout(STEPS, TRUNCATION.count)
-    return moment_blocks(problem, TRUNCATION, layout), layout
+    return moment_blocks(problem, TRUNCATION, Read.of(TRUNCATION, layout)), layout
 
 
 def broken(problem: Problem, at: int, robots: Floats) -> bool:

@@ -7,6 +7,7 @@ these rows let members break it: for obstacles only the rows of order 0 ever bin
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -27,25 +28,61 @@ BIG_M = 20.0
 """The paper's M, metres, for maps of up to a quarter of that; larger maps use four times their size."""
 
 
-def moment_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> list[Block]:
+@dataclass(frozen=True, eq=False)
+class Read:
+    """Where the moments of positions are read from: a parametrisation's variables.
+
+    Attributes
+    ----------
+    at : ndarray of int, shape (steps + 1, 2 * count)
+        Indices of the variables of x, then of y.
+    to_moments : ndarray, shape (moments, count)
+        From the variables of a coordinate to its moments.
+    mean : ndarray, shape (count,)
+        From the same to its mean.
+    """
+
+    at: Ints
+    to_moments: Floats
+    mean: Floats
+
+    @classmethod
+    def of(cls, truncation: Truncation, layout: Numbers, places: Floats | None = None) -> Read:
+        """Of a layout whose variables `places` maps to the points, if they are not the points."""
+        places = np.eye(layout.count) if places is None else places
+        at = layout.points[:, : 2 * layout.count]
+        return cls(at, truncation.to_moments @ places, truncation.mean @ places)
+
+    @property
+    def count(self) -> int:
+        """Variables of one coordinate."""
+        return len(self.mean)
+
+    @property
+    def steps(self) -> int:
+        """Control steps."""
+        return len(self.at) - 1
+
+
+def moment_blocks(problem: Problem, truncation: Truncation, read: Read) -> list[Block]:
     """Rows for everything that must hold all the time: obstacles to avoid and regions to stay in."""
     return [
-        *_free_side_blocks(problem, truncation, layout),
-        *_obstacle_moment_blocks(problem, truncation, layout),
-        *region_blocks(problem, truncation, layout),
+        *_free_side_blocks(problem, read),
+        *_obstacle_moment_blocks(problem, truncation, read),
+        *region_blocks(problem, truncation, read),
     ]
 
 
-def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> list[Block]:
+def _free_side_blocks(problem: Problem, read: Read) -> list[Block]:
     """``eq:setPolyObsArr`` at order 0: the mean is on the free side of some facet, by a smooth OR."""
-    n, mean = layout.count, ca.DM(truncation.mean).T
+    n, mean = read.count, ca.DM(read.mean).T
     by_facets: dict[int, list[tuple[int, Floats, Floats]]] = defaultdict(list)
     for avoid in problem.specification.avoid:
-        times = _times(avoid.steps(layout.steps, problem.duration))
+        times = _times(avoid.steps(read.steps, problem.duration))
         for piece in avoid.pieces:
             G, h = piece.unit_rows()
             # facets relative to where the obstacle is: n . p >= h + radius + n . c(t_k)
-            moved = avoid.offsets(times * problem.duration / layout.steps)
+            moved = avoid.offsets(times * problem.duration / read.steps)
             pairs = zip(times.tolist(), moved @ G.T, strict=True)
             by_facets[len(h)] += [(k, G, h + avoid.radius + drift) for k, drift in pairs]
 
@@ -63,7 +100,7 @@ def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Numbers)
         Block(
             "avoiding (mean)",
             build(facets),
-            layout.points[[k for k, _, _ in entries]],
+            read.at[[k for k, _, _ in entries]],
             np.array([np.concatenate([G[:, 0], G[:, 1], h]) for _, G, h in entries]),
             np.full((len(entries), 1), problem.solve.margin),
             np.full((len(entries), 1), np.inf),
@@ -72,16 +109,16 @@ def _free_side_blocks(problem: Problem, truncation: Truncation, layout: Numbers)
     ]
 
 
-def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> list[Block]:
+def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, read: Read) -> list[Block]:
     """``eq:setPolyObsArr`` at orders 1..N; of parallel facets only the tightest row is kept, for the others follow."""
     rows: dict[tuple[int, float, float], float] = {}
     big = _big_m(problem)
     for avoid in problem.specification.avoid:
-        for k in _times(avoid.steps(layout.steps, problem.duration)).tolist():
+        for k in _times(avoid.steps(read.steps, problem.duration)).tolist():
             for piece in avoid.pieces:
                 normals, levels = piece.unit_rows()
                 # |m_k along n| <= (2 M - h) m_k^+ for k = 1..N: the tightest of facets with the same line and time
-                moved = levels + normals @ avoid.offsets(np.array([k * problem.duration / layout.steps]))[0]
+                moved = levels + normals @ avoid.offsets(np.array([k * problem.duration / read.steps]))[0]
                 for (gx, gy), h in zip(normals, moved, strict=True):
                     sign = 1.0 if (gx, gy) > (0.0, 0.0) else -1.0
                     key = (k, round(sign * float(gx), 12), round(sign * float(gy), 12))
@@ -92,24 +129,24 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, layout: Nu
     data = np.array([[gx, gy] for _, gx, gy in rows])
     positive, _ = truncation.basis.signed_moments()
     high = np.outer(list(rows.values()), positive[1:])
-    build = _moments_along(truncation, layout, 1)
-    return [Block("avoiding (moments)", build, layout.points[at], data, -high, high)]
+    build = _moments_along(read, 1)
+    return [Block("avoiding (moments)", build, read.at[at], data, -high, high)]
 
 
-def region_blocks(problem: Problem, truncation: Truncation, layout: Numbers) -> list[Block]:
+def region_blocks(problem: Problem, truncation: Truncation, read: Read) -> list[Block]:
     """``eq:polyhedron_moment`` for every ``G[a,b] in(region)``, all orders and all faces."""
     blocks = []
     for part in problem.specification.parts:
         if isinstance(part.written, Always) and isinstance(part.written.child, Inside):
-            grid = np.linspace(0.0, problem.duration, layout.steps + 1)
+            grid = np.linspace(0.0, problem.duration, read.steps + 1)
             # grid times of the window, but for the start
             inside = (grid >= part.begin - 1e-9) & (grid <= part.end + 1e-9)
             times = np.flatnonzero(inside & (grid > 0))
-            blocks.append(_region_block(problem.regions[part.written.child.name], times, truncation, layout))
+            blocks.append(_region_block(problem.regions[part.written.child.name], times, truncation, read))
     return blocks
 
 
-def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layout: Numbers) -> Block:
+def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, read: Read) -> Block:
     """The moment rows of one region at the given grid times, one of two sides for each line along its faces."""
     # b m_k^+ - c m_k^- <= m_k <= c m_k^+ - b m_k^- for b <= a . p <= c (docs/method.md)
     region = region.two_sided()
@@ -117,13 +154,13 @@ def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, layou
     # an instance for each time and face: a . p on all points, its moments between their bounds
     pairs = [(k, face) for k in times.tolist() for face in range(len(region.A))]
     at, face = (np.array(part) for part in zip(*pairs, strict=True))
-    build = _moments_along(truncation, layout, 0)
-    return Block("staying in (moments)", build, layout.points[at], region.A[face], lower.T[face], upper.T[face])
+    build = _moments_along(read, 0)
+    return Block("staying in (moments)", build, read.at[at], region.A[face], lower.T[face], upper.T[face])
 
 
-def _moments_along(truncation: Truncation, layout: Numbers, first: int) -> Build:
+def _moments_along(read: Read, first: int) -> Build:
     """The moments ``first..N`` of ``d[0] x + d[1] y``."""
-    n, image = layout.count, ca.DM(truncation.to_moments[first:])
+    n, image = read.count, ca.DM(read.to_moments[first:])
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
         moments: ca.SX = ca.mtimes(image, d[0] * z[:n] + d[1] * z[n:])

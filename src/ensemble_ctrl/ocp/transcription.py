@@ -30,7 +30,8 @@ from ensemble_ctrl.ocp.cost import CommandCost
 from ensemble_ctrl.ocp.facet_binaries import Choice, binary_blocks
 from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.layout import Numbers
-from ensemble_ctrl.ocp.moment_form import moment_blocks, region_blocks
+from ensemble_ctrl.ocp.modal_moments import Moments
+from ensemble_ctrl.ocp.moment_form import Read, moment_blocks, region_blocks
 from ensemble_ctrl.ocp.parametrisation import Entry, Iterate, Parametrisation, parametrise, register
 from ensemble_ctrl.ocp.positions import Positions
 from ensemble_ctrl.ocp.program import Block, Program, assemble
@@ -60,6 +61,7 @@ SLACK_START = 1e-3
 
 register(Entry("states", lambda problem: problem.fleet.system.transcription == "states", States))
 register(Entry("positions", lambda problem: problem.fleet.system.transcription == "positions", Positions))
+register(Entry("modal", lambda problem: problem.coordinates == "modal", Moments))
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +191,9 @@ def _avoidance(
         if model.places is not None:
             raise UnsupportedError("method minlp needs points of the fleet as variables")
         rows = binary_blocks(problem, truncation, layout, avoiding, slack, spare)
-        return rows + (region_blocks(problem, truncation, layout) if in_moments else [])
+        return rows + (region_blocks(problem, truncation, Read.of(truncation, layout)) if in_moments else [])
     if in_moments:
-        return moment_blocks(problem, truncation, layout)
+        return moment_blocks(problem, truncation, Read.of(truncation, layout, model.places))
     return avoidance_rows(model, avoiding, slack, problem.solve.margin + spare)
 
 

@@ -1,7 +1,9 @@
 """The problem as frozen data, its fleet, its task, the checks that it passes, and what sampled members do."""
 
 from ensemble_ctrl.problem.problem import (
+    Coordinates,
     Guarantee,
+    Integrator,
     Method,
     Objective,
     Problem,
@@ -12,7 +14,9 @@ from ensemble_ctrl.problem.problem import (
 )
 
 __all__ = [
+    "Coordinates",
     "Guarantee",
+    "Integrator",
     "Method",
     "Objective",
     "Problem",

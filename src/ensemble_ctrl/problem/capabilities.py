@@ -84,6 +84,14 @@ FEATURES: Mapping[str, Feature] = {
         "use nodes or hull",
         lambda problem: problem.solve.guarantee == "moment",
     ),
+    "modal": Feature(
+        "modal",
+        "arcs",
+        "its moment system is bilinear in the commands of robots on arcs",
+        ("moments", "coordinates"),
+        "use nodal",
+        lambda problem: problem.coordinates == "modal",
+    ),
     "minlp": Feature(
         "minlp",
         "positions",

@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 Guarantee = Literal["moment", "nodes", "hull"]
 Method = Literal["nlp", "minlp"]
 Routes = int | Literal["all"]
+Coordinates = Literal["nodal", "modal"]
+Integrator = Literal["exponential", "rk4"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,6 +238,11 @@ class Problem:
         How a loop runs that plans again and again (`ensemble_ctrl.planning.online`), from its file; not for plans.
     ignore : collection of str
         Obstacles that need not be avoided throughout: nothing is changed but that there is no warning of it.
+    coordinates : {"nodal", "modal"}
+        What stands for the truncated moments in the program: the robots at the Gauss nodes, on exact arcs, or the
+        moments themselves with their bilinear dynamics, as in the paper.
+    integrator : {"exponential", "rk4"}
+        Of modal coordinates: the exact step, or one step of the classical Runge-Kutta rule.
 
     Raises
     ------
@@ -259,6 +266,8 @@ class Problem:
     least_duration: float | None = None
     online: OnlineSettings | None = None
     ignore: Collection[str] = ()
+    coordinates: Coordinates = "nodal"
+    integrator: Integrator = "exponential"
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.problem.checks import require_sound

@@ -201,6 +201,30 @@ class ArcSystem(System):
         own = coefficients[:, 2, None] + coefficients[:, 1, None] * turned
         return np.asarray(own if self.heading_from == "x" else np.pi / 2 - own)
 
+    def generators(self) -> tuple[Floats, Floats]:
+        r"""Matrices of the bilinear form on the lifted state ``(px, py, cos, sin)``.
+
+        Returns
+        -------
+        B1, B2 : ndarray, shape (4, 4)
+            ``z' = psi1 v B1 z + psi2 omega B2 z``; dimensionless.
+
+        Notes
+        -----
+        Arias et al., One Ring to Rule Them All, ``eq:unicycle_bilinear``, for ``heading_from="y"``; of a
+        bicycle `omega` is ``v tan(delta) / L``.
+        """
+        # eq:unicycle_bilinear: d(px, py)/dt = psi v (cos, sin), d(cos, sin)/dt = psi omega (-sin, cos)
+        b1, b2 = np.zeros((4, 4)), np.zeros((4, 4))
+        b1[:2, 2:] = np.eye(2) if self.heading_from == "x" else np.eye(2)[::-1]
+        b2[2:, 2:] = [[0.0, -1.0], [1.0, 0.0]]
+        return b1, b2
+
+    def lift(self, position: Floats, heading: Floats | float) -> Floats:
+        """The lifted state ``(px, py, cos, sin)``, shape (..., 4), of a pose (metres, radians)."""
+        heading = np.asarray(heading, dtype=float)
+        return np.concatenate([position, np.cos(heading)[..., None], np.sin(heading)[..., None]], axis=-1)
+
     def sagitta(self, v: Any, omega: Any, linear: Any, angular: Any, step: float) -> Any:
         r"""Bound in metres on how far the arc of one step leaves its chord, ``step^2 / 8 psi_1 psi_2 |v omega|``.
 

@@ -39,26 +39,3 @@ class Unicycle(ArcSystem):
     def commands(self, v: Any, omega: Any, lower: Floats, upper: Floats) -> tuple[Any, Any]:
         """The speed and the turn rate, each within its bounds."""
         return np.clip(v, lower[0], upper[0]), np.clip(omega, lower[1], upper[1])
-
-    def generators(self) -> tuple[Floats, Floats]:
-        r"""Matrices of the bilinear form on the lifted state ``(px, py, cos, sin)``.
-
-        Returns
-        -------
-        B1, B2 : ndarray, shape (4, 4)
-            ``z' = psi1 v B1 z + psi2 omega B2 z``; dimensionless.
-
-        Notes
-        -----
-        Arias et al., One Ring to Rule Them All, ``eq:unicycle_bilinear``, for ``heading_from="y"``.
-        """
-        # eq:unicycle_bilinear: d(px, py)/dt = psi v (cos, sin), d(cos, sin)/dt = psi omega (-sin, cos)
-        b1, b2 = np.zeros((4, 4)), np.zeros((4, 4))
-        b1[:2, 2:] = np.eye(2) if self.heading_from == "x" else np.eye(2)[::-1]
-        b2[2:, 2:] = [[0.0, -1.0], [1.0, 0.0]]
-        return b1, b2
-
-    def lift(self, position: Floats, heading: Floats | float) -> Floats:
-        """The lifted state ``(px, py, cos, sin)``, shape (..., 4), of a pose (metres, radians)."""
-        heading = np.asarray(heading, dtype=float)
-        return np.concatenate([position, np.cos(heading)[..., None], np.sin(heading)[..., None]], axis=-1)

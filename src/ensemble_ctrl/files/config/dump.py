@@ -57,7 +57,7 @@ def to_data(problem: Problem) -> Data:
         "name": problem.name,
         "fleet": fleet_data(problem.fleet),
         "horizon": {"duration": _duration(problem), "steps": int(problem.steps)},
-        "moments": {"basis": "legendre", "order": "auto" if problem.order is None else int(problem.order)},
+        "moments": _moments(problem),
         "regions": {name: _region(region, places) for name, region in problem.regions.items()},
         "obstacles": {name: _obstacle(pieces, places) for name, pieces in problem.obstacles.items()},
         "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
@@ -67,6 +67,17 @@ def to_data(problem: Problem) -> Data:
         "solve": asdict(problem.solve),
         "verify": asdict(problem.verify),
         "report": asdict(problem.report),
+    }
+
+
+def _moments(problem: Problem) -> Data:
+    """How the fleet is represented."""
+    order = "auto" if problem.order is None else int(problem.order)
+    return {
+        "basis": "legendre",
+        "order": order,
+        "coordinates": problem.coordinates,
+        "integrator": problem.integrator,
     }
 
 

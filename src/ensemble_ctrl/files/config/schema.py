@@ -13,7 +13,16 @@ from ensemble_ctrl.files.config.motions import MotionSection
 from ensemble_ctrl.files.config.online import OnlineSection
 from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.files.config.targets import Terminal as TerminalTarget
-from ensemble_ctrl.problem import Guarantee, Method, Objective, ReportOptions, SolveOptions, VerifyOptions
+from ensemble_ctrl.problem import (
+    Coordinates,
+    Guarantee,
+    Integrator,
+    Method,
+    Objective,
+    ReportOptions,
+    SolveOptions,
+    VerifyOptions,
+)
 from ensemble_ctrl.problem.checks import MAX_MEMBERS, MAX_SEED, MAX_STEPS
 from ensemble_ctrl.problem.risk import Risk
 
@@ -39,6 +48,10 @@ class Moments(Model):
     """Polynomials of the moments."""
     order: f.Order = None
     """Truncation order N: moments 0 to N. `auto` takes the lowest one that errs by less than 0.1 mm."""
+    coordinates: Coordinates = "nodal"
+    """Variables of the program: robots at the Gauss nodes (`nodal`), or the moments, as in the paper (`modal`)."""
+    integrator: Integrator = "exponential"
+    """Step of modal coordinates: exact (`exponential`), or the classical Runge-Kutta rule (`rk4`)."""
 
 
 class Terminal(Model):

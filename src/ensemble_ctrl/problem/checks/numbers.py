@@ -38,6 +38,8 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     yield from _whole(("horizon", "steps"), problem.steps, 1, MAX_STEPS)
     if problem.order is not None:
         yield from _whole(("moments", "order"), problem.order, 1, MAX_ORDER, " (or auto)")
+    yield from _choice(("moments", "coordinates"), problem.coordinates, ("nodal", "modal"))
+    yield from _choice(("moments", "integrator"), problem.integrator, ("exponential", "rk4"))
     yield from _factors(problem)
     yield from _number(("fleet", "radius"), problem.fleet.radius, least=0.0, unit=" m")
     yield from _number(("solve", "time_limit"), solve.time_limit, above=0.0, unit=" s")
