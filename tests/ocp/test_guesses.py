@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +20,10 @@ from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
 from ensemble_ctrl.ocp.guesses.perturbed import perturbed
+from ensemble_ctrl.ocp.guesses.pivoting import pivoted_trip
+from ensemble_ctrl.ocp.guesses.roadmap import Trip
+from ensemble_ctrl.ocp.guesses.routes import Route
+from ensemble_ctrl.ocp.guesses.skeleton import Visit
 from ensemble_ctrl.ocp.truncation import positions
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.planning.suggest import Suggestion, relaxations
@@ -83,6 +88,36 @@ def test_a_curve_with_a_cusp_is_driven(problem: Problem) -> None:
     assert path[:, 0].max() == pytest.approx(poses[:, 0].max(), abs=0.02)
     assert (controls[:, 0] > 0).any()
     assert (controls[:, 0] < 0).any()
+
+
+def test_a_curve_is_driven_by_few_commands() -> None:
+    poses, problem = there_and_back(), unicycle("x")
+    seconds = np.concatenate([[0.0], np.cumsum(needed(problem, poses))])
+    times = seconds * problem.duration / seconds[-1]
+    controls = driven(problem, poses, times, 13)  # the cusp is within a step
+    path = positions(problem, controls, np.array([[1.0]]))[0]
+    wanted = np.stack([np.interp(np.linspace(0, problem.duration, 14), times, poses[:, k]) for k in (0, 1)], axis=1)
+    off = np.linalg.norm(path - wanted, axis=1)
+    assert off.max() < 0.16
+    assert off[-1] < 0.1
+
+
+def test_a_trip_turns_on_the_spot_and_is_in_time() -> None:
+    problem = unicycle("x").with_(duration=30.0)
+    places = np.array([[0.0, 0.0], [-2.0, 0.5], [-2.0, 3.0], [1.0, 3.0]])
+    region = ec.Polyhedron.box([[-1.0, 1.0], [-1.0, 1.0]])
+    visits = [
+        Visit(str(k), region, at, at, stay) for k, (at, stay) in enumerate([(11.0, 2.0), (21.0, 0.0), (29.0, 0.0)])
+    ]
+    legs = tuple(Route(np.stack(ends), float(np.linalg.norm(ends[1] - ends[0])), ()) for ends in pairwise(places))
+    guess = pivoted_trip(problem, Trip(tuple(visits), legs), 60, "trip", "itinerary")
+    path = positions(problem, guess.controls, np.array([[1.0]]))[0]
+    for visit, place in zip(visits, places[1:], strict=True):
+        for at in (visit.early, visit.early + visit.dwell):
+            assert np.linalg.norm(path[round(2 * at)] - place) < 0.2
+    assert guess.controls[:, 0].min() < -0.1  # the first place is behind the robot, which may reverse
+    line = shapely.LineString(places)
+    assert shapely.distance(line, shapely.points(path)).max() < 0.2
 
 
 def test_the_tightest_turn_and_whether_it_reverses() -> None:

@@ -22,8 +22,10 @@ from ensemble_ctrl.constraints.stl import (
     parse,
 )
 from ensemble_ctrl.constraints.stl.dense import shrunk
+from ensemble_ctrl.ocp.guesses import laid_out as laid_out_module
 from ensemble_ctrl.ocp.guesses.itinerary import Journey, itinerary
 from ensemble_ctrl.ocp.guesses.laid_out import laid_out, repeats
+from ensemble_ctrl.ocp.guesses.registry import Request
 from ensemble_ctrl.planning.planner import solve
 from tests.paths import CONFIGS
 
@@ -134,9 +136,18 @@ def test_repeated_and_conditional_visits_are_laid_out_in_time() -> None:
     problem = load(CONFIGS / "stl" / "patrol.yaml")
     assert repeats(problem)
     assert not repeats(load(CONFIGS / "stl" / "door_puzzle.yaml"))
-    (guess,) = laid_out(problem, problem.steps)
+    (guess,) = laid_out(Request(problem, problem.steps))
     assert guess.kind == "itinerary"
     assert {"west", "east", "sample", "radio"} <= set(guess.visits)
+
+
+def test_itineraries_are_looked_for_in_a_part_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = load(CONFIGS / "stl" / "patrol.yaml")
+    assert laid_out(Request(problem, problem.steps, left=lambda: 0.0)) == []
+    limits: list[float] = []
+    monkeypatch.setattr(laid_out_module, "itinerary", lambda *given: limits.append(given[-1]))
+    assert laid_out(Request(problem, problem.steps, left=lambda: 8.0)) == []
+    assert limits == [2.0, 2.0, 2.0]
 
 
 @pytest.mark.slow

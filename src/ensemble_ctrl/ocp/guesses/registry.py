@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
@@ -66,6 +67,11 @@ def one_after_another(phase: str, work: Callable[[Stop, int], T], count: int) ->
     return [work(lambda: False, k) for k in range(count)]
 
 
+def unlimited() -> float:
+    """No limit of time."""
+    return math.inf
+
+
 @dataclass(frozen=True, eq=False)
 class Request:
     """What guesses are made for.
@@ -80,6 +86,8 @@ class Request:
     quick : bool
         Whether there is little time: what takes seconds is left out.
     side_by_side : callable
+    left : callable
+        Seconds that are left.
     """
 
     problem: Problem
@@ -87,6 +95,7 @@ class Request:
     best: Floats | None = None
     quick: bool = False
     side_by_side: SideBySide = one_after_another
+    left: Callable[[], float] = unlimited
 
 
 class Source(Protocol):

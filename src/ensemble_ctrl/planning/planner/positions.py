@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.ocp.candidates import Tried, tried
-from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses, further_guesses, ompl_paths
+from ensemble_ctrl.ocp.guesses import Guess, first_guesses, further_guesses, ompl_paths
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, rank, start
 from ensemble_ctrl.ocp.truncation import choose
@@ -39,7 +39,7 @@ def by_positions(search: Search, problem: Problem, guess: Floats | None) -> Solu
     seconds: dict[str, float] = {}
     search.tell("guess")
     steps = coarse_steps(problem)
-    starts = [Guess(given(problem, guess, steps))] if guess is not None else first_guesses(Request(problem, steps))
+    starts = [Guess(given(problem, guess, steps))] if guess is not None else first_guesses(search.request(steps))
     seconds["guess"] = time.perf_counter() - search.began
     search.tell("solve")
     tries = _Tries()

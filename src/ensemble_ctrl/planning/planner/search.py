@@ -99,7 +99,7 @@ class Search:
         def side_by_side(phase: str, work: Callable[[Stop, int], T], count: int) -> list[T | None]:
             return self.side_by_side(phase, lambda own, candidate: work(own.over, candidate), count)
 
-        return Request(self.problem, steps, best, side_by_side=side_by_side)
+        return Request(self.problem, steps, best, side_by_side=side_by_side, left=self.left)
 
     def certified(self, controls: Floats) -> Certificate:
         """What is proven of controls on the problem's grid in what is left of the time, and at least `AFTERWARDS`.
