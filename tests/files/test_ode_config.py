@@ -119,7 +119,7 @@ def test_mistakes_are_placed(old: str, new: str, message: str) -> None:
         ("objective: {terminal: {target: [1, 2]}}", "objective.terminal.target: expected [x, y, z]"),
         (
             "objective: {terminal: {target: {payload: [[0, [1, 2]], [0.5, [1, 2]]]}}}",
-            "objective.terminal.target: formations, moments and spreads as targets are not for the quadrotor",
+            "objective.terminal.target.payload[0][1]: expected [x, y, z], got [1, 2]",
         ),
     ],
 )

@@ -202,12 +202,27 @@ def test_names_of_an_earlier_version_work_with_a_warning() -> None:
     np.testing.assert_array_equal(old.start_states(old.corners), new.start_states(new.corners))
     assert (old.radius, old.input_upper.tolist()) == (new.radius, new.input_upper.tolist())
     with pytest.warns(DeprecationWarning, match=r"OdeProblem is deprecated .*use ensemble_ctrl.Problem"):
-        assert ec.OdeProblem is ec.Problem
+        problem = ec.OdeProblem("old", old, 2.0, 10, "G x <= 3")
+    arcs = Fleet(ec.Unicycle(), {})
+    with pytest.warns(DeprecationWarning, match=r"ensemble_ctrl\.problem\.OdeProblem is deprecated"):
+        from ensemble_ctrl.problem import OdeProblem
+    with pytest.warns(DeprecationWarning, match="OdeFleet"):
+        assert [isinstance(one, ec.OdeFleet) for one in (old, arcs, problem, 1)] == [True, False, False, False]
+    assert [isinstance(one, OdeProblem) for one in (problem, problem.with_(fleet=arcs), old)] == [True, False, False]
+    with pytest.warns(DeprecationWarning, match="twin"), pytest.raises(TypeError, match="expected baseline once, got"):
+        ec.ReportOptions(twin=False, baseline=True)  # type: ignore[call-arg]
 
 
 def test_a_position_is_short_for_its_states() -> None:
-    fleet = Fleet(Quadrotor(), {}, position=[1, 2, 3], start={"x": 9.0, "vz": 0.5})
+    fleet = Fleet(Quadrotor(), {}, position=[1, 2, 3], start={"vz": 0.5})
     assert fleet.start == {"x": 1.0, "y": 2.0, "z": 3.0, "vz": 0.5}
-    assert fleet.with_(position=[0, 0, 1]).position.tolist() == [0, 0, 1]
+    assert fleet.with_(position=[0, 0, 1]).start == {"x": 0.0, "y": 0.0, "z": 1.0, "vz": 0.5}
+    for what in ({"position": [1, 2, 3]}, {"position": [1, 2, 3], "heading": None}):
+        with pytest.raises(ProblemError, match=r"position: expected the start to be given once, got .* start\['x'\]"):
+            Fleet(Quadrotor(), {}, start={"x": 9.0}, **what)
+    with pytest.raises(ProblemError, match=r"heading: expected the start to be given once"):
+        Fleet(ec.Unicycle(), {}, heading=0.5, start={"heading": 0.4})
+    turned = Fleet(ec.Unicycle(), {}, position=[1, 2], heading=0.5).with_(heading="90 deg")
+    assert turned.start == pytest.approx({"x": 1.0, "y": 2.0, "heading": np.pi / 2})
     with pytest.raises(ProblemError, match=r"fleet\.heading: expected none, for a quadrotor has none, got 0\.5"):
         Fleet(Quadrotor(), {}, heading=0.5)

@@ -32,6 +32,8 @@ def renamed_fields(**names: str) -> Callable[[type[T]], type[T]]:
         def init(self: T, *args: Any, **given: Any) -> None:
             for old in given.keys() & names.keys():
                 _warn(cls, old, names[old])
+                if names[old] in given:
+                    raise TypeError(f"{cls.__name__}: expected {names[old]} once, got it as {old} too")
                 given[names[old]] = given.pop(old)
             known(self, *args, **given)
 

@@ -1,5 +1,8 @@
 """The problem as frozen data, its fleet, its task, the checks that it passes, and what sampled members do."""
 
+from importlib import import_module
+from typing import Any
+
 from ensemble_ctrl.problem.problem import (
     Coordinates,
     Guarantee,
@@ -25,3 +28,10 @@ __all__ = [
     "SolveOptions",
     "VerifyOptions",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Names of an earlier version (`ensemble_ctrl.problem.renamed`)."""
+    if name not in ("OdeFleet", "OdeProblem"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return import_module(f"{__name__}.renamed").renamed(name, __name__)

@@ -17,7 +17,7 @@ from ensemble_ctrl.core.renamed import renamed_fields
 from ensemble_ctrl.core.values import expect, numbers
 from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem.arguments import distributions_of
-from ensemble_ctrl.problem.arguments.fleets import per_control, radius_of, rates_of, start_of
+from ensemble_ctrl.problem.arguments.fleets import per_control, radius_of, rates_of, rest_of_start, start_of
 from ensemble_ctrl.problem.ensemble import Ensemble, Member
 from ensemble_ctrl.problem.integrated import ACCURACY, accurate, integrated, needed
 from ensemble_ctrl.systems import ArcSystem, System
@@ -45,7 +45,7 @@ class Fleet(Ensemble):
         ``system.parameters``, and ``start_`` with the name of a state, an offset of its start. Parameters of the system
         that are not named have its values.
     position : array_like, shape (d,), optional
-        Start position in metres, short for its states in `start`, before which it goes.
+        Start position in metres, short for its states in `start`.
     heading : float, optional
         Start heading in radians, counted from +x counter-clockwise whatever the system's own convention; short for that
         state in `start`, for systems that have one.
@@ -60,7 +60,7 @@ class Fleet(Ensemble):
     rate_bounds : array_like, shape (n_u,), optional
         Largest change of each command per second, between successive steps; infinite if not given.
     start : mapping of str to float, optional
-        Where all members start, by the names of states; the others start at the system's own values, or zero.
+        Where all members start, by the names of states; others start at the system's own values, or zero.
 
     Raises
     ------
@@ -165,7 +165,7 @@ class Fleet(Ensemble):
 
     def with_(self, **changes: Any) -> Self:
         """A copy with some arguments replaced, `position` and `heading` among them, checked like a new fleet."""
-        return replace(self, **changes)
+        return replace(self, **{"start": rest_of_start(self.system, self.start, changes)} | changes)
 
     @property
     def identity(self) -> list[object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -37,14 +38,30 @@ def start_of(system: System, start: object, position: Any, heading: Any) -> Read
             raise ProblemError(f"fleet.start.{name}: expected a finite number, got {value}")
     if position is not None:
         place = frozen(position, (len(system.positions),), "fleet.position")
+        _once("position", system.positions, given)
         given |= dict(zip(system.positions, place.tolist(), strict=True))
     if heading is not None:
         if not system.heading_state:
             raise ProblemError(f"fleet.heading: expected none, for a {system.name} has none, got {shown(heading)}")
+        _once("heading", (system.heading_state,), given)
         given[system.heading_state] = quantity_of("fleet.heading", heading, "angle")
         if not np.isfinite(given[system.heading_state]):
             raise ProblemError(f"fleet.heading: expected a finite number, got {heading}")
     return ReadOnlyMapping(given)
+
+
+def _once(field: str, states: Sequence[str], start: Mapping[str, float]) -> None:
+    """Refuse a start that two arguments give."""
+    if twice := [name for name in states if name in start]:
+        came = ", ".join(f"start[{name!r}]" for name in twice)
+        raise ProblemError(f"fleet.{field}: expected the start to be given once, got {field} and {came}")
+
+
+def rest_of_start(system: System, start: Mapping[str, float], changes: Mapping[str, Any]) -> dict[str, float]:
+    """A fleet's start less the states that a new position or heading replaces."""
+    shorts = (("position", system.positions), ("heading", (system.heading_state,)))
+    anew = {name for short, states in shorts if changes.get(short) is not None for name in states}
+    return {name: value for name, value in start.items() if name not in anew}
 
 
 def radius_of(radius: Any) -> float:
