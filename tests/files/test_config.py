@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ConfigError
 from ensemble_ctrl.files import config
-from ensemble_ctrl.files.config.errors import Wrong
+from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.problem import Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.problem.arguments.units import quantity
 from tests.examples import examples
@@ -236,7 +236,7 @@ def test_a_unit_scales_its_number(number: float, unit: str, gap: str) -> None:
 def test_a_unit_of_another_kind_is_named(unit: str, kind: str) -> None:
     if FACTORS[unit][0] == kind:
         return
-    with pytest.raises(Wrong, match=f"which is an? {FACTORS[unit][0]}$"):
+    with pytest.raises(FieldError, match=f"which is an? {FACTORS[unit][0]}$"):
         quantity(kind)(f"1 {unit}")
 
 
@@ -244,7 +244,7 @@ def test_a_unit_of_another_kind_is_named(unit: str, kind: str) -> None:
 def test_any_text_is_a_finite_number_or_refused(text: str) -> None:
     try:
         value = quantity("length")(text)
-    except Wrong:
+    except FieldError:
         return
     assert math.isfinite(value)
 

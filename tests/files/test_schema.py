@@ -12,7 +12,7 @@ import yaml
 
 from ensemble_ctrl.cli.init import schema_text
 from ensemble_ctrl.files.config import load, schema
-from ensemble_ctrl.files.config.errors import Wrong
+from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.problem.arguments.units import WANTED, pattern, quantity
 from tests.paths import ROOT
 
@@ -107,7 +107,7 @@ def test_it_refuses_what_the_reader_refuses(path: str, value: Any) -> None:
 def test_a_text_with_a_unit_matches_exactly_when_it_is_read(kind: str, text: str) -> None:
     try:
         quantity(kind)(text)
-    except Wrong:
+    except FieldError:
         assert not re.search(pattern(kind), text)
     else:
         assert re.search(pattern(kind), text)

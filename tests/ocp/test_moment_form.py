@@ -1,6 +1,6 @@
 """The paper's rows on moments, each against its formula: which grid times, which orders, which bounds.
 
-Every test moves the fleet at one grid time only, from where nothing is asked of it.
+Every test moves the fleet at one grid time only, from where nothing is required of it.
 """
 
 from __future__ import annotations

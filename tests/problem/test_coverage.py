@@ -23,7 +23,7 @@ from ensemble_ctrl.constraints.stl import (
 from ensemble_ctrl.files.config import dump, load_text
 from ensemble_ctrl.problem.checks import coverage_text, findings
 from ensemble_ctrl.problem.evaluation.sampled import replay
-from ensemble_ctrl.problem.specification import NOTHING_ASKED, clearances
+from ensemble_ctrl.problem.specification import NOTHING_REQUIRED, clearances
 from ensemble_ctrl.report import summary_lines
 from ensemble_ctrl.report.words import certificate_words
 from tests.examples import examples
@@ -205,10 +205,10 @@ def test_of_a_task_that_asks_nothing_nothing_is_claimed(task: str) -> None:
     assert seen.certificate is not None
     assert (seen.certificate.proven, seen.certificate.empty) == ("yes", True)
     lines = summary_lines(seen)
-    assert lines[0].startswith("covered: plan found, nothing is asked, ")
-    assert f"  proven     {NOTHING_ASKED}" in lines
+    assert lines[0].startswith("covered: plan found, nothing is required, ")
+    assert f"  proven     {NOTHING_REQUIRED}" in lines
     lead = certificate_words(free, seen.certificate).lead
-    assert lead.startswith("Nothing is asked: ")
+    assert lead.startswith("Nothing is required: ")
     for text in (repr(seen.replayed), repr(seen.certificate), lead, *lines):
         assert "inf" not in text
         assert "proven for every" not in text

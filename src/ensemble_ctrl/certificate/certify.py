@@ -23,8 +23,8 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.plain import at_least
 from ensemble_ctrl.core.values import shown
 from ensemble_ctrl.problem.specification import (
-    NOTHING_ASKED,
     NOTHING_AVOIDED,
+    NOTHING_REQUIRED,
     AvoidConstraint,
     ChanceConstraint,
     TaskPart,
@@ -129,7 +129,7 @@ class Certificate:
 
     def __repr__(self) -> str:
         if self.empty:
-            return f"Certificate({NOTHING_ASKED})"
+            return f"Certificate({NOTHING_REQUIRED})"
         scope = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in self.ranges.items())
         clearance = f"clearance >= {at_least(self.clearance)} m" if np.isfinite(self.clearance) else NOTHING_AVOIDED
         rest = f"robustness >= {at_least(self.robustness)} {self.unit}, {self.seconds:.2f} s"

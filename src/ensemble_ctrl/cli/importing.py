@@ -8,7 +8,7 @@ from typing import cast, get_args
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.core.errors import EnsembleError, shortened
 from ensemble_ctrl.files.config import import_map
-from ensemble_ctrl.files.config.errors import Wrong
+from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.map_formats import counted_pieces
 from ensemble_ctrl.files.config.occupancy import Unknown
 from ensemble_ctrl.files.folder import write_text
@@ -47,7 +47,7 @@ def _length(text: str) -> float:
     """A length of at least 0, with a unit or in metres."""
     try:
         return quantity("length", 0)(text)
-    except Wrong as error:
+    except FieldError as error:
         raise EnsembleError(f"--tolerance: {error.message}") from None
 
 

@@ -38,7 +38,7 @@ class Verified:
     certificate: Certificate
     run: Replay | None
     tampered: tuple[str, ...]
-    asked: bool
+    requested: bool
     beyond: Beyond | None
     ignore_bounds: bool
     runaway: str = ""
@@ -52,20 +52,20 @@ class Verified:
 
 
 def verify_plan(
-    path: Path, asked: Sequence[str], members: int | None, as_json: bool, ignore_bounds: bool = False
+    path: Path, requested: Sequence[str], members: int | None, as_json: bool, ignore_bounds: bool = False
 ) -> int:
     """Print what is proven; returns 0 if all is well, else 4."""
     plan = read_plan(path)
-    ranges = dict(_range(text, plan) for text in asked)
+    ranges = dict(_range(text, plan) for text in requested)
     certificate = plan.certify(ranges)
     run, runaway = None, ""
     try:
         run = _replayed(plan, ranges, members) if members else None
     except RunawayError as error:
         runaway = error.what
-    tampered = () if asked else tuple(_disagreements(path, plan, certificate))
+    tampered = () if requested else tuple(_disagreements(path, plan, certificate))
     beyond = beyond_bounds(plan.problem, plan.controls)
-    found = Verified(plan, certificate, run, tampered, bool(asked), beyond, ignore_bounds, runaway)
+    found = Verified(plan, certificate, run, tampered, bool(requested), beyond, ignore_bounds, runaway)
     code = codes.OK if found.good else codes.NOT_VERIFIED
     if as_json:
         say(to_json(_as_data(found, code)))
@@ -95,17 +95,19 @@ def _read_csv(path: Path) -> Any:
     return rows[:, 1:]
 
 
-def _range(asked: str, plan: Plan) -> tuple[str, Interval]:
+def _range(requested: str, plan: Plan) -> tuple[str, Interval]:
     """``traction=0.85:1.15`` as a name and an interval."""
     names = plan.problem.fleet.names
-    name, _, values = (part.strip() for part in asked.partition("="))
+    name, _, values = (part.strip() for part in requested.partition("="))
     low, _, high = values.partition(":")
     if name not in names:
-        raise ProblemError(f"--range {asked}: expected {' or '.join(f'{n}=LOW:HIGH' for n in names)}")
+        raise ProblemError(f"--range {requested}: expected {' or '.join(f'{n}=LOW:HIGH' for n in names)}")
     try:
         return name, Interval(float(low), float(high))
     except ValueError as error:
-        raise ProblemError(f"--range {asked}: expected {name}=LOW:HIGH with numbers LOW <= HIGH ({error})") from None
+        raise ProblemError(
+            f"--range {requested}: expected {name}=LOW:HIGH with numbers LOW <= HIGH ({error})"
+        ) from None
 
 
 def _replayed(plan: Plan, ranges: Mapping[str, Interval], members: int) -> Replay:
@@ -185,7 +187,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def _lines(found: Verified) -> list[str]:
     """The result as text."""
     problem = found.plan.problem
-    head = "nothing is asked" if found.certificate.empty else HEADS[found.certificate.proven]
+    head = "nothing is required" if found.certificate.empty else HEADS[found.certificate.proven]
     if found.beyond is not None and not found.ignore_bounds:
         head += f", but beyond the {found.beyond.bounds} bounds at t = {found.beyond.time:g} s"
     agree = "agree with each other and with the proof"
@@ -193,7 +195,7 @@ def _lines(found: Verified) -> list[str]:
     rows += [("replay", found.runaway)] if found.runaway else []
     if found.beyond is not None:
         rows.append(("bounds", f"{found.beyond}{' (ignored)' if found.ignore_bounds else ''}"))
-    rows += [("files", "DISAGREE, see below" if found.tampered else agree)] if not found.asked else []
+    rows += [("files", "DISAGREE, see below" if found.tampered else agree)] if not found.requested else []
     rows += [("inputs", f"sha256 {found.certificate.inputs}")]
     return [f"{problem.name}: {head}", *(f"  {label:<11}{text}" for label, text in rows)]
 

@@ -97,7 +97,7 @@ def members_within(scaled: Floats, within: Range) -> Floats:
     return np.asarray(low + (scaled + 1) / 2 * (high - low))
 
 
-def asked(problem: Problem, within: Range | None) -> tuple[tuple[TaskPart, ...], tuple[TaskPart, ...]]:
+def required_parts(problem: Problem, within: Range | None) -> tuple[tuple[TaskPart, ...], tuple[TaskPart, ...]]:
     """Parts of the task with a robustness: those for everybody, and those for the members in a box alone."""
     specification = problem.specification
     if within is None:

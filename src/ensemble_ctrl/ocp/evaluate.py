@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
-from ensemble_ctrl.ocp.chance import all_hyperplanes, asked, map_size, members_within
+from ensemble_ctrl.ocp.chance import all_hyperplanes, map_size, members_within, required_parts
 from ensemble_ctrl.ocp.cost import CommandCost, Scale, cost
 from ensemble_ctrl.ocp.hyperplanes import REACH, separate
 from ensemble_ctrl.ocp.risk import risk_cost
@@ -72,7 +72,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
         signals = StateSignals(average[None], ("x", "y"), step)
     else:
         signals = _worst(problem, controls, order, None)
-    formulas, fewer = asked(problem, truncation.within)
+    formulas, fewer = required_parts(problem, truncation.within)
     of_fleet = not in_moments and any(reads_fleet(part.written) for part in formulas)
     whole = _fleet(problem, controls) if of_fleet else signals
     values = [

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Mean
 from ensemble_ctrl.core.errors import UnsupportedError
-from ensemble_ctrl.ocp.chance import asked
+from ensemble_ctrl.ocp.chance import required_parts
 from ensemble_ctrl.ocp.cost import CommandCost
 from ensemble_ctrl.ocp.facet_binaries import Choice, binary_blocks
 from ensemble_ctrl.ocp.hyperplanes import separate
@@ -156,7 +156,7 @@ def _task(
 ) -> tuple[TaskRows, bool]:
     """Rows that keep the level below the task's robustness, and whether the task has one."""
     in_moments = problem.solve.guarantee == "moment"
-    everybody, some = asked(problem, truncation.within)
+    everybody, some = required_parts(problem, truncation.within)
     # with the guarantee `moment` every part is about the mean member
     parts = [Mean(part.formula) if in_moments else part.formula for part in everybody]
     fewer = [part.formula for part in some]

@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 NOTHING_AVOIDED = "no obstacle is to be avoided"
 """What an infinite clearance means."""
-NOTHING_ASKED = "nothing is asked: the task avoids no obstacle that is there, and has no other part"
+NOTHING_REQUIRED = "nothing is required: the task avoids no obstacle that is there, and has no other part"
 """What an infinite robustness means."""
 
 

@@ -18,7 +18,7 @@ from ensemble_ctrl.problem.ensemble import Ensemble
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task, units_of_parts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
 from ensemble_ctrl.problem.fleet import START_COLUMNS
-from ensemble_ctrl.problem.specification import NOTHING_ASKED, NOTHING_AVOIDED
+from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED
 from ensemble_ctrl.report.tried import tried
 
 if TYPE_CHECKING:
@@ -76,12 +76,12 @@ def verdict(plan: PlanLike) -> str:
     bad = int(run.violating.sum())
     proof = ""
     if plan.certificate is not None and plan.certificate.empty:
-        proof = "nothing is asked, "
+        proof = "nothing is required, "
     elif plan.certificate is not None:
         proof = "proven for every member, " if plan.certificate.proven == "yes" else "NOT proven for every member, "
     if run.shares:
         proof = proof.replace("every member", "the share asked for")
-        least = min(run.shares, key=lambda share: share.satisfied - share.asked)
+        least = min(run.shares, key=lambda share: share.satisfied - share.required)
         few = "only " if bad else ""
         return f"{words}, {proof}{few}{percent(least.satisfied)} % of {run.members} members do it"
     return f"{words}, {proof}" + (
@@ -207,7 +207,7 @@ def measured(run: Replay | None, unit: str = "m") -> list[tuple[str, str]]:
         return []
     value, worst = run.worst
     who = "of the task, shares as asked" if run.shares else f"for the worst member ({member_text(worst)})"
-    rows = [("robustness", NOTHING_ASKED if value == np.inf else f"{value:.4f} {unit} {who}")]
+    rows = [("robustness", NOTHING_REQUIRED if value == np.inf else f"{value:.4f} {unit} {who}")]
     c = min(run.clearances, key=lambda c: c.distance, default=None)
     if c is None or not np.isfinite(c.distance):
         rows.append(("clearance", NOTHING_AVOIDED))
@@ -244,7 +244,7 @@ def minimum_time(found: dict[str, Any] | None) -> list[tuple[str, str]]:
 def _seen(share: ShareSeen) -> str:
     """The share that does a part, and its interval for the whole fleet."""
     bounds = f"({percent(share.low)} to {percent(share.high, up=True)} % of all, 95 % confidence)"
-    return f"{percent(share.satisfied)} % do what {100 * share.asked:g} % have to {bounds}"
+    return f"{percent(share.satisfied)} % do what {100 * share.required:g} % have to {bounds}"
 
 
 def _share(run: Replay) -> str:
@@ -268,7 +268,7 @@ def proven(problem: Problem, certificate: Certificate | None) -> list[tuple[str,
     if c.reason:
         return [("proven", f"UNDECIDED: {c.reason}")]
     if c.empty:
-        return [("proven", NOTHING_ASKED)]
+        return [("proven", NOTHING_REQUIRED)]
     units = units_of_parts(problem)
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
     scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])

@@ -9,7 +9,7 @@ from math import floor, isfinite, log10
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import units_of_parts
-from ensemble_ctrl.problem.specification import NOTHING_ASKED
+from ensemble_ctrl.problem.specification import NOTHING_REQUIRED
 from ensemble_ctrl.report.text import member_text, percent, unit_of
 
 LIMITS = (
@@ -40,7 +40,7 @@ def certificate_words(problem: Problem, certificate: Certificate | None) -> Word
         hint = "Set verify.certificate: true in the problem file, or run ensemble-plan verify on the results."
         return Words(lead, (), hint)
     if certificate.empty:
-        return Words(f"{NOTHING_ASKED[0].upper()}{NOTHING_ASKED[1:]}.", (), LIMITS)
+        return Words(f"{NOTHING_REQUIRED[0].upper()}{NOTHING_REQUIRED[1:]}.", (), LIMITS)
     units = units_of_parts(problem)
     bounds = tuple(_bounds(certificate, units))
     ranges, when = _ranges(certificate), f"at every instant of the {problem.duration:g} s"

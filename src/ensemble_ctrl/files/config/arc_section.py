@@ -18,7 +18,7 @@ from ensemble_ctrl.files.config.distributions import (
     distribution_data,
     distribution_of,
 )
-from ensemble_ctrl.files.config.errors import Wrong
+from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.fields import Model
 from ensemble_ctrl.files.config.joint_samples import JointSamples, read_joint_samples
 from ensemble_ctrl.files.config.samples import Columns
@@ -32,7 +32,7 @@ ON_ARCS: dict[str, type[ArcSystem]] = {Unicycle.name: Unicycle, Bicycle.name: Bi
 
 
 class Parameters(Model):
-    """The parameters that differ between members; those left out are the same for all."""
+    """Parameters that differ between members; the others are equal for all."""
 
     traction: DistributionSection | None = None
     """Factor on speed and turn rate at once; above 0."""
@@ -49,10 +49,10 @@ class Parameters(Model):
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
-        """`traction` is both of the others in one number."""
+        """`traction` stands for both of the others."""
         for name in ("linear_traction", "angular_traction"):
             if self.traction is not None and getattr(self, name) is not None:
-                raise Wrong(f"expected traction or {name}, got both", "traction scales both at once", (name,))
+                raise FieldError(f"expected traction or {name}, got both", "traction scales both at once", (name,))
         return self
 
 
@@ -90,16 +90,16 @@ class RateBounds(Model):
 
 
 class FleetSection(Model):
-    """Who moves."""
+    """The fleet."""
 
     model: f.ModelName
-    """The dynamics all members share; `ensemble-plan models` lists them."""
+    """Dynamics of all members; `ensemble-plan models` lists them."""
     wheelbase: f.Wheelbase | None = None
-    """Bicycle only: distance between the axles; 0.3 m if not given."""
+    """Bicycle only: distance between the axles; 0.3 m by default."""
     parameters: Parameters = Field(default_factory=lambda: Parameters(traction=DistributionSection()))
-    """What differs between members; without the section, `traction` from 0.9 to 1.1."""
+    """Parameters that differ between members; by default `traction` from 0.9 to 1.1."""
     samples: JointSamples | None = None
-    """Measured robots whose parameters belong together: a CSV file with a column for each, or columns."""
+    """Joint samples: measured parameters of whole robots, as a CSV file with a column for each, or as columns."""
     start: Start
     """Where all members start."""
     input_bounds: InputBounds = Field(default_factory=InputBounds)
@@ -121,7 +121,7 @@ class FleetSection(Model):
                 if distribution is not None and "parameters" in self.model_fields_set
             }
             for name in sorted(distributions & set(self._robots)):
-                raise Wrong(
+                raise FieldError(
                     f"expected {name} in the joint samples or among the parameters, got both", path=("samples",)
                 )
         return self
@@ -142,12 +142,14 @@ class FleetSection(Model):
         system = ON_ARCS[self.model]
         for name in self.input_bounds.model_fields_set - set(system.controls):
             controls = " and ".join(system.controls)
-            raise Wrong(f"expected bounds of {controls}, got {name!r}", path=("input_bounds", name))
+            raise FieldError(f"expected bounds of {controls}, got {name!r}", path=("input_bounds", name))
         for name in (self.rate_bounds.model_fields_set if self.rate_bounds else set()) - set(system.controls):
             controls = " and ".join(system.controls)
-            raise Wrong(f"expected rates of {controls}, got {name!r}", path=("rate_bounds", name))
+            raise FieldError(f"expected rates of {controls}, got {name!r}", path=("rate_bounds", name))
         if self.wheelbase is not None and self.model != Bicycle.name:
-            raise Wrong(f"expected a wheelbase for the bicycle only, got one for the {self.model}", path=("wheelbase",))
+            raise FieldError(
+                f"expected a wheelbase for the bicycle only, got one for the {self.model}", path=("wheelbase",)
+            )
         return self
 
     def fleet(self) -> Fleet:

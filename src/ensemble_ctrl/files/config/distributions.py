@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, PrivateAttr, ValidationInf
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
+from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
 from ensemble_ctrl.files.config.samples import Columns, Values, columns_of, samples
 from ensemble_ctrl.moments import DISTRIBUTIONS, Distribution, Mixture, Samples
 from ensemble_ctrl.problem.arguments.units import quantity
@@ -31,7 +31,7 @@ SHAPES: dict[str, dict[str, str]] = {
 def _distribution_name(value: str) -> str:
     """The name of a distribution over a range."""
     if value not in DISTRIBUTIONS:
-        raise Wrong(f"{show(value)} is not one of {', '.join(DISTRIBUTIONS)}", suggestion(value, DISTRIBUTIONS))
+        raise FieldError(f"{show(value)} is not one of {', '.join(DISTRIBUTIONS)}", suggestion(value, DISTRIBUTIONS))
     return value
 
 
@@ -84,7 +84,7 @@ class PartSection(f.Model):
         except ProblemError as error:
             name, _, message = str(error).partition(": ")
             path = (name,) if name in type(self).model_fields else ("numbers", name)
-            raise Wrong(message, path=path) from None
+            raise FieldError(message, path=path) from None
         return self
 
     def _measured(self, folder: Path) -> Columns:
@@ -93,8 +93,8 @@ class PartSection(f.Model):
             return {"": self.samples or ()}
         try:
             return columns_of(folder, self.samples, self._above)
-        except Wrong as error:
-            raise Wrong(error.message, error.hint, ("samples",)) from None
+        except FieldError as error:
+            raise FieldError(error.message, error.hint, ("samples",)) from None
 
     def over_range(self) -> Distribution:
         """The distribution over the range."""
@@ -224,13 +224,13 @@ def _check_mixture(section: AnySection) -> None:
     if section.mixture is not None:
         _alone(section, "mixture")
         if not section.mixture:
-            raise Wrong("expected at least one distribution, got an empty list", path=("mixture",))
+            raise FieldError("expected at least one distribution, got an empty list", path=("mixture",))
 
 
 def _check_range(section: AnySection) -> None:
     """An offset has no range that goes without saying."""
     if section.samples is None and section.mixture is None and "range" not in section.model_fields_set:
-        raise Wrong("expected a range, samples or a mixture, got none", "for example  {range: [-0.1, 0.1]}")
+        raise FieldError("expected a range, samples or a mixture, got none", "for example  {range: [-0.1, 0.1]}")
 
 
 def distribution_of(section: AnySection, name: str) -> Distribution:
@@ -313,14 +313,14 @@ def _complete(section: PartSection) -> None:
         if _number(section, name) is None:
             message = f"expected {' and '.join(takes)} for {section.distribution}, but {name} is missing"
             example = SHAPES.get(section.distribution, {}).get(name, f"numbers: {{{name}: 1.0}}")
-            raise Wrong(message, f"for example  {example}", ("distribution",))
+            raise FieldError(message, f"for example  {example}", ("distribution",))
     for name in section.numbers or {}:
         if name not in takes or name in type(section).model_fields:
-            raise Wrong(f"expected no {name} in numbers for {section.distribution}", path=("numbers", name))
+            raise FieldError(f"expected no {name} in numbers for {section.distribution}", path=("numbers", name))
     for distribution, names in SHAPES.items():
         for name in names:
             if name not in takes and getattr(section, name) is not None:
-                raise Wrong(
+                raise FieldError(
                     f"expected no {name} for {section.distribution}",
                     f"{name} is for distribution: {distribution}",
                     (name,),
@@ -331,4 +331,4 @@ def _alone(section: PartSection, form: str) -> None:
     """Nothing stands beside measured values, or beside a mixture."""
     others = [name for name in type(section).model_fields if name in section.model_fields_set - {form, "weight"}]
     if others:
-        raise Wrong(f"expected {form} without {' and '.join(others)}", "leave one of them out", (others[0],))
+        raise FieldError(f"expected {form} without {' and '.join(others)}", "leave one of them out", (others[0],))

@@ -1,4 +1,4 @@
-"""Unknown keys and words of a problem file; what a validator raises is `Wrong`."""
+"""Unknown keys and words of a problem file; what a validator raises is `FieldError`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from ensemble_ctrl.core.errors import MOST_LETTERS
-from ensemble_ctrl.problem.arguments.errors import Wrong, is_number, show
+from ensemble_ctrl.problem.arguments.errors import FieldError, is_number, show
 
 
 def only(keys: Iterable[Any], known: Iterable[str], path: tuple[str | int, ...] = ()) -> None:
@@ -15,13 +15,13 @@ def only(keys: Iterable[Any], known: Iterable[str], path: tuple[str | int, ...] 
 
     Raises
     ------
-    Wrong
+    FieldError
         About the first other one.
     """
     known = sorted(known)
     for key in sorted(str(key) for key in keys if key not in known):
         hint = suggestion(key, known) or f"known here: {', '.join(known)}"
-        raise Wrong("unknown field", hint, (*path, key), on_key=True)
+        raise FieldError("unknown field", hint, (*path, key), on_key=True)
 
 
 def suggestion(word: Any, known: Iterable[str]) -> str:
@@ -30,4 +30,4 @@ def suggestion(word: Any, known: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else ""
 
 
-__all__ = ["Wrong", "is_number", "only", "show", "suggestion"]
+__all__ = ["FieldError", "is_number", "only", "show", "suggestion"]

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Wit
 
 from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
-from ensemble_ctrl.files.config.errors import Wrong, only, show, suggestion
+from ensemble_ctrl.files.config.errors import FieldError, only, show, suggestion
 from ensemble_ctrl.moments import MAX_ORDER
 from ensemble_ctrl.problem.arguments.units import pattern, quantity
 from ensemble_ctrl.problem.checks import ALL_OBSTACLES
@@ -48,7 +48,7 @@ def whole(least: int, most: int, also: str = "") -> Callable[[Any], int]:
     def convert(value: Any) -> int:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or value % 1 != 0 or not least <= value <= most:
-            raise Wrong(f"expected a whole number from {least} to {most}{also}, got {show(value)}")
+            raise FieldError(f"expected a whole number from {least} to {most}{also}, got {show(value)}")
         return int(value)
 
     return convert
@@ -57,7 +57,7 @@ def whole(least: int, most: int, also: str = "") -> Callable[[Any], int]:
 def flag(value: Any) -> bool:
     """Only ``true`` or ``false``."""
     if not isinstance(value, bool):
-        raise Wrong(f"expected true or false, got {show(value)}")
+        raise FieldError(f"expected true or false, got {show(value)}")
     return value
 
 
@@ -71,7 +71,7 @@ def few(shape: str, least: int, most: int) -> Callable[[Any], Any]:
 
     def check(value: Any) -> Any:
         if not isinstance(value, list | tuple) or not least <= len(value) <= most:
-            raise Wrong(f"expected {shape}, got {show(value)}")
+            raise FieldError(f"expected {shape}, got {show(value)}")
         return value
 
     return check
@@ -80,7 +80,7 @@ def few(shape: str, least: int, most: int) -> Callable[[Any], Any]:
 def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     """Bounds whose low end is not above the high one."""
     if bounds[0] > bounds[1]:
-        raise Wrong(f"expected [low, high], got [{bounds[0]:g}, {bounds[1]:g}], where low is above high")
+        raise FieldError(f"expected [low, high], got [{bounds[0]:g}, {bounds[1]:g}], where low is above high")
     return bounds
 
 
@@ -88,7 +88,7 @@ def level(value: Any) -> float:
     """A share of the fleet that is left out."""
     number = quantity("number", 0)(value)
     if number >= 1:
-        raise Wrong(f"expected a share from 0 to below 1, got {show(value)}", "0.9 looks at the worst tenth")
+        raise FieldError(f"expected a share from 0 to below 1, got {show(value)}", "0.9 looks at the worst tenth")
     return number
 
 
@@ -101,8 +101,8 @@ def effort(value: Any) -> float | dict[str, float]:
     for name, given in value.items():
         try:
             weights[name] = weight(given)
-        except Wrong as error:
-            raise Wrong(error.message, error.hint, (name,)) from None
+        except FieldError as error:
+            raise FieldError(error.message, error.hint, (name,)) from None
     return weights
 
 
@@ -113,22 +113,24 @@ def free_duration(value: Any) -> float | tuple[float, float]:
         return seconds(value)
     only(value, ("at_most", "at_least"))
     if "at_most" not in value:
-        raise Wrong("expected at_most, the longest that the plan may take, but it is missing")
+        raise FieldError("expected at_most, the longest that the plan may take, but it is missing")
     bounds = []
     for key in ("at_most", "at_least"):
         try:
             bounds.append((seconds if key == "at_most" else least)(value.get(key, 0.0)))
-        except Wrong as error:
-            raise Wrong(error.message, error.hint, (key,)) from None
+        except FieldError as error:
+            raise FieldError(error.message, error.hint, (key,)) from None
     if bounds[1] > bounds[0]:
-        raise Wrong(f"expected at_least up to at_most, got {bounds[1]:g} s and {bounds[0]:g} s", path=("at_least",))
+        raise FieldError(
+            f"expected at_least up to at_most, got {bounds[1]:g} s and {bounds[0]:g} s", path=("at_least",)
+        )
     return bounds[0], bounds[1]
 
 
 def model_name(value: str) -> str:
     """The name of a system."""
     if value not in SYSTEMS:
-        raise Wrong(f"{show(value)} is not one of {', '.join(SYSTEMS)}", suggestion(value, SYSTEMS))
+        raise FieldError(f"{show(value)} is not one of {', '.join(SYSTEMS)}", suggestion(value, SYSTEMS))
     return value
 
 
@@ -145,44 +147,44 @@ def routes_or_all(value: Any) -> int | str:
 def formula(value: Any) -> Formula:
     """A formula from its text."""
     if not isinstance(value, str):
-        raise Wrong(f"expected a formula, got {show(value)}", 'for example "F[0, T] in(goal)"')
+        raise FieldError(f"expected a formula, got {show(value)}", 'for example "F[0, T] in(goal)"')
     return parse(value)
 
 
 def format_version(value: Any) -> int:
     """The version of the file's format."""
     if value != 1 or isinstance(value, bool):
-        raise Wrong(f"expected 1, got {show(value)}", "this release reads version 1")
+        raise FieldError(f"expected 1, got {show(value)}", "this release reads version 1")
     return 1
 
 
 def place_name(value: str) -> str:
     """A name that a task can use."""
     if value in RESERVED or value == ALL_OBSTACLES:
-        raise Wrong(f"{value!r} is a word of the task language", "choose another name")
+        raise FieldError(f"{value!r} is a word of the task language", "choose another name")
     if not _NAME.fullmatch(value):
-        raise Wrong(f"expected a name that starts with a letter, then letters, digits, _ . -, got {show(value)}")
+        raise FieldError(f"expected a name that starts with a letter, then letters, digits, _ . -, got {show(value)}")
     return value
 
 
 def folder_name(value: str) -> str:
     """A name that results can be stored under."""
     if not _FOLDER.fullmatch(value):
-        raise Wrong(f"expected a name that a folder can have, got {show(value)}", 'leave out / \\ : * ? " < > |')
+        raise FieldError(f"expected a name that a folder can have, got {show(value)}", 'leave out / \\ : * ? " < > |')
     return value
 
 
 def positive_range(bounds: tuple[float, float]) -> tuple[float, float]:
     """A parameter's range."""
     if bounds[0] <= 0:
-        raise Wrong(f"expected a range above 0, got [{bounds[0]:g}, {bounds[1]:g}]")
+        raise FieldError(f"expected a range above 0, got [{bounds[0]:g}, {bounds[1]:g}]")
     return bounds
 
 
 def steering(bounds: tuple[float, float]) -> tuple[float, float]:
     """Bounds of a steering angle, short of the pole at a right angle."""
     if max(map(abs, bounds)) > STEEPEST:
-        raise Wrong(f"expected angles from {-STEEPEST:g} to {STEEPEST:g} rad, got [{bounds[0]:g}, {bounds[1]:g}]")
+        raise FieldError(f"expected angles from {-STEEPEST:g} to {STEEPEST:g} rad, got [{bounds[0]:g}, {bounds[1]:g}]")
     return bounds
 
 

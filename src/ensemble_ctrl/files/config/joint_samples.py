@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from ensemble_ctrl.files.config.errors import Wrong, show
+from ensemble_ctrl.files.config.errors import FieldError, show
 from ensemble_ctrl.files.config.samples import Columns, columns_of, samples
 from ensemble_ctrl.problem.arguments.units import quantity
 
@@ -21,18 +21,18 @@ def _joint_samples(value: Any) -> Any:
         return value
     if not isinstance(value, dict) or not value:
         example = "for example  samples: measured.csv, with a column for each parameter"
-        raise Wrong(f"expected the name of a file, or columns of numbers, got {show(value)}", example)
+        raise FieldError(f"expected the name of a file, or columns of numbers, got {show(value)}", example)
     return {str(name): _column(str(name), column) for name, column in value.items()}
 
 
 def _column(name: str, value: Any) -> Any:
     """One column of numbers."""
     if name not in KNOWN:
-        raise Wrong(f"expected columns among {', '.join(KNOWN)}, got {name!r}", path=(name,))
+        raise FieldError(f"expected columns among {', '.join(KNOWN)}, got {name!r}", path=(name,))
     try:
         return samples(value, quantity("angle") if name == "start_heading" else quantity("number", above=0.0))
-    except Wrong as error:
-        raise Wrong(error.message, error.hint, (name, *error.path)) from None
+    except FieldError as error:
+        raise FieldError(error.message, error.hint, (name, *error.path)) from None
 
 
 JointSamples = Annotated[
@@ -45,17 +45,19 @@ def read_joint_samples(value: Any, folder: Path) -> Columns:
 
     Raises
     ------
-    Wrong
+    FieldError
         If a table can't be read, has none of the parameters, or its columns differ in length.
     """
     try:
         columns = value if isinstance(value, dict) else columns_of(folder, value)
-    except Wrong as error:
-        raise Wrong(error.message, error.hint, ("samples",)) from None
+    except FieldError as error:
+        raise FieldError(error.message, error.hint, ("samples",)) from None
     found = {name: columns[name] for name in KNOWN if name in columns}
     if not found:
-        raise Wrong(f"expected columns among {', '.join(KNOWN)}, got {', '.join(columns) or 'none'}", path=("samples",))
+        raise FieldError(
+            f"expected columns among {', '.join(KNOWN)}, got {', '.join(columns) or 'none'}", path=("samples",)
+        )
     if len({len(column) for column in found.values()}) > 1:
         sizes = ", ".join(f"{name} {len(column)}" for name, column in found.items())
-        raise Wrong(f"expected columns of one length, got {sizes}", path=("samples",))
+        raise FieldError(f"expected columns of one length, got {sizes}", path=("samples",))
     return found

@@ -14,7 +14,7 @@ from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.core.values import expect, shown
 from ensemble_ctrl.files.config.build import build
 from ensemble_ctrl.files.config.dump import to_data
-from ensemble_ctrl.files.config.errors import Wrong, show
+from ensemble_ctrl.files.config.errors import FieldError, show
 from ensemble_ctrl.files.config.locate import Locator
 from ensemble_ctrl.files.config.mapped import edge_findings, map_notes
 from ensemble_ctrl.files.config.messages import Diagnostic, findings_of, layout
@@ -141,7 +141,7 @@ def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> 
     if by_ode(data):
         try:
             context["places"] = system_class(data["fleet"]["model"], context).positions
-        except Wrong as error:  # nothing else can be read without it
+        except FieldError as error:  # nothing else can be read without it
             path = ("fleet", "model", *error.path)
             _refuse([*found, locate(Finding(path, error.message, error.hint))], text.name)
     notes: list[Diagnostic] = []

@@ -14,7 +14,7 @@ from ensemble_ctrl.constraints import Obstacle, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.polygon import LARGEST
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config.degrees import check_places
-from ensemble_ctrl.files.config.errors import Wrong
+from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.geojson import Shape, shapes_of
 from ensemble_ctrl.files.config.occupancy import Unknown, read_occupancy
 from ensemble_ctrl.files.config.source import MAX_MAP_BYTES, read_bytes, text_of
@@ -215,7 +215,7 @@ def _no_more_than_fit(pieces: Sequence[Floats]) -> tuple[Floats, ...]:
     return tuple(pieces)
 
 
-def wrong(name: str, error: TextError) -> Wrong:
+def wrong(name: str, error: TextError) -> FieldError:
     """What is wrong with a map, reported where a problem file names it."""
     place = f":{error.place.line}:{error.place.column}" if error.place else ""
-    return Wrong(f"{name}{place}: {error.message}", error.hint)
+    return FieldError(f"{name}{place}: {error.message}", error.hint)

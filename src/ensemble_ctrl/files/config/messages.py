@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from ensemble_ctrl.constraints.stl import FormulaError
 from ensemble_ctrl.core.errors import MOST_LISTED, first_of, with_short_words
-from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
+from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
 from ensemble_ctrl.files.config.fleets import SECTIONS
 from ensemble_ctrl.files.config.schema import ProblemFile
 from ensemble_ctrl.problem.checks import Finding, Path, Severity
@@ -137,7 +137,7 @@ def _finding(detail: Any, guess: bool) -> Finding:
 
 def _raised(path: Path, error: Exception) -> Finding:
     """What a validator of ours raised."""
-    if isinstance(error, Wrong):
+    if isinstance(error, FieldError):
         return Finding((*path, *error.path), error.message, error.hint, offset=error.offset, on_key=error.on_key)
     if isinstance(error, FormulaError):
         offset = error.column - 1 if error.column else None

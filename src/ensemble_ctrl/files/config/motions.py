@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, WithJsonSchema, model_validator
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.errors import Wrong, show
+from ensemble_ctrl.files.config.errors import FieldError, show
 from ensemble_ctrl.problem.arguments.units import quantity
 
 Entry = tuple[float, tuple[float, ...]]
@@ -20,7 +20,7 @@ Velocity = Annotated[tuple[f.Speed, ...], BeforeValidator(f.few("[vx, vy]", 2, 3
 def _path(value: Any) -> list[Entry]:
     """A list of times and displacements."""
     if not isinstance(value, list) or len(value) < 2:
-        raise Wrong(f"expected two or more [time, [x, y]], got {show(value)}")
+        raise FieldError(f"expected two or more [time, [x, y]], got {show(value)}")
     return [_entry(i, row) for i, row in enumerate(value)]
 
 
@@ -28,12 +28,12 @@ def _entry(i: int, row: Any) -> Entry:
     """One time and its displacement."""
     pair = row[1] if isinstance(row, list) and len(row) == 2 else None
     if not isinstance(pair, list) or len(pair) not in (2, 3):
-        raise Wrong(f"expected [time, [x, y]], got {show(row)}", path=(i,))
+        raise FieldError(f"expected [time, [x, y]], got {show(row)}", path=(i,))
     time, length = quantity("time"), quantity("length")
     try:
         return time(row[0]), tuple(length(each) for each in pair)
-    except Wrong as error:
-        raise Wrong(error.message, error.hint, (i,)) from None
+    except FieldError as error:
+        raise FieldError(error.message, error.hint, (i,)) from None
 
 
 Course = Annotated[list[Entry] | None, BeforeValidator(_path), WithJsonSchema({"type": "array"})]
@@ -51,12 +51,12 @@ class MotionSection(f.Model):
     def _one(self) -> Self:
         """Exactly one of the two, and times that increase."""
         if (self.velocity is None) == (self.path is None):
-            raise Wrong(f"expected exactly one of velocity, path, got {'both' if self.path else 'none'}")
+            raise FieldError(f"expected exactly one of velocity, path, got {'both' if self.path else 'none'}")
         if self.path is not None:
             try:
                 self.motion(1.0)
             except ProblemError as error:
-                raise Wrong(str(error).partition(": ")[2], path=("path",)) from None
+                raise FieldError(str(error).partition(": ")[2], path=("path",)) from None
         return self
 
     def motion(self, duration: float) -> Motion:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.core.storage import read_regular
-from ensemble_ctrl.files.config.errors import Wrong, is_number, show
+from ensemble_ctrl.files.config.errors import FieldError, is_number, show
 from ensemble_ctrl.files.config.source import checked_path
 from ensemble_ctrl.files.config.tree import TextError, Tree, start
 
@@ -71,7 +71,7 @@ def read_occupancy(path: Path, text: str, unknown: Unknown | None = None) -> tup
     name = fields.text("image")
     try:
         pixels, opaque = _pixels(checked_path(path.parent, name))
-    except Wrong as error:
+    except FieldError as error:
         raise fields.wrong("image", error.message, error.hint) from None
     # ROS map_server: free below free_thresh, occupied above occupied_thresh, else unknown; so is map_saver's grey 205
     occupancy = _raw(pixels) if raw else _occupancy(pixels, negate)
@@ -180,19 +180,21 @@ def _pixels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     try:
         content = read_regular(path, MAX_IMAGE_BYTES)
         if len(content) > MAX_IMAGE_BYTES:
-            raise Wrong(f"{path.name}: expected an image of at most {MAX_IMAGE_BYTES // 1_000_000} MB, got more")
+            raise FieldError(f"{path.name}: expected an image of at most {MAX_IMAGE_BYTES // 1_000_000} MB, got more")
         with _opened(content) as image:
             if image.width * image.height > MAX_CELLS:
                 raise _too_large(path, f"{image.width} x {image.height}")
             return _channels(image)
     except FileNotFoundError:
-        raise Wrong(f"{path.name}: no such file") from None
+        raise FieldError(f"{path.name}: no such file") from None
     except UnidentifiedImageError:
-        raise Wrong(f"{path.name}: expected an image in PGM or PNG") from None
+        raise FieldError(f"{path.name}: expected an image in PGM or PNG") from None
     except Image.DecompressionBombError:
         raise _too_large(path, "many more") from None
     except (OSError, ValueError, SyntaxError, EOFError, MemoryError) as error:
-        raise Wrong(f"{path.name}: this image can't be read: {getattr(error, 'strerror', None) or error}") from None
+        raise FieldError(
+            f"{path.name}: this image can't be read: {getattr(error, 'strerror', None) or error}"
+        ) from None
 
 
 def _opened(content: bytes) -> Any:
@@ -216,8 +218,8 @@ def _channels(image: Any) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     return values[..., :3], values[..., 3] >= 1
 
 
-def _too_large(path: Path, got: str) -> Wrong:
+def _too_large(path: Path, got: str) -> FieldError:
     """An image with too many cells."""
-    return Wrong(
+    return FieldError(
         f"{path.name}: expected at most {MAX_CELLS:,} cells, got {got}", "make it coarser, or cut out what you need"
     )

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.errors import Wrong
+from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.fields import Model, whole
 from ensemble_ctrl.files.config.shapes import RegionShape
 from ensemble_ctrl.planning.online.options import MAX_ORDER, OnlineOptions
@@ -29,7 +29,7 @@ def _share(value: Any) -> float:
     """A share of messages."""
     share = quantity("number", 0)(value)
     if share >= 1:
-        raise Wrong(f"expected a share from 0 to below 1, got {share:g}")
+        raise FieldError(f"expected a share from 0 to below 1, got {share:g}")
     return share
 
 
@@ -49,42 +49,42 @@ class ActuatorSection(Model):
     """Largest errors of the actuators."""
 
     speed: SpeedError = 0.0
-    """Largest error of the speed that is carried out."""
+    """Largest error of the speed."""
     turn_rate: TurnRateError = 0.0
-    """Largest error of the turn rate that is carried out."""
+    """Largest error of the turn rate."""
 
 
 class LostSection(Model):
-    """Shares of messages that are lost."""
+    """Shares of lost messages."""
 
     measurements: Share = 0.0
-    """Share of the measurements that are lost."""
+    """Share of lost measurements."""
     commands: Share = 0.0
-    """Share of the commands that are lost."""
+    """Share of lost commands."""
 
 
 class DriftSection(Model):
-    """Factors that swing about a middle."""
+    """Factors that vary as a sine."""
 
     middle: f.Positive
-    """What the factors swing about."""
+    """Mean value of the factors."""
     amplitude: Rate
-    """By how much they do."""
+    """Amplitude."""
     period: f.Duration
-    """How long one swing takes."""
+    """Period."""
 
 
 class PatchSection(Model):
-    """Ground with a traction of its own."""
+    """A patch of ground with its own traction."""
 
     region: RegionShape
-    """Where; forms as of a region."""
+    """The patch, in any form of a region."""
     traction: f.Positive
-    """Factor on speed and turn rate there."""
+    """Factor on speed and turn rate inside."""
 
 
 class RobotSection(Model):
-    """The simulated robot; it need not be like the fleet."""
+    """The simulated robot; its parameters may lie outside the fleet's ranges."""
 
     preset: Literal["small_car"] | None = None
     """`small_car`: a car at a tenth of its size; steering ends at 0.36 rad, commands are rounded."""
@@ -95,34 +95,34 @@ class RobotSection(Model):
     angular_traction: f.Positive | None = None
     """True factor on the turn rate alone."""
     drifting: DriftSection | None = None
-    """Factors that swing about a middle."""
+    """Factors that vary as a sine."""
     terrain: list[PatchSection] = Field(default_factory=list)
     """Patches of ground, each `{region: {box: ...}, traction: ...}`; the first that holds the robot counts."""
     noise: NoiseSection | None = None
-    """True errors of measurements, uniform; as large as is assumed if not given."""
+    """Actual measurement errors, uniform; by default as large as assumed."""
     delay: Delay | None = None
-    """That measurements take to arrive; 0.1 s if not given."""
+    """Latency of the measurements; 0.1 s by default."""
     command_delay: Delay = 0.0
-    """By which commands are carried out late."""
+    """Latency of the commands."""
     actuators: ActuatorSection = Field(default_factory=ActuatorSection)
-    """True errors of what is carried out, uniform."""
+    """Actual actuator errors, uniform."""
     saturation: Magnitudes | None = None
-    """Largest absolute commands that are carried out."""
+    """Saturation: largest absolute value of each command."""
     quantum: Magnitudes | None = None
     """Commands are rounded to multiples of these."""
     lost: LostSection = Field(default_factory=LostSection)
-    """Shares of messages that are lost."""
+    """Shares of lost messages."""
     seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = 0
-    """Seed of all that is drawn."""
+    """Seed of the random errors."""
 
     @model_validator(mode="after")
     def _one_truth(self) -> Self:
         """Factors given in one way."""
         apart = self.linear_traction is not None or self.angular_traction is not None
         if self.drifting is not None and (self.traction is not None or apart or self.terrain):
-            raise Wrong("expected drifting alone, got other factors too", path=("drifting",))
+            raise FieldError("expected drifting alone, got other factors too", path=("drifting",))
         if apart and (self.traction is not None or self.terrain):
-            raise Wrong("expected traction, or linear_traction and angular_traction, got both", path=("traction",))
+            raise FieldError("expected traction, or linear_traction and angular_traction, got both", path=("traction",))
         return self
 
     def settings(self, errors: Errors, place: int = 0) -> RobotSettings:
@@ -160,53 +160,53 @@ class RobotSection(Model):
 
 
 class OnlineSection(Model):
-    """How the loop runs, and the robots that it is tried on."""
+    """Settings of the loop, and the simulated robots."""
 
     applied_steps: Annotated[int, BeforeValidator(whole(1, 10_000))] = OnlineOptions.applied_steps
-    """Control steps that are applied of every plan."""
+    """Control steps of each plan that are applied."""
     deadline: f.Duration = OnlineOptions.deadline
-    """For planning again, proof included; at most the steps applied. It begins this long before a plan takes over."""
+    """Time to replan, proof included; at most the steps applied. It starts this long before the new plan is used."""
     noise: NoiseSection = Field(default_factory=NoiseSection)
-    """Largest errors of a measured pose that are assumed."""
+    """Assumed bounds of the measurement errors."""
     drift: Rate = 0.0
-    """Largest change of a factor per second that is assumed."""
+    """Assumed bound of the change of a factor, per second."""
     actuators: ActuatorSection = Field(default_factory=ActuatorSection)
-    """Largest errors of what is carried out that are assumed."""
+    """Assumed bounds of the actuator errors."""
     learn: Annotated[bool, BeforeValidator(f.flag)] = OnlineOptions.learn
-    """Whether parameters are learnt; without it their ranges stand."""
+    """Whether parameters are estimated; otherwise their ranges are kept."""
     horizon: Literal["shrinking", "receding"] = OnlineOptions.horizon
-    """`shrinking`: windows are absolute. `receding`: the task is read anew from every present on."""
+    """`shrinking`: windows are absolute. `receding`: the task starts again at the current time of each plan."""
     run_for: f.Duration | None = None
     """With `receding`: how long the loop runs."""
     order: Annotated[int, BeforeValidator(whole(1, MAX_ORDER))] = OnlineOptions.order
-    """Truncation order of the plans under way."""
+    """Truncation order of the plans."""
     rounds: Annotated[int, BeforeValidator(whole(1, 100))] = OnlineOptions.rounds
-    """Quadratic programs for one plan, at most."""
+    """Largest number of quadratic programs for one plan."""
     silence: f.Duration = OnlineOptions.silence
-    """Without a measurement for so long, the robot is stopped."""
+    """The robot is stopped after this time without a measurement."""
     recovery: f.Duration = OnlineOptions.recovery
-    """How long a standing robot may look for a way."""
+    """How long a stopped robot may search for a plan."""
     attempts: Annotated[int, BeforeValidator(whole(0, 100))] = OnlineOptions.attempts
-    """How often it may."""
+    """How often it may search."""
     robot: RobotSection = Field(default_factory=RobotSection)
-    """The simulated robot; it need not be like the fleet."""
+    """The simulated robot; its parameters may lie outside the fleet's ranges."""
     robots: dict[f.Name, RobotSection] = Field(default_factory=dict)
-    """Several robots that hear the same commands, each as `robot`, in its place; seeds are 0, 1, ... if not given."""
+    """Several robots that receive the same commands, each as in `robot`; seeds are 0, 1, ... by default."""
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
         """Robots given in one way."""
         if self.robots and "robot" in self.model_fields_set:
-            raise Wrong("expected robot, or robots by name, got both", path=("robots",))
+            raise FieldError("expected robot, or robots by name, got both", path=("robots",))
         return self
 
     @model_validator(mode="after")
     def _how_long(self) -> Self:
         """A receding horizon never ends by itself."""
         if self.horizon == "receding" and self.run_for is None:
-            raise Wrong("expected run_for with `horizon: receding`, which never ends by itself", path=("horizon",))
+            raise FieldError("expected run_for with `horizon: receding`, which never ends by itself", path=("horizon",))
         if self.horizon == "shrinking" and self.run_for is not None:
-            raise Wrong("expected run_for only with `horizon: receding`", path=("run_for",))
+            raise FieldError("expected run_for only with `horizon: receding`", path=("run_for",))
         return self
 
     def settings(self) -> OnlineSettings:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ensemble_ctrl.files.config.errors import Wrong, show
+from ensemble_ctrl.files.config.errors import FieldError, show
 from ensemble_ctrl.files.config.source import MAX_MAP_BYTES, checked_path, read_bytes, text_of
 from ensemble_ctrl.files.config.tree import TextError
 from ensemble_ctrl.problem.arguments.units import quantity
@@ -29,11 +29,11 @@ def samples(value: Any, convert: Convert = POSITIVE) -> Values | str:
     if isinstance(value, str):
         return value
     if not isinstance(value, list | tuple):
-        raise Wrong(f"expected a list of numbers or the name of a file, got {show(value)}", _EXAMPLE)
+        raise FieldError(f"expected a list of numbers or the name of a file, got {show(value)}", _EXAMPLE)
     if not value:
-        raise Wrong("expected at least one number, got an empty list", _EXAMPLE)
+        raise FieldError("expected at least one number, got an empty list", _EXAMPLE)
     if len(value) > MAX_SAMPLES:
-        raise Wrong(f"expected at most {MAX_SAMPLES} numbers, got {len(value)}", _THIN)
+        raise FieldError(f"expected at most {MAX_SAMPLES} numbers, got {len(value)}", _THIN)
     return tuple(_item(i, item, convert) for i, item in enumerate(value))
 
 
@@ -49,7 +49,7 @@ def columns_of(folder: Path, name: str, above: float = -math.inf) -> Columns:
 
     Raises
     ------
-    Wrong
+    FieldError
         If it is elsewhere, or not what was wanted.
     """
     return columns_from_file(checked_path(folder, name), above)
@@ -68,34 +68,36 @@ def columns_from_file(path: Path, above: float = -math.inf) -> Columns:
 
     Raises
     ------
-    Wrong
+    FieldError
         If it can't be read, has no numbers or too many, or a cell is not a finite number in range.
     """
     try:
         text = text_of(read_bytes(path, MAX_MAP_BYTES), MAX_MAP_BYTES)
     except TextError as error:
         hint = _THIN if error.message.startswith("expected at most") else error.hint
-        raise Wrong(f"{path.name}: {error.message}", hint) from None
+        raise FieldError(f"{path.name}: {error.message}", hint) from None
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     if not lines:
-        raise Wrong(f"{path.name}: expected numbers, got an empty file", _EXAMPLE)
+        raise FieldError(f"{path.name}: expected numbers, got an empty file", _EXAMPLE)
     rows = [(i, _cells(path, i, line, _separator(lines[0][1]))) for i, line in lines]
     names = rows.pop(0)[1] if not all(map(_is_number, rows[0][1])) else []
     if not names and len(rows[0][1]) > 1:
         wanted = "expected a first line that names the columns"
-        raise Wrong(f"{path.name}, line {rows[0][0]}: {wanted}, got {len(rows[0][1])} columns of numbers")
+        raise FieldError(f"{path.name}, line {rows[0][0]}: {wanted}, got {len(rows[0][1])} columns of numbers")
     return _columns(path, names or [""], rows, above)
 
 
 def _columns(path: Path, names: list[str], rows: list[tuple[int, list[str]]], above: float) -> Columns:
     """Rows of cells as columns of numbers."""
     if not rows:
-        raise Wrong(f"{path.name}: expected numbers below the names of the columns, got none", _EXAMPLE)
+        raise FieldError(f"{path.name}: expected numbers below the names of the columns, got none", _EXAMPLE)
     if len(rows) > MAX_SAMPLES:
-        raise Wrong(f"{path.name}: expected at most {MAX_SAMPLES} lines, got {len(rows)}", _THIN)
+        raise FieldError(f"{path.name}: expected at most {MAX_SAMPLES} lines, got {len(rows)}", _THIN)
     for i, row in rows:
         if len(row) != len(names):
-            raise Wrong(f"{path.name}, line {i}: expected {len(names)} cell{'s' * (len(names) != 1)}, got {len(row)}")
+            raise FieldError(
+                f"{path.name}, line {i}: expected {len(names)} cell{'s' * (len(names) != 1)}, got {len(row)}"
+            )
     return {name: tuple(_cell(path, i, row[c], above) for i, row in rows) for c, name in enumerate(names)}
 
 
@@ -109,7 +111,7 @@ def _cells(path: Path, i: int, line: str, separator: str) -> list[str]:
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
     except csv.Error as error:
-        raise Wrong(f"{path.name}, line {i}: expected cells, got what can't be read ({error})") from None
+        raise FieldError(f"{path.name}, line {i}: expected cells, got what can't be read ({error})") from None
 
 
 def _is_number(cell: str) -> bool:
@@ -126,7 +128,7 @@ def _cell(path: Path, line: int, cell: str, above: float) -> float:
     number = float(cell) if _is_number(cell) else math.nan
     if not above < number < math.inf:
         wanted = "a finite number" if above == -math.inf else f"a finite number above {above:g}"
-        raise Wrong(f"{path.name}, line {line}: expected {wanted}, got {show(cell)}")
+        raise FieldError(f"{path.name}, line {line}: expected {wanted}, got {show(cell)}")
     return number
 
 
@@ -134,5 +136,5 @@ def _item(i: int, item: Any, convert: Convert) -> float:
     """One number of a list."""
     try:
         return convert(item)
-    except Wrong as error:
-        raise Wrong(error.message, error.hint, (i,)) from None
+    except FieldError as error:
+        raise FieldError(error.message, error.hint, (i,)) from None

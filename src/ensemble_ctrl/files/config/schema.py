@@ -28,12 +28,12 @@ from ensemble_ctrl.problem.risk import Risk
 
 
 class Horizon(Model):
-    """How long, in how many steps (one each 0.1 s by default)."""
+    """Duration and number of control steps."""
 
     duration: f.FreeDuration
-    """Length of the plan, `T` in the task; or `{at_most: ..., at_least: ...}`, and the plan is as short as can be."""
+    """Duration of the plan, `T` in the task; or `{at_most: ..., at_least: ...}` for minimum time."""
     steps: Annotated[int, BeforeValidator(whole(1, MAX_STEPS))] | None = None
-    """Control steps of equal length; by default one each 0.1 s."""
+    """Control steps of equal length; by default one per 0.1 s."""
 
     @property
     def bounds(self) -> tuple[float, float | None]:
@@ -45,9 +45,9 @@ class Moments(Model):
     """How the fleet is represented."""
 
     basis: Literal["legendre"] = "legendre"
-    """Polynomials of the moments."""
+    """Basis of the moments."""
     order: f.Order = None
-    """Truncation order N: moments 0 to N. `auto` takes the lowest one that errs by less than 0.1 mm."""
+    """Truncation order N: moments 0 to N. `auto`: the lowest with an error below 0.1 mm."""
     coordinates: Coordinates = "nodal"
     """Variables of the program: robots at the Gauss nodes (`nodal`), or the moments, as in the paper (`modal`)."""
     integrator: Integrator = "exponential"
@@ -55,7 +55,7 @@ class Moments(Model):
 
 
 class Terminal(Model):
-    """Where the fleet should end."""
+    """Terminal cost."""
 
     target: TerminalTarget
     """Where the fleet should end: `[x, y]`, or a formation, moments, or mean and covariance."""
@@ -69,13 +69,13 @@ class CvarSection(Model):
     of: Literal["terminal", "clearance"]
     """What is penalised: the distance from the target at the end, or the clearance on the way."""
     level: Annotated[float, BeforeValidator(f.level)] = Risk.level
-    """Share of the fleet that is left out of the mean, 0 to below 1."""
+    """Level of the CVaR: the share of the fleet left out of the mean, 0 to below 1."""
     weight: f.Weight = Risk.weight
     """Weight per metre."""
 
 
 class ObjectiveSection(Model):
-    """What the plan trades off."""
+    """Weights of the objective."""
 
     robustness: f.Weight = Objective.robustness
     """Reward for each metre of the task's robustness."""
@@ -88,37 +88,37 @@ class ObjectiveSection(Model):
     cvar: CvarSection | None = None
     """A penalty on the worst part of the fleet."""
     earliest: f.Name | None = None
-    """A region that every member is to pass as soon as can be, before all else."""
+    """A region that every member has to reach in minimum time; the other terms come second."""
 
 
 class Solve(Model):
-    """How to solve."""
+    """Solver settings."""
 
     method: Method = SolveOptions.method
-    """`nlp`: nonlinear program, IPOPT. `minlp`: facets of the obstacles chosen anew with Bonmin."""
+    """`nlp`: nonlinear program. `minlp`: Bonmin chooses the facets of the obstacles."""
     guarantee: Guarantee = SolveOptions.guarantee
-    """For whom the program's constraints hold: every member (`hull`), the Gauss nodes, or the moments."""
+    """What the constraints bound: every member (`hull`), the Gauss nodes (`nodes`), or the moments (`moment`)."""
     time_limit: f.Duration = SolveOptions.time_limit
-    """The best plan so far is returned after this time."""
+    """After this time the best plan so far is returned."""
     seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = SolveOptions.seed
     """Seed of the replayed members."""
     margin: f.Margin = SolveOptions.margin
-    """What the program keeps to spare, from obstacles and in the robustness."""
+    """Margin of the program to obstacles and in the robustness."""
     routes: f.Routes = SolveOptions.routes
     """Routes tried on a coarse grid before the best is refined. `all`: every one around the obstacles without loops."""
     max_iterations: Annotated[int, BeforeValidator(whole(1, 1_000_000))] = SolveOptions.max_iterations
     """Iterations of one solve."""
     cells: Annotated[int, BeforeValidator(whole(1, 64))] = SolveOptions.cells
-    """Parts of the first parameter's range with separating hyperplanes of their own; for wide fleets."""
+    """Number of parts of the first parameter's range, each with its own separating hyperplanes; for wide ranges."""
     solver: str = SolveOptions.solver
-    """Which solver each nonlinear program is given to: `ipopt`, `sqp`, or one that you registered."""
+    """Solver of the nonlinear programs: `ipopt`, `sqp`, or a registered one."""
 
 
 class Verify(Model):
-    """How to check a plan."""
+    """Replay and certificate."""
 
     members: Annotated[int, BeforeValidator(whole(1, MAX_MEMBERS))] = VerifyOptions.members
-    """Members replayed."""
+    """Number of simulated members."""
     substeps: Annotated[int, BeforeValidator(whole(1, 1000))] = VerifyOptions.substeps
     """Samples per step of the replay."""
     certificate: Annotated[bool, BeforeValidator(f.flag)] = VerifyOptions.certificate
@@ -126,12 +126,12 @@ class Verify(Model):
 
 
 class ReportSection(Model):
-    """What figures and summary show."""
+    """Contents of figures and summary."""
 
     baseline: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.baseline
-    """Plan the same problem without obstacles and bounding regions too, and draw it dashed."""
+    """Also plan without obstacles and bounding regions, drawn dashed."""
     suggest: Annotated[bool, BeforeValidator(f.flag)] = ReportOptions.suggest
-    """Where no plan is found, look up to 30 s for a change of the problem that would help."""
+    """If no plan is found, search up to 30 s for a change of the problem that helps."""
 
 
 def _listed(value: Any) -> Any:
@@ -148,30 +148,30 @@ class ProblemFile(Model):
     version: Annotated[int, BeforeValidator(f.format_version)] = 1
     """Version of the file's format."""
     name: f.FolderName | None = None
-    """Names the results folder; by default the file's name."""
+    """Name of the results folder; by default the file's name."""
     fleet: AnyFleet
-    """Who moves: the model, what differs between its members, where they start."""
+    """Model, parameters and start of the members."""
     horizon: Horizon
-    """How long, in how many steps."""
+    """Duration and number of control steps."""
     moments: Moments = Field(default_factory=Moments)
     """How the fleet is represented."""
     regions: dict[f.Name, RegionShape] = Field(default_factory=dict)
-    """Named convex areas that the task speaks of."""
+    """Named convex areas that the task uses."""
     obstacles: dict[f.Name, Shapes] = Field(default_factory=dict)
-    """Named areas that the task can say `avoid(...)` of, each one shape or a list of shapes."""
+    """Named areas for `avoid(...)` in the task, each one shape or a list of shapes."""
     motions: dict[f.Name, MotionSection] = Field(default_factory=dict)
-    """How obstacles move from where they are drawn; those not named here stand still."""
+    """Motions of obstacles from where they are drawn; the others are static."""
     ignore: list[f.Name] = Field(default_factory=list)
-    """Obstacles that need not be avoided throughout: no warning of it."""
+    """Obstacles that the task need not avoid at all times: suppresses the warning."""
     task: f.Task
-    """What every member has to do, a formula such as `F[14, 16] in(goal) and G avoid(obstacles)`."""
+    """The task of every member, a formula such as `F[14, 16] in(goal) and G avoid(obstacles)`."""
     objective: ObjectiveSection = Field(default_factory=ObjectiveSection)
-    """What the plan trades off."""
+    """Weights of the objective."""
     solve: Solve = Field(default_factory=Solve)
-    """How to solve."""
+    """Solver settings."""
     verify: Verify = Field(default_factory=Verify)
-    """How to check a plan."""
+    """Replay and certificate."""
     report: ReportSection = Field(default_factory=ReportSection)
-    """What figures and summary show."""
+    """Contents of figures and summary."""
     online: OnlineSection | None = None
-    """How a loop runs, and the robot that it is tried on, for `ensemble-plan online`."""
+    """Settings of `ensemble-plan online` and its simulated robots."""

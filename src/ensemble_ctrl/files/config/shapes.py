@@ -22,7 +22,7 @@ from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.files.config import fields as f
-from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
+from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
 from ensemble_ctrl.files.config.maps import Area, MapContent, area_of_polygon, areas_from_wkt, read_map, wrong
 from ensemble_ctrl.files.config.occupancy import Unknown
 from ensemble_ctrl.files.config.source import checked_path
@@ -39,7 +39,7 @@ _FEATURE = ("feature",)
 def _side(bounds: tuple[float, float]) -> tuple[float, float]:
     """A side of a box, with a length."""
     if bounds[0] >= bounds[1]:
-        raise Wrong(f"expected [low, high] with low below high, got [{bounds[0]:g}, {bounds[1]:g}]")
+        raise FieldError(f"expected [low, high] with low below high, got [{bounds[0]:g}, {bounds[1]:g}]")
     return bounds
 
 
@@ -53,10 +53,10 @@ def _halfplane(value: Any, info: ValidationInfo) -> Predicate:
     predicate, places = parse(value) if isinstance(value, str) else None, _places(info)
     wanted = f"an inequality in {' and '.join(places)}"
     if not isinstance(predicate, Predicate):
-        raise Wrong(f"expected {wanted}, got {show(value)}", _EXAMPLE)
+        raise FieldError(f"expected {wanted}, got {show(value)}", _EXAMPLE)
     unknown = [name for name, _ in predicate.coefficients if name not in places]
     if unknown:
-        raise Wrong(f"expected {wanted}, got the unknown {unknown[0]!r}", _EXAMPLE)
+        raise FieldError(f"expected {wanted}, got the unknown {unknown[0]!r}", _EXAMPLE)
     return predicate
 
 
@@ -65,14 +65,14 @@ def _sides(value: Any, info: ValidationInfo) -> Any:
     places = _places(info)
     if not isinstance(value, list | tuple) or len(value) != len(places):
         shape = ", ".join(f"[{name} low, {name} high]" for name in places)
-        raise Wrong(f"expected [{shape}], got {show(value)}")
+        raise FieldError(f"expected [{shape}], got {show(value)}")
     return value
 
 
 def _some(values: list[Any]) -> list[Any]:
     """A list that is not empty."""
     if not values:
-        raise Wrong("expected at least one inequality, got an empty list", _EXAMPLE)
+        raise FieldError("expected at least one inequality, got an empty list", _EXAMPLE)
     return values
 
 
@@ -121,7 +121,7 @@ class RegionShape(f.Model):
 
 
 class ObstacleShape(f.Model):
-    """An area to keep out of, in exactly one of these forms; convex or not. Of a map in a file, all or one feature."""
+    """An obstacle, in exactly one of these forms, convex or not; of a map in a file, all features or one."""
 
     box: ObstacleBox | None = None
     """`[[x low, x high], [y low, y high]]`, metres."""
@@ -136,9 +136,9 @@ class ObstacleShape(f.Model):
     feature: str | None = None
     """Name of the feature in the file; all of them without it."""
     tolerance: f.Margin | None = None
-    """Metres by which an area may grow to be simpler; it never shrinks."""
+    """Metres by which an area may grow to have fewer corners; it never shrinks."""
     unknown: Unknown | None = None
-    """What cells of an occupancy grid are that no scan has seen: `occupied` (if not given), or `free`."""
+    """How unknown cells of an occupancy grid count: `occupied` (default) or `free`."""
     _pieces: Pieces = PrivateAttr()
     _content: MapContent | None = PrivateAttr(None)
 
@@ -178,23 +178,23 @@ def _built(shape: f.Model, forms: Mapping[str, Callable[[Any], Built]]) -> Built
     """The one form that is given, built."""
     given = [form for form in forms if getattr(shape, form) is not None]
     if len(given) != 1:
-        raise Wrong(f"expected exactly one of {', '.join(forms)}, got {' and '.join(given) or 'none'}")
+        raise FieldError(f"expected exactly one of {', '.join(forms)}, got {' and '.join(given) or 'none'}")
     try:
         return forms[given[0]](getattr(shape, given[0]))
-    except Wrong as error:
+    except FieldError as error:
         path = error.path if error.path == _FEATURE else (given[0], *error.path)
-        raise Wrong(error.message, error.hint, path, error.offset) from None
+        raise FieldError(error.message, error.hint, path, error.offset) from None
     except TextError as error:
-        raise Wrong(error.message, error.hint, (given[0],)) from None
+        raise FieldError(error.message, error.hint, (given[0],)) from None
     except EnsembleError as error:
-        raise Wrong(str(error).partition(": ")[2], path=(given[0],)) from None
+        raise FieldError(str(error).partition(": ")[2], path=(given[0],)) from None
 
 
 def _only_of_files(shape: f.Model, names: Iterable[str]) -> None:
     """Refuse fields about reading a file where there is none."""
     for name in names:
         if getattr(shape, name) is not None and getattr(shape, "file", None) is None:
-            raise Wrong(f"expected {name} only with file", path=(name,))
+            raise FieldError(f"expected {name} only with file", path=(name,))
 
 
 def _content(name: str, tolerance: float | None, unknown: Unknown | None, info: ValidationInfo) -> MapContent:
@@ -212,11 +212,11 @@ def _chosen(file: str, content: MapContent, feature: str | None) -> list[Area]:
     if feature is None:
         found = [area for area in content.areas if not area.region]
         if not found:
-            raise Wrong(f"expected obstacles in {file}, got only regions", "name one with feature")
+            raise FieldError(f"expected obstacles in {file}, got only regions", "name one with feature")
     if not found:
         known = [area.name for area in content.areas if area.name]
         hint = suggestion(feature, known) or f"it has {', '.join(known) or 'no names'}"
-        raise Wrong(f"{file} has no feature named {show(feature)}", hint, _FEATURE)
+        raise FieldError(f"{file} has no feature named {show(feature)}", hint, _FEATURE)
     return found
 
 
@@ -230,7 +230,7 @@ def _convex(areas: Iterable[Area]) -> Polyhedron:
     pieces = [corners for area in areas for corners in area.corners]
     if len(pieces) > 1:
         hint = f"it splits into {len(pieces)} convex ones: name each and write in(a) or in(b)"
-        raise Wrong("expected a convex polygon, got one that is not", hint)
+        raise FieldError("expected a convex polygon, got one that is not", hint)
     return Polyhedron.polygon(pieces[0])
 
 

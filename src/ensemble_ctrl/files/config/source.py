@@ -12,7 +12,7 @@ from typing import IO
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.storage import NotRegular, read_regular
 from ensemble_ctrl.core.values import shown
-from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
+from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
 from ensemble_ctrl.files.config.tree import Place, TextError
 
 MAX_BYTES = 1_000_000
@@ -90,7 +90,7 @@ def checked_path(folder: Path, name: str) -> Path:
 
     Raises
     ------
-    Wrong
+    FieldError
         If it is elsewhere.
     """
     path = folder / name
@@ -98,11 +98,11 @@ def checked_path(folder: Path, name: str) -> Path:
         inside = path.resolve().is_relative_to(folder.resolve())
         readable = path.is_file() or path.is_dir() or not path.exists()
     except (OSError, ValueError, RuntimeError) as error:
-        raise Wrong(f"expected the name of a file, got {show(name)} ({error})") from None
+        raise FieldError(f"expected the name of a file, got {show(name)} ({error})") from None
     if not inside:
-        raise Wrong(f"expected a file in the same folder or below, got {show(name)}", "copy it there")
+        raise FieldError(f"expected a file in the same folder or below, got {show(name)}", "copy it there")
     if not readable:  # a pipe would keep us waiting
-        raise Wrong(f"expected the name of a file, got {show(name)}, which is none")
+        raise FieldError(f"expected the name of a file, got {show(name)}, which is none")
     return path
 
 

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, WithJs
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.distributions import PlainSection, distribution_data, distribution_of
-from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
+from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
 from ensemble_ctrl.files.config.user_system import BY_ODE, system_class
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import Finding
@@ -34,13 +34,13 @@ def _model(value: Any, info: ValidationInfo) -> type[System]:
 def _start(value: Any) -> dict[str, Any]:
     """States by name; the position as a list of lengths."""
     if not isinstance(value, dict):
-        raise Wrong(f"expected states with numbers, got {show(value)}", "for example  {position: [0, 0], vx: 1}")
+        raise FieldError(f"expected states with numbers, got {show(value)}", "for example  {position: [0, 0], vx: 1}")
     read: dict[str, Any] = {}
     for name, one in value.items():
         try:
             read[name] = [_LENGTH(x) for x in one] if isinstance(one, list) else _NUMBER(one)
-        except Wrong as error:
-            raise Wrong(error.message, error.hint, (str(name),)) from None
+        except FieldError as error:
+            raise FieldError(error.message, error.hint, (str(name),)) from None
     return read
 
 
@@ -80,10 +80,10 @@ class SystemFleetSection(f.Model):
         given = self.start.get(POSITION) if POSITION not in system.states else None
         if given is not None and (not isinstance(given, list) or len(given) != len(system.positions)):
             wanted = f"[{', '.join(system.positions)}]"
-            raise Wrong(f"expected {wanted}, got {show(given)}", path=("start", POSITION))
+            raise FieldError(f"expected {wanted}, got {show(given)}", path=("start", POSITION))
         for name, value in self.start.items():
             if isinstance(value, list) and name != POSITION:
-                raise Wrong(f"expected a number, got {show(value)}", path=("start", name))
+                raise FieldError(f"expected a number, got {show(value)}", path=("start", name))
         return self
 
     def fleet(self) -> Fleet:
@@ -131,12 +131,14 @@ def _system(kind: type[System], settings: Data) -> System:
     except ProblemError as error:
         name, _, message = str(error).partition(": ")
         raise (
-            Wrong(message, path=("settings", name) if name in settings else ("model",))
+            FieldError(message, path=("settings", name) if name in settings else ("model",))
             if name in takes
-            else Wrong(str(error), path=("model",))
+            else FieldError(str(error), path=("model",))
         ) from None
     except (TypeError, ValueError, AttributeError) as error:
-        raise Wrong(f"{kind.__name__} can't be made: {error}", path=("settings",) if settings else ("model",)) from None
+        raise FieldError(
+            f"{kind.__name__} can't be made: {error}", path=("settings",) if settings else ("model",)
+        ) from None
     return system
 
 
@@ -148,7 +150,7 @@ def _known(section: str, given: Iterable[str], names: Iterable[str]) -> None:
             shown = [n for n in known if not n.startswith(START_PREFIX)]
             shown += [f"{START_PREFIX}<state>"] * (len(shown) < len(known))
             hint = suggestion(name, known) or f"known here: {', '.join(shown) or 'none'}"
-            raise Wrong("unknown name", hint, (section, name))
+            raise FieldError("unknown name", hint, (section, name))
 
 
 def _placed(error: ProblemError, parameters: Iterable[str]) -> ProblemError:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.files.config.errors import Wrong, only, show
+from ensemble_ctrl.files.config.errors import FieldError, only, show
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import STATES
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
@@ -44,11 +44,11 @@ def target(value: Any, info: ValidationInfo) -> tuple[float, ...] | Target:
         only(keys, {"mean", "covariance"})
         for name in ("mean", "covariance"):
             if name not in keys:
-                raise Wrong(f"expected mean and covariance, but {name} is missing")
+                raise FieldError(f"expected mean and covariance, but {name} is missing")
         mean, square = np.array(_place(value["mean"], ("mean",), names)), _matrix(value["covariance"], len(names))
         return _built(lambda: SpreadTarget(mean, square), ("covariance",))
     if len(keys) != 1:
-        raise Wrong(f"expected {forms}, got {show(value)}")
+        raise FieldError(f"expected {forms}, got {show(value)}")
     (name,) = keys
     return _formation(str(name), value[name], names)
 
@@ -79,11 +79,11 @@ def _formation(name: str, rows: Any, names: Names) -> Formation:
     """A table of a parameter's values and their places."""
     wanted = f"[value, {_written(names)}]"
     if not isinstance(rows, list) or not rows:
-        raise Wrong(f"expected [{wanted}, ...], got {show(rows)}", path=(name,))
+        raise FieldError(f"expected [{wanted}, ...], got {show(rows)}", path=(name,))
     values, places = [], []
     for i, row in enumerate(rows):
         if not isinstance(row, list | tuple) or len(row) != 2:
-            raise Wrong(f"expected {wanted}, got {show(row)}", path=(name, i))
+            raise FieldError(f"expected {wanted}, got {show(row)}", path=(name, i))
         convert = _LENGTH if name in [f"start_{place}" for place in names] else _NUMBER
         values.append(_one(row[0], (name, i, 0), convert))
         places.append(_place(row[1], (name, i, 1), names))
@@ -95,35 +95,35 @@ def _built(make: Callable[[], Made], path: Place) -> Made:
     try:
         return make()
     except ProblemError as error:
-        raise Wrong(str(error).partition(": ")[2], path=path) from None
+        raise FieldError(str(error).partition(": ")[2], path=path) from None
 
 
 def _matrix(value: Any, size: int) -> Floats:
     """As many rows as numbers in each."""
     if not isinstance(value, list) or [len(row) if isinstance(row, list) else 0 for row in value] != [size] * size:
         wanted = MATRICES[size]
-        raise Wrong(f"expected {wanted}, got {show(value)}", path=("covariance",))
+        raise FieldError(f"expected {wanted}, got {show(value)}", path=("covariance",))
     return np.array([_numbers(row, ("covariance", i)) for i, row in enumerate(value)])
 
 
 def _rows(value: Any, path: Place, names: Names) -> list[tuple[float, ...]]:
     """A list of places."""
     if not isinstance(value, list) or not value:
-        raise Wrong(f"expected a list of {_written(names)}, got {show(value)}", path=path)
+        raise FieldError(f"expected a list of {_written(names)}, got {show(value)}", path=path)
     return [_place(row, (*path, i), names) for i, row in enumerate(value)]
 
 
 def _numbers(value: Any, path: Place) -> list[float]:
     """A list of numbers."""
     if not isinstance(value, list):
-        raise Wrong(f"expected a list of numbers, got {show(value)}", path=path)
+        raise FieldError(f"expected a list of numbers, got {show(value)}", path=path)
     return [_one(item, (*path, i), _NUMBER) for i, item in enumerate(value)]
 
 
 def _place(value: Any, path: Place, names: Names, wanted: str = "") -> tuple[float, ...]:
     """A length for each coordinate of the position."""
     if not isinstance(value, list | tuple) or len(value) != len(names):
-        raise Wrong(f"expected {wanted or _written(names)}, got {show(value)}", path=path)
+        raise FieldError(f"expected {wanted or _written(names)}, got {show(value)}", path=path)
     return tuple(_one(one, (*path, i), _LENGTH) for i, one in enumerate(value))
 
 
@@ -136,5 +136,5 @@ def _one(value: Any, path: Place, convert: Callable[[Any], float]) -> float:
     """One number."""
     try:
         return convert(value)
-    except Wrong as error:
-        raise Wrong(error.message, error.hint, path) from None
+    except FieldError as error:
+        raise FieldError(error.message, error.hint, path) from None

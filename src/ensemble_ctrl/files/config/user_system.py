@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ensemble_ctrl.files.config.errors import Wrong, show, suggestion
+from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
 from ensemble_ctrl.files.config.source import read_bytes, text_of
 from ensemble_ctrl.files.config.tree import TextError, Tree
 from ensemble_ctrl.systems import SYSTEMS, System
@@ -52,23 +52,23 @@ def system_class(value: Any, context: dict[str, Any] | None) -> type[System]:
 
     Raises
     ------
-    Wrong
+    FieldError
         If there is no such class, or its file may not be run.
     """
     if isinstance(value, type) and issubclass(value, System):
         return value
     if not isinstance(value, dict):
         if value not in SYSTEMS:
-            raise Wrong(f"{show(value)} is not one of {', '.join(SYSTEMS)}", suggestion(value, SYSTEMS))
+            raise FieldError(f"{show(value)} is not one of {', '.join(SYSTEMS)}", suggestion(value, SYSTEMS))
         return SYSTEMS[value]
     if set(value) != {"python"} or not isinstance(value["python"], str):
-        raise Wrong(f"expected a model's name or {{python: FILE.py:CLASS}}, got {show(value)}", EXAMPLE)
+        raise FieldError(f"expected a model's name or {{python: FILE.py:CLASS}}, got {show(value)}", EXAMPLE)
     name, _, kind = value["python"].rpartition(":")
     if not name.endswith(".py") or not kind.isidentifier():
-        raise Wrong(f"expected FILE.py:CLASS, got {show(value['python'])}", EXAMPLE, ("python",))
+        raise FieldError(f"expected FILE.py:CLASS, got {show(value['python'])}", EXAMPLE, ("python",))
     if not ((context or {}).get("trust", False) or CONSENT.get()):
         hint = "it is a program: read it, then add --trust to the command, or trust=True to ec.load"
-        raise Wrong(f"expected your consent to run {name}", hint, ("python",))
+        raise FieldError(f"expected your consent to run {name}", hint, ("python",))
     return _class(_beside(name, Path((context or {}).get("folder", Path()))), kind)
 
 
@@ -76,9 +76,9 @@ def _beside(name: str, folder: Path) -> Path:
     """A file that lies in the problem file's own folder, not elsewhere by a path or a link."""
     path = folder / name
     if Path(name).name != name or path.resolve().parent != folder.resolve():
-        raise Wrong(f"expected a file next to the problem file, got {show(name)}", "copy it there", ("python",))
+        raise FieldError(f"expected a file next to the problem file, got {show(name)}", "copy it there", ("python",))
     if not path.is_file():
-        raise Wrong(f"{name}: no such file next to the problem file", path=("python",))
+        raise FieldError(f"{name}: no such file next to the problem file", path=("python",))
     return path.resolve()
 
 
@@ -88,7 +88,7 @@ def _class(path: Path, kind: str) -> type[System]:
     found = getattr(_module(path, status.st_mtime_ns, status.st_size), kind, None)
     if not (isinstance(found, type) and issubclass(found, System)):
         came = "there is no such name" if found is None else f"got {type(found).__name__}"
-        raise Wrong(f"{path.name}: expected a child of OdeSystem called {kind}, {came}", path=("python",))
+        raise FieldError(f"{path.name}: expected a child of OdeSystem called {kind}, {came}", path=("python",))
     return found
 
 
@@ -98,7 +98,7 @@ def _module(path: Path, changed: int, size: int) -> Any:
     name = f"ensemble_ctrl_own_{path.stem}_{abs(hash((path, changed, size))):x}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise Wrong(f"{path.name}: can't be run", path=("python",))
+        raise FieldError(f"{path.name}: can't be run", path=("python",))
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
@@ -111,5 +111,5 @@ def _module(path: Path, changed: int, size: int) -> Any:
             last = trace.tb_lineno if trace.tb_frame.f_code.co_filename == str(path) else last
             trace = trace.tb_next
         where = f", line {line or last}" if line or last else ""
-        raise Wrong(f"{path.name}{where}: {type(error).__name__}: {error}", path=("python",)) from None
+        raise FieldError(f"{path.name}{where}: {type(error).__name__}: {error}", path=("python",)) from None
     return module

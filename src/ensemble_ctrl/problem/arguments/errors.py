@@ -8,7 +8,7 @@ from typing import Any
 from ensemble_ctrl.core.errors import shortened
 
 
-class Wrong(ValueError):
+class FieldError(ValueError):
     """A value is not what was wanted; pydantic keeps it with the place at which it was raised.
 
     Parameters

@@ -13,7 +13,7 @@ from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect, numbers, shown
 from ensemble_ctrl.moments import Distribution
-from ensemble_ctrl.problem.arguments.errors import Wrong
+from ensemble_ctrl.problem.arguments.errors import FieldError
 from ensemble_ctrl.problem.arguments.units import quantity
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ def quantity_of(name: str, value: Any, kind: str) -> float:
         value = value.item()
     try:
         return float(value) if isinstance(value, float) else quantity(kind)(value)
-    except (Wrong, OverflowError) as error:
+    except (FieldError, OverflowError) as error:
         raise ProblemError(f"{name}: {error}") from None
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ensemble_ctrl.constraints.stl._tokens import TIME_UNITS
-from ensemble_ctrl.problem.arguments.errors import Wrong, show
+from ensemble_ctrl.problem.arguments.errors import FieldError, show
 
 UNITS: dict[str, tuple[str, float, float]] = {
     "m": ("length", 1, 1),
@@ -54,10 +54,10 @@ def quantity(kind: str, least: float = -math.inf, *, above: float = -math.inf) -
     def convert(value: Any) -> float:
         number = _in_si(value, kind)
         if not math.isfinite(number):
-            raise Wrong(f"expected a finite number, got {show(value)}")
+            raise FieldError(f"expected a finite number, got {show(value)}")
         if number < least or number <= above:
             bound = f"{least:g} or more" if number < least else f"above {above:g}"
-            raise Wrong(f"expected {WANTED[kind]}, {bound}, got {show(value)}")
+            raise FieldError(f"expected {WANTED[kind]}, {bound}, got {show(value)}")
         return number
 
     return convert
@@ -85,13 +85,15 @@ def _in_si(value: Any, kind: str) -> float:
         return float(value)
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if match is None:
-        raise Wrong(f"expected {WANTED[kind]}, got {show(value)}")
+        raise FieldError(f"expected {WANTED[kind]}, got {show(value)}")
     number, unit = float(match[1]), match[2]
     if not unit:
         return number
     measured, numerator, denominator = _unit(unit, kind)
     if measured != kind:
-        raise Wrong(f"expected {WANTED[kind]}, got {show(value)}, which is a {measured}".replace("a angle", "an angle"))
+        raise FieldError(
+            f"expected {WANTED[kind]}, got {show(value)}, which is a {measured}".replace("a angle", "an angle")
+        )
     return number * numerator / denominator
 
 
@@ -100,7 +102,7 @@ def _unit(text: str, kind: str) -> tuple[str, float, float]:
     names = [name.strip() for name in text.split("/")]
     for name in names:
         if name not in UNITS:
-            raise Wrong(f"expected {WANTED[kind]}, got the unknown unit {name!r}")
+            raise FieldError(f"expected {WANTED[kind]}, got the unknown unit {name!r}")
     measured, numerator, denominator = UNITS[names[0]]
     if len(names) == 1:
         return measured, numerator, denominator

@@ -24,7 +24,7 @@ from ensemble_ctrl.core.values import expect, whole
 from ensemble_ctrl.problem.evaluation.approach import approach
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
-from ensemble_ctrl.problem.specification import NOTHING_ASKED, NOTHING_AVOIDED, TaskPart
+from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED, TaskPart
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -68,7 +68,7 @@ class ShareSeen:
     ----------
     part : str
         As it was written.
-    asked : float
+    required : float
         The required share.
     satisfied : float
         The share of the members drawn at random that do it, 0 to 1; of all members if none was drawn.
@@ -77,7 +77,7 @@ class ShareSeen:
     """
 
     part: str
-    asked: float
+    required: float
     satisfied: float
     low: float
     high: float
@@ -160,7 +160,7 @@ class Replay:
         closest = min((c.distance for c in self.clearances), default=float("inf"))
         clearance = f"clearance >= {closest:.4f} m" if np.isfinite(closest) else NOTHING_AVOIDED
         worst = self.worst[0]
-        found = NOTHING_ASKED if worst == np.inf else f"robustness >= {worst:.4f} m, {clearance}"
+        found = NOTHING_REQUIRED if worst == np.inf else f"robustness >= {worst:.4f} m, {clearance}"
         return f"Replay({self.members} members: {100 * self.satisfied:.4g} % satisfy, {found}, {self.seconds:.2f} s)"
 
 
