@@ -51,8 +51,7 @@ def test_every_field_says_what_it_means() -> None:
     assert silent == [], "give these fields a sentence below them, in config/"
     assert (
         sections["Horizon"]["properties"]["duration"]["description"]
-        == "Length of the plan, `T` in the task; or `{at_most: ..., at_least: ...}`, and the plan is as short as "
-        "can be."
+        == "Duration of the plan, `T` in the task; or `{at_most: ..., at_least: ...}` for minimum time."
     )
 
 
