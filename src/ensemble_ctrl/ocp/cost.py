@@ -48,6 +48,7 @@ class Scale:
     @classmethod
     def of_bounds(cls, lower: Floats, upper: Floats, rest: Floats) -> Scale:
         """Commands in half widths of their bounds, and no effort at `rest`, in their units."""
+        # u = middle + half s with s in [-1, 1]
         middle, half = (lower + upper) / 2, np.maximum((upper - lower) / 2, NARROWEST)
         return cls(middle, half, (rest - middle) / half)
 
@@ -76,6 +77,7 @@ class CommandCost:
 
     def effort(self, commands: Iterable[Any]) -> Any:
         """``dt sum_i w_i (s_i - r_i)^2`` of one step; `commands` one after the other, arrays or expressions."""
+        # dt sum_i w_i (s_i - r_i)^2, one command after the other: arrays and expressions alike
         squares = (
             w * (s - r) ** 2 for w, s, r in zip(self.weights.tolist(), commands, self.rest.tolist(), strict=True)
         )
@@ -87,6 +89,7 @@ class CommandCost:
 
     def total(self, commands: Floats, last: Floats | None = None) -> float:
         """Of commands of shape (steps, n_u); those of the step before them count in the changes, if there was one."""
+        # the change from the command before the first step counts, too
         sent = commands if last is None else np.concatenate([last[None], commands])
         return float(np.sum(self.effort(commands.T)) + np.sum(self.roughness(np.diff(sent, axis=0).T)))
 

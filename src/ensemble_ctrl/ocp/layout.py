@@ -86,6 +86,7 @@ class Numbers(ABC):
 
     def _hand_out(self, kind: list[int], count: int) -> Ints:
         """The next `count` indices, noted as of one kind."""
+        # new variables stand after all that were handed out before
         new = self.size + np.arange(count)
         kind.extend(new.tolist())
         return new
@@ -139,6 +140,7 @@ class StateLayout(Numbers):
     @property
     def points(self) -> Ints:
         """Indices of the states, shape (steps + 1, n_x * count): all robots' first state, then their second."""
+        # S steps of n_u commands, then n_x * count states at each of S + 1 grid times
         size = self.n_x * self.count
         return self.steps * self.n_u + np.arange((self.steps + 1) * size).reshape(self.steps + 1, size)
 

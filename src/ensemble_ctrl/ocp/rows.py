@@ -64,6 +64,7 @@ def _on_its_side(model: Parametrisation, image: Floats, d: int) -> Build:
     def build(z: ca.SX, data: ca.SX) -> ca.SX:
         first = n_u + 1
         ends = (z[first : first + d * n], z[first + d * n :])
+        # data: n_1 .. n_d, then the levels at the begin and the end of the step; z: u, slack, P_begin, P_end
         # n . P for every variable, mapped to the points: both are linear
         along = [sum((data[i] * p[i * n : (i + 1) * n] for i in range(1, d)), data[0] * p[:n]) for p in ends]
         reached = along if same else [ca.mtimes(matrix, a) for a in along]
@@ -87,6 +88,7 @@ def rate_rows(layout: Numbers, bounds: Floats | None, half: Floats, step: float)
 
 def level_row(level: int, slack: int, margin: float) -> Block:
     """The task holds with the margin, or falls short by the slack."""
+    # rho + slack >= margin
     low = np.full((1, 1), margin)
     columns = np.array([[level, slack]])
     return Block("task", lambda z, d: z[0] + z[1], columns, np.zeros((1, 0)), low, low + np.inf)

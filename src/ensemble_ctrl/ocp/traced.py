@@ -63,6 +63,7 @@ def require_traceable(fleet: Fleet) -> None:
         )
         expected = np.hstack(list(one_by_one))
     found = np.array(function(states, commands, np.array([own[name] for name in names]).reshape(len(names), POINTS)))
+    # compare where the numbers are finite: |f_expr - f_num| <= 1e-9 (1 + |f_num|)
     same = np.abs(found - expected) <= CLOSE * (1.0 + np.abs(expected))
     wrong = np.argwhere(np.isfinite(expected) & ~same)
     if len(wrong):

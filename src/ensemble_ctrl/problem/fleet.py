@@ -241,6 +241,7 @@ class Fleet(Ensemble):
     @cached_property
     def shifting(self) -> Floats:
         """How much each parameter shifts the whole position curve, shape (parameters, d)."""
+        # 1 in the row of start_x and the column of x, for each coordinate
         rows = np.zeros((len(self.names), len(self.places)))
         for k in set(range(len(self.names))) - set(self.dynamic):
             rows[k, self.places.index(self.names[k].removeprefix(START_PREFIX))] = 1.0
@@ -249,6 +250,7 @@ class Fleet(Ensemble):
     @cached_property
     def shift(self) -> Floats:
         """Half the side lengths of the box by which parameters shift the position curve, shape (d,), metres."""
+        # half widths of the shifting parameters, per coordinate
         return np.asarray((self.upper - self.lower) / 2 @ self.shifting)
 
     @cached_property
@@ -331,6 +333,7 @@ class Fleet(Ensemble):
     @cached_property
     def origin(self) -> Floats:
         """The coefficients from which `directions` count, shape (5,)."""
+        # factors that no parameter sets are 1
         given = self.directions[:, :2].any(axis=0)
         return np.array([*np.where(given, 0.0, 1.0), self.own_heading, *self.position])
 

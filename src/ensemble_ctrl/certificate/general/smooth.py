@@ -120,6 +120,7 @@ class Smooth(ABC):
         """Square and multiply."""
         if power == 0:
             return self * 0.0 + 1.0
+        # x^n = (x^(n // 2))^2, times x for odd n
         half = self._whole_power(power // 2) if power > 1 else None
         square = self if half is None else half * half
         return square if half is None or power % 2 == 0 else square * self
