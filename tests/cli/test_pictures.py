@@ -39,7 +39,7 @@ def test_report_that_can_not_be_written(command: Command, results: Path) -> None
 def test_plot_writes_all_kinds_beside_the_plan(command: Command, results: Path) -> None:
     done = command("plot", "results")
     assert done.code == 0
-    assert len(done.out.splitlines()) == 6
+    assert len(done.out.splitlines()) == 7
     assert all(Path(line).read_bytes().startswith(b"\x89PNG") for line in done.out.splitlines())
 
 
@@ -68,8 +68,8 @@ SVG = ("--format", "svg")
     [
         (
             ("moment",),
-            "moment: expected kinds among trajectories, controls, moments, robustness, clearance, certificate; "
-            "did you mean 'moments'?",
+            "moment: expected kinds among trajectories, controls, moments, robustness, clearance, spread, "
+            "certificate; did you mean 'moments'?",
         ),
         (("moments", "-o", "a.gif"), "a.gif: expected a name that ends in .png, .pdf or .svg"),
         (

@@ -9,8 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
+from ensemble_ctrl.api.plans import Plan
+from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.problem.evaluation.sampled import states, trajectories
 from ensemble_ctrl.report.html import report_html
 from ensemble_ctrl.report.kinds.moments import moments
@@ -18,11 +21,19 @@ from ensemble_ctrl.report.map_content import map_contents
 from ensemble_ctrl.report.plot import KINDS, write_plot
 from ensemble_ctrl.report.raster import HEAD, NARROW, Raster
 from ensemble_ctrl.report.series import by_parameter, over_time
+from ensemble_ctrl.report.text import parameter_label
 from tests.examples import quick
+from tests.ocp.problems import five
 
 from .plans import ODE_KINDS, ode_made
 from .test_page import Reader
 
+MASSES = """
+fleet: {{model: double_integrator, parameters: {{mass: {{range: [0.9, 1.1]}}}}, start: {{vx: {start}}}}}
+horizon: {{duration: 2 s, steps: 10}}
+task: {task}
+"""
+"""Point masses at rest."""
 VIEWS = {"plane": ("xy",), "space": ("xy", "xz"), "line": ("tx",), "equal line": ("tx",)}
 """What runs along both axes of each map."""
 
@@ -120,6 +131,7 @@ def test_pictures(kind: str, tmp_path: Path) -> None:
         dark = np.asarray(Image.open(write_plot(plan, picture, tmp_path / "a.png")).convert("L")) < 128
         assert dark.any()
         assert not dark[:, :3].any()  # nothing is cut off
+        assert not dark[:, -3:].any()
         assert not dark[:3].any()
         assert not dark[-3:].any()
 
@@ -161,3 +173,29 @@ def test_what_lies_beside_the_way_is_only_outlined() -> None:
     raster = Raster.of(plan.problem, trajectories(plan.problem, plan.controls, plan.problem.fleet.corners), NARROW)
     upper, lower = (panel.canvas for panel in raster.panels)
     assert lower.top == pytest.approx(upper.top + upper.height)
+
+
+def test_curves_of_robustness_are_those_that_come_closest_while_they_are_required() -> None:
+    """Of seven places, one fails before it is required, and is far from it then: it is left out."""
+    bounds = " and ".join(f"x <= {2 + k / 10:g}" for k in range(6))
+    problem = load_text(MASSES.format(task=f"G ({bounds}) and G[1.9,2] (vx <= 10)", start=19))
+    controls = np.zeros((10, 2))
+    controls[0, 0] = -100.0  # braked within the first step
+    _, series = over_time(problem, controls)
+    assert [one.name for one in series] == [f"-x >= {-2 - k / 10:g}" for k in range(6)]
+
+
+def test_labels_name_units() -> None:
+    """Of parameters that the system gives a unit, of starts, and of factors."""
+    problem = load_text(MASSES.format(task="G x <= 3", start=0))
+    assert parameter_label(problem, "mass") == "mass [kg]"
+    assert parameter_label(problem, "start_vx") == "start_vx [m/s]"
+    assert parameter_label(five(), "traction") == "traction [-]"
+
+
+def test_a_bound_in_mixed_units_stays_beside_its_bar() -> None:
+    plan = Plan(load_text(MASSES.format(task="G[1,2] (x <= 3 and vx <= 3)", start=0)), np.zeros((10, 2)), "planned")
+    plan = replace(plan, certificate=plan.certify())
+    ax = plan.plot("certificate", ax=Figure(figsize=(3.5, 2.3)).subplots())
+    assert [one.get_text() for one in ax.texts] == ["3 SI"]
+    assert ax.get_xlabel().endswith("[SI]")

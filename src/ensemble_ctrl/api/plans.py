@@ -129,7 +129,7 @@ class Plan(ReadOnlyArrays):
 
         Parameters
         ----------
-        kind : {"trajectories", "controls", "moments", "robustness", "clearance", "certificate"}
+        kind : {"trajectories", "controls", "moments", "robustness", "clearance", "spread", "certificate"}
             What to draw. For a certificate the plan is certified if it is not yet.
         ax : matplotlib Axes, optional
             Where to; without it a new figure of pyplot's.

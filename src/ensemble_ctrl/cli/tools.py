@@ -138,7 +138,9 @@ def models() -> None:
 
     for name, system in SYSTEMS.items():
         controls = ", ".join(f"{n} [{u}]" for n, u in zip(system.controls, system.control_units, strict=True))
-        say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {', '.join(system.parameters)}")
+        units = system.parameter_units
+        parameters = ", ".join(f"{n} [{units[n]}]" if n in units else n for n in system.parameters)
+        say(f"{name:<18}{system.summary}\n{'':<18}controls {controls}; parameters {parameters}")
         say(f"{'':<18}states {', '.join(system.states)}")
     say("your own: fleet: {model: {python: my_system.py:MySystem}}, with --trust")
 

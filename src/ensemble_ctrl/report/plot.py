@@ -20,7 +20,7 @@ from ensemble_ctrl.report.kinds.controls import draw_controls
 from ensemble_ctrl.report.kinds.moments import draw_moments
 from ensemble_ctrl.report.kinds.panels import legend_shape
 from ensemble_ctrl.report.kinds.robustness import draw_robustness
-from ensemble_ctrl.report.projections import draw_paths, sheet
+from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet
 from ensemble_ctrl.report.text import PlanLike
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class PlotKind:
 
     draw: Callable[[Drawable, Axes], Axes]
     height: float | Callable[[Drawable], float] = 2.4
-    margins: Margins = (0.56, 0.12, 0.42, 0.12)
+    margins: Margins = (0.56, 0.18, 0.42, 0.12)
     legend: bool = False
     proof: bool = False
 
@@ -92,10 +92,12 @@ KINDS: dict[str, PlotKind] = {
     "controls": PlotKind(
         lambda plan, ax: draw_controls(plan.problem, plan.controls, ax),
         lambda plan: 0.5 + COMMAND * len(plan.problem.fleet.system.controls),
+        (0.66, 0.18, 0.42, 0.12),
     ),
-    "moments": PlotKind(lambda plan, ax: draw_moments(plan.problem, plan.controls, ax), 3.2, (0.66, 0.12, 0.42, 0.12)),
+    "moments": PlotKind(lambda plan, ax: draw_moments(plan.problem, plan.controls, ax), 3.2, (0.66, 0.18, 0.42, 0.12)),
     "robustness": PlotKind(lambda plan, ax: draw_robustness(plan.problem, plan.controls, ax), legend=True),
     "clearance": PlotKind(draw_clearance, legend=True, proof=True),
+    "spread": PlotKind(lambda plan, ax: draw_spread(plan.problem, plan.controls, ax), 2.4, (0.66, 0.18, 0.42, 0.12)),
     "certificate": PlotKind(_certificate, 2.3, (1.35, 0.12, 0.42, 0.12), proof=True),
 }
 """Every kind of picture by its name: `Plan.plot`, ``ensemble-plan plot`` and the results folder read it."""
@@ -155,7 +157,7 @@ def write_plot(plan: Drawable, kind: str, path: Path, format: str = "png") -> Pa
         figure = new_figure((COLUMN, height), dpi=300)
         if kind == "trajectories" and not on_map(plan.problem):
             axes = sheet(plan.problem, plan.controls, figure, COLUMN, VIEW_MARGINS)
-            draw_paths(plan.problem, plan.controls, axes)
+            draw_paths(plan.problem, plan.controls, axes, plan.baseline)
             ax = axes[0]
         else:
             ax = draw(plan, kind, placed_axes(figure, *margins))

@@ -12,7 +12,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import draw_scale, placed_axes
 from ensemble_ctrl.report.map_content import OVER_TIME, MapContent, map_contents
-from ensemble_ctrl.report.palette import CONTRAST, OBSTACLE, OBSTACLE_EDGE, REGION, shades, viridis
+from ensemble_ctrl.report.palette import CONTRAST, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, shades, viridis
 from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ def draw_paths(
 def _draw_shapes(content: MapContent, ax: Axes) -> None:
     """Obstacles, regions and the start of one view; what lies beside the fleet's way is outlined only."""
     from matplotlib.patches import Polygon
+    from matplotlib.patheffects import withStroke
 
     for shape in content.obstacles:
         for corners, beside in zip(shape.pieces, shape.beside, strict=True):
@@ -81,6 +82,10 @@ def _draw_shapes(content: MapContent, ax: Axes) -> None:
                     ghost = Polygon(corners + offset, closed=True, fill=False, edgecolor=OBSTACLE, linestyle="--")
                     ghost.set(linewidth=0.8, alpha=1.0 - 0.8 * k / GHOSTS)
                     ax.add_patch(ghost)
+        if not all(shape.beside):
+            middle = shape.largest.mean(axis=0)
+            label = ax.annotate(literal(shape.name), middle, ha="center", va="center", fontsize=8, color=ON_OBSTACLE)
+            label.set_path_effects([withStroke(linewidth=2, foreground=OBSTACLE)])
     for corners in content.regions.values():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
     for name, (x, y) in content.tags.items():
@@ -91,7 +96,10 @@ def _draw_shapes(content: MapContent, ax: Axes) -> None:
     ax.plot(*content.start, "ko", markersize=5, zorder=5)
     if content.view is not None:
         ax.set_aspect("equal")
-        ax.annotate("start", tuple(content.start), (0, -12), textcoords="offset points", fontsize=8, ha="center")
+        # on the side of the map's middle
+        inwards = float(ax.dataLim.get_points().mean(axis=0)[0]) >= content.start[0]
+        shift, align = (-4, "left") if inwards else (4, "right")
+        ax.annotate("start", tuple(content.start), (shift, -12), textcoords="offset points", fontsize=8, ha=align)
     across, up = content.labels
     seen = f" (seen along {content.hidden}; dotted: beside the way)" if content.hidden else ""
     ax.set(xlabel=literal(f"{across}{seen}"), ylabel=literal(up))
@@ -102,17 +110,19 @@ def _times(problem: Problem, path: Floats) -> Floats:
     return np.linspace(0.0, problem.duration, len(path))
 
 
-def draw_spread(problem: Problem, controls: Floats, ax: Axes) -> None:
+def draw_spread(problem: Problem, controls: Floats, ax: Axes) -> Axes:
     """How far apart the members are over time, in each coordinate of the position: largest less smallest."""
     paths = trajectories(problem, controls, problem.fleet.grid(MEMBERS), SUBSTEPS)
     # max_i p(t; psi_i) - min_i p(t; psi_i) in each coordinate
     apart = np.ptp(paths, axis=0)
     for k, name in enumerate(problem.fleet.places):
         ax.plot(_times(problem, apart), apart[:, k], label=literal(name))
-    ax.set(xlabel="t [s]", ylabel="largest distance between members [m]", xlim=(0, problem.duration))
+    ax.set(xlabel="t [s]", ylabel="largest distance [m]", xlim=(0, problem.duration))
+    ax.set_ylim(0.0, max(1.05 * float(apart.max()), 0.01))
     ax.set_title(literal(f"{problem.name}: how the fleet spreads under one control"), wrap=True)
     ax.grid(alpha=0.3)
-    ax.legend(loc="upper left", fontsize=8)
+    ax.legend(loc="upper left", fontsize="small")
+    return ax
 
 
 def sheet(

@@ -100,7 +100,7 @@ def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series,
     whole = states(problem, controls, members)
     times = np.linspace(0.0, problem.duration, whole.shape[1])
     found = [*_kept_out(problem, whole[..., problem.fleet.place_columns], times), *_asked(problem, whole)]
-    return times, tuple(sorted(found, key=_worst)[:CURVES])
+    return times, tuple(sorted(found, key=lambda one: _worst(one, times))[:CURVES])
 
 
 def by_parameter(problem: Problem, controls: Floats) -> Profile:
@@ -176,6 +176,7 @@ def _asked(problem: Problem, whole: Floats) -> Iterator[Series]:
             yield Series(str(leaf), value.min(axis=0), value.max(axis=0), part.begin, part.end)
 
 
-def _worst(series: Series) -> float:
+def _worst(series: Series, times: Floats) -> float:
     """The lowest value in a series' window, for sorting."""
-    return float(np.nanmin(series.low))
+    asked = (times >= series.begin - 1e-9) & (times <= series.end + 1e-9) & np.isfinite(series.low)
+    return float(series.low[asked].min(initial=np.inf))

@@ -17,7 +17,7 @@ from ensemble_ctrl.problem.checks import coverage_text
 from ensemble_ctrl.problem.ensemble import Ensemble
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task, units_of_parts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
-from ensemble_ctrl.problem.fleet import START_COLUMNS
+from ensemble_ctrl.problem.fleet import START_COLUMNS, START_PREFIX
 from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED
 from ensemble_ctrl.report.tried import tried
 
@@ -196,8 +196,10 @@ def literal(text: str) -> str:
 
 
 def parameter_label(problem: Problem, name: str) -> str:
-    """A parameter and its unit for an axis; of a differential equation's own parameters the unit is not known."""
-    unit = unit_of(name).strip() or ("-" if name in problem.fleet.system.factors else "SI units")
+    """A parameter and its unit for an axis, where the system gives one."""
+    fleet = problem.fleet
+    units = fleet.state_units | dict.fromkeys(fleet.system.factors, "-") | dict(fleet.system.parameter_units)
+    unit = unit_of(name).strip() or units.get(name.removeprefix(START_PREFIX), "SI units")
     return f"{name} [{unit}]"
 
 

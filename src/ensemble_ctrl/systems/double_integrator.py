@@ -27,6 +27,7 @@ class DoubleIntegrator(System):
     control_units: ClassVar[tuple[str, ...]] = ("N", "N")
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((-2.0, 2.0), (-2.0, 2.0))
     parameters: Mapping[str, float] = {"mass": 1.0}
+    parameter_units: ClassVar[Mapping[str, str]] = {"mass": "kg"}
 
     def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
         """Velocity and acceleration."""

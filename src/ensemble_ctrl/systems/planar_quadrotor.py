@@ -44,6 +44,7 @@ class PlanarQuadrotor(System):
     control_units: ClassVar[tuple[str, ...]] = ("N", "N m")
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 25.0), (-0.5, 0.5))
     parameters: ClassVar[Mapping[str, float]] = {"mass": 1.0, "drag": 0.0}  # type: ignore[misc]
+    parameter_units: ClassVar[Mapping[str, str]] = {"mass": "kg", "drag": "N s/m"}
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.inertia) and self.inertia > 0):

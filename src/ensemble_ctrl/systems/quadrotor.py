@@ -54,6 +54,7 @@ class Quadrotor(System):
     control_units: ClassVar[tuple[str, ...]] = ("N", "N m", "N m", "N m")
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 90.0), (-2.0, 2.0), (-2.0, 2.0), (-0.5, 0.5))
     parameters: ClassVar[Mapping[str, float]] = {"payload": 0.0}  # type: ignore[misc]
+    parameter_units: ClassVar[Mapping[str, str]] = {"payload": "kg"}
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass > 0):

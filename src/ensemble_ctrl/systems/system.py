@@ -41,6 +41,8 @@ class System:
         Default bounds of each command.
     parameters : mapping of str to float
         What may differ between members, each with the value where it does not.
+    parameter_units : mapping of str to str, optional
+        Units of the parameters, for labels.
     heading_state : str, optional
         The state that is a heading in the plane, radians from +x counter-clockwise, if there is one.
     transcription, enclosure : str
@@ -84,6 +86,7 @@ class System:
     control_units: ClassVar[tuple[str, ...]] = ()
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ()
     parameters: Mapping[str, float] = {}
+    parameter_units: ClassVar[Mapping[str, str]] = {}
     heading_state: ClassVar[str] = ""
     transcription: ClassVar[str] = "states"
     enclosure: ClassVar[str] = "general"

@@ -20,6 +20,8 @@ ROWS = 12
 """Bounds shown at most, the lowest first."""
 LONGEST = 19
 """Letters of a part of the task."""
+LONGEST_UNIT = 5
+"""Of a unit beside a bar."""
 APART = 10.0
 """Times by which the largest number exceeds the smallest before the axis is logarithmic."""
 LEAST = 1e-4
@@ -39,27 +41,32 @@ def draw_certificate(name: str, certificate: Certificate, ax: Axes, units: Mappi
         )
         if np.isfinite(seen):
             ax.plot(seen, place, "o", color="black", markersize=4)
-        ax.annotate(length(proven, unit), (max(proven, seen if np.isfinite(seen) else proven, 0.0), place), (6, 0),
+        ax.annotate(_number(proven, unit), (max(proven, seen if np.isfinite(seen) else proven, 0.0), place), (6, 0),
                     textcoords="offset points", va="center", fontsize="small")  # fmt: skip
     ax.axvline(0.0, color="black", linewidth=0.8)
     ax.set_yticks(places, [literal(short(text, LONGEST)) for text, *_ in rows])
     ax.set_ylim(len(rows) - 0.4, -0.6)
-    unit = "m" if all(unit == "m" for *_, unit in rows) else "SI units"
+    unit = "m" if all(unit == "m" for *_, unit in rows) else "SI"
     ax.set(xlabel=f"proven (bar), worst seen (dot) [{unit}]")
-    _scale(ax, np.array([value for _, *both, _ in rows for value in both if np.isfinite(value)]))
+    _scale(ax, unit, np.array([value for _, *both, _ in rows for value in both if np.isfinite(value)]))
     ax.grid(alpha=0.3, axis="x")
     ax.set_title(literal(f"{name}: proven: {certificate.proven}"))
     return ax
 
 
-def _scale(ax: Axes, values: NDArray[np.float64]) -> None:
+def _number(proven: float, unit: str) -> str:
+    """A bound with its unit, where that is one and not words about several."""
+    return length(proven, unit) if len(unit) <= LONGEST_UNIT else length(proven, "SI")
+
+
+def _scale(ax: Axes, unit: str, values: NDArray[np.float64]) -> None:
     """Room for the numbers beside the bars, and a logarithmic axis where a linear one would hide the tightest."""
     sizes = np.maximum(np.abs(values[values != 0]), LEAST)
     if sizes.size and sizes.max() > APART * sizes.min():
         start = 10.0 ** np.floor(np.log10(sizes.min()))
         ax.set_xscale("symlog", linthresh=start)
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        ax.set_xlabel("proven (bar), seen (dot) [m, log]")
+        ax.set_xlabel(f"proven (bar), seen (dot) [{unit}, log]")
     to_axis = ax.xaxis.get_transform()
     low, high = to_axis.transform(np.array([min(values.min(initial=0.0), 0.0), max(values.max(initial=0.0), 0.0)]))
     room = max(high - low, 1e-9)

@@ -25,6 +25,8 @@ ORDER = 3
 COUNT = 24
 """Points of the rule that integrates over the parameter; a quarter as many for each of several."""
 
+LEGEND_ROW = 0.15
+"""Room above the curves for each coordinate's row of the legend, in shares of their height."""
 DASHES = ("-", "--", ":")
 """Of the coordinates."""
 
@@ -65,7 +67,7 @@ def draw_moments(problem: Problem, controls: Floats, ax: Axes) -> Axes:
     for panel in (top, *below):
         panel.set(ylabel="moment [m]", xlim=(0, problem.duration))
         low, high = panel.get_ylim()
-        panel.set_ylim(low, high + 0.3 * (high - low))
+        panel.set_ylim(low, high + LEGEND_ROW * len(axes) * (high - low))
         panel.legend(fontsize="x-small", ncols=3, loc="upper left", handlelength=2.2, columnspacing=1.0)
     (below[0] if below else top).set_xlabel("t [s]")
     ax.set_title(literal(f"{problem.name}: moments of position"))
