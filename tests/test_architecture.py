@@ -22,7 +22,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "core.values",
         "moments, systems",
         "constraints",
-        "problem.risk, problem.target, problem.arguments",
+        "problem.risk, problem.target, problem.arguments, problem.units",
         "problem.ensemble, problem.integrated, problem.capabilities",
         "problem.fleet",
         "problem.checks, problem.drawing, problem.specification",

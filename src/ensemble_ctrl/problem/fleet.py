@@ -20,6 +20,7 @@ from ensemble_ctrl.problem.arguments import distributions_of
 from ensemble_ctrl.problem.arguments.fleets import per_control, radius_of, rates_of, rest_of_start, start_of
 from ensemble_ctrl.problem.ensemble import Ensemble, Member
 from ensemble_ctrl.problem.integrated import ACCURACY, accurate, integrated, needed
+from ensemble_ctrl.problem.units import unit_of
 from ensemble_ctrl.systems import ArcSystem, System
 from ensemble_ctrl.systems.integration import Rule, extrapolated
 
@@ -198,13 +199,7 @@ class Fleet(Ensemble):
 
         A unit, or words like ``in mixed units (m, m/s)`` and ``in m or the unit of temp``.
         """
-        named = set(names) or set(self.places)
-        known = sorted({self.state_units[name] for name in named if name in self.state_units})
-        others = [f"the unit of {name}" for name in sorted(named) if name not in self.state_units]
-        if others:
-            return f"in {' or '.join([*known, *others])}"
-        known = ["without unit" if unit == "1" else unit for unit in known]
-        return known[0] if len(known) == 1 else f"in mixed units ({', '.join(known)})"
+        return unit_of(self.state_units, set(names) or set(self.places))
 
     @cached_property
     def place_columns(self) -> slice | list[int]:
