@@ -174,6 +174,11 @@ class Obstacle(ReadOnlyArrays):
         """
         return self._blockwise(points, self._distance)
 
+    def distance_along(self, coordinates: Array) -> Array:
+        """`distance` of points given by their coordinates one after the other, (2, ...) to (...), in one block."""
+        x, y = coordinates
+        return self._distance(x, y)
+
     def unit_rows(self) -> tuple[Array, Array]:
         """The polygon as ``G x <= h`` with unit normals pointing out: shapes (facets, 2), (facets,)."""
         length = np.linalg.norm(self.A, axis=1)

@@ -122,6 +122,10 @@ class Solid(Obstacle):
         parts = [self._distance_of(flat[i : i + BLOCK]) for i in range(0, len(flat), BLOCK)]
         return (np.concatenate(parts) if parts else np.zeros(0)).reshape(p.shape[:-1])
 
+    def distance_along(self, coordinates: Array) -> Array:
+        """`distance` of points given by their coordinates one after the other, (3, ...) to (...)."""
+        return self.distance(np.moveaxis(coordinates, 0, -1))
+
     def _points(self, points: ArrayLike) -> Array:
         """The points as an array whose last axis is checked."""
         p = np.asarray(points, dtype=float)

@@ -68,12 +68,16 @@ class Ensemble(ReadOnlyArrays):
         """Columns of the parameters that bend the position curve."""
         return tuple(range(len(self.parameters)))
 
-    def sample(self, count: int, seed: int) -> Floats:
-        """Members drawn from the parameters' distributions, shape (count, parameters)."""
+    def sample(self, count: int, seed: int | tuple[int, int]) -> Floats:
+        """Members drawn from the parameters' distributions, shape (count, parameters).
+
+        `seed` is a number, or that and the index of a block: each block is a stream of its own.
+        """
         drawn = np.empty((count, len(self.parameters)))
+        first, own = (np.random.default_rng(seed), [*seed]) if isinstance(seed, tuple) else (seed, [seed])
         for k, distribution in enumerate(self.parameters.values()):
             # an independent stream of random numbers for each parameter
-            drawn[:, k] = distribution.sample(count, seed if k == 0 else np.random.default_rng([seed, k]))
+            drawn[:, k] = distribution.sample(count, first if k == 0 else np.random.default_rng([*own, k]))
         if self.samples is not None:
             # joint samples: whole rows, drawn with replacement
             robots = np.random.default_rng(seed).integers(0, len(next(iter(self.samples.values()))), count)

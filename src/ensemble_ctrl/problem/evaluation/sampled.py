@@ -13,51 +13,29 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import reduce
 from itertools import chain
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ensemble_ctrl.constraints.stl import ExactOps, Share, StateSignals, member_robustness, reads_fleet
+from ensemble_ctrl.constraints.stl import Share
 from ensemble_ctrl.core.values import expect, whole
-from ensemble_ctrl.problem.evaluation.approach import approach
+from ensemble_ctrl.problem.evaluation.clearance import Clearance
+from ensemble_ctrl.problem.evaluation.interval import wilson
+from ensemble_ctrl.problem.evaluation.judge import Judge, Judged
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
-from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED, TaskPart
+from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
 
-BLOCK = 1000
-"""Members in one block, at 160 steps: the arrays of a block stay in the processor's cache."""
+BLOCK = 20_000
+"""Members in one block, at 160 samples: after each one the replay may end."""
 MOST_STATES = 5_000_000
 """States that are evaluated for a chart, or to find what fails."""
-
-
-@dataclass(frozen=True)
-class Clearance:
-    """The closest that any member came to one obstacle.
-
-    Attributes
-    ----------
-    obstacle : str
-        Its name.
-    distance : float
-        Metres from the robot's edge (its centre minus the radius) to the obstacle; negative inside.
-    time : float
-        Seconds.
-    parameters : dict of str to float
-        Whose parameters these were.
-    inside : int
-        Members that were inside at some sampled time.
-    """
-
-    obstacle: str
-    distance: float
-    time: float
-    parameters: Member
-    inside: int
 
 
 @dataclass(frozen=True)
@@ -94,8 +72,7 @@ class Replay:
     names : tuple of str
         The parameters' names.
     robustness : ndarray, shape (members,)
-        Exact robustness in metres of the whole task, one number a member: at the grid times, and for what must be kept
-        out of all the time (`ensemble_ctrl.problem.specification`) the distance at `substeps` times a step.
+        Exact robustness in metres of the whole task, one number a member, of its states at `substeps` times a step.
     clearances : tuple of Clearance
         One for each obstacle, at `substeps` times a step.
     violating : ndarray of bool, shape (members,)
@@ -148,7 +125,8 @@ class Replay:
         Members at the corners of the ranges were not drawn and don't count. E. B. Wilson, Probable inference, the
         distribution of succession, and statistical inference, 1927.
         """
-        return wilson(~self.violating[self.corners :], z)
+        drawn = self.violating[self.corners :]
+        return wilson(int((~drawn).sum()), len(drawn), z)
 
     @property
     def worst(self) -> tuple[float, Member]:
@@ -162,17 +140,6 @@ class Replay:
         worst = self.worst[0]
         found = NOTHING_REQUIRED if worst == np.inf else f"robustness >= {worst:.4f} m, {clearance}"
         return f"Replay({self.members} members: {100 * self.satisfied:.4g} % satisfy, {found}, {self.seconds:.2f} s)"
-
-
-def wilson(kept: NDArray[np.bool_], z: float = 1.96) -> tuple[float, float]:
-    """Wilson's interval for a share, from members drawn at random; (0, 1) if there are none."""
-    if not len(kept):
-        return 0.0, 1.0
-    # Wilson 1927: (p + z^2 / 2n +- z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n)
-    n, p = len(kept), float(kept.mean())
-    middle, spread = (p + z**2 / (2 * n)), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
-    scale = 1 + z**2 / n
-    return max(0.0, float((middle - spread) / scale)), min(1.0, float((middle + spread) / scale))
 
 
 def replay(
@@ -199,7 +166,7 @@ def replay(
     parameters : array_like or sequence of mappings, optional
         Members to run instead of drawing any, as `Fleet.members` takes them.
     substeps : int, optional
-        Samples per step for obstacles; default `problem.verify.substeps`.
+        Samples per step, for obstacles and for every part of the task; default `problem.verify.substeps`.
     seed : int, optional
         Seed of the draw; default `problem.solve.seed`.
     watch : callable, optional
@@ -225,22 +192,21 @@ def replay(
     substeps = whole("substeps", substeps, 1)
     controls = problem.fleet.checked_controls(controls)
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
+    judge = Judge(problem, controls, substeps, drawn)
     # blocks of bounded memory, but all members at once where mean(f) or share(p, f) is inside of the task
-    size = len(drawn) if reads_fleet(problem.task) else max(1, BLOCK * 160 // (len(controls) * substeps))
+    size = len(drawn) if judge.together else max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = (drawn[i : i + size] for i in range(0, len(drawn), size))
-    results = _watched(blocks, lambda block: _run(problem, controls, block, substeps), watch)
+    results = _watched(blocks, judge.judge, watch)
     drawn = drawn[: size * len(results)]
-    robustness = np.concatenate([r for r, _, _, _ in results])
-    # over the blocks: who is inside which obstacle, and the least clearance of each
-    inside = np.concatenate([i for _, i, _, _ in results], axis=1)
+    robustness = np.concatenate([one.robustness for one in results])
     clearances = tuple(
-        _closest(avoid.name, [found[o] for _, _, found, _ in results], int(inside[o].sum()))
-        for o, avoid in enumerate(problem.specification.avoid)
+        _closest(problem, judge.times, drawn, results, size, o) for o in range(len(judge.approach.avoid))
     )
     corners = min(len(problem.fleet.corners), len(drawn)) if parameters is None else len(drawn)
     shares = []
-    for c, chance in enumerate(problem.specification.chance):
-        each = np.concatenate([some[c] for *_, some in results])
+    for chance in problem.specification.chance:
+        row = problem.specification.parts.index(chance.part)
+        each = np.concatenate([one.parts[row] for one in results])
         random = each[corners:] if corners < len(each) else each
         # robustness of share(p, f): the value that a share p of the members reaches, an order statistic
         fleet = np.sort(random)[len(random) - chance.share.rank(len(random))]
@@ -254,7 +220,7 @@ def _seen(part: Share, robustness: Floats, drawn: bool) -> ShareSeen:
     """The share of some members with a robustness of zero or more, with the fleet's interval if they were drawn."""
     kept: NDArray[np.bool_] = robustness >= 0
     # binomial confidence interval (Wilson 1927), for members that were drawn at random only
-    low, high = wilson(kept) if drawn else (0.0, 1.0)
+    low, high = wilson(int(kept.sum()), len(kept)) if drawn else (0.0, 1.0)
     return ShareSeen(str(part), part.p, float(kept.mean()), low, high)
 
 
@@ -283,9 +249,6 @@ def affordable(members: int, steps: int, substeps: int = 1) -> int:
     (201, 12)
     """
     return max(3, min(members, MOST_STATES // (steps * substeps)))
-
-
-_Closest = tuple[float, float, Member]
 
 
 def _draw(problem: Problem, members: int | None, seed: int | None) -> Floats:
@@ -322,45 +285,11 @@ def _watched(blocks: Iterable[Floats], run: Callable[[Floats], T], watch: Callab
     return results
 
 
-def _run(
-    problem: Problem, controls: Floats, parameters: Floats, substeps: int
-) -> tuple[Floats, NDArray[np.bool_], list[_Closest], list[Floats]]:
-    """One block: robustness, who is inside which obstacle, the closest approach to each obstacle, and chance parts."""
-    whole, specification = states(problem, controls, parameters, substeps), problem.specification
-    robustness = _robustness(problem, specification.rest, whole[:, ::substeps])
-    paths = whole[..., problem.fleet.place_columns]
-    times = np.linspace(0.0, problem.duration, paths.shape[1])
-    # the block's bounding box at each time: far obstacles need no distances at all
-    kept, box = specification.avoid, (paths.min(axis=0), paths.max(axis=0))
-    inside = np.zeros((len(kept), len(parameters)), dtype=bool)
-    found = []
-    for o, avoid in enumerate(kept):
-        closest, at = approach(paths, box, times, avoid)
-        member = int(closest.argmin())
-        found.append((float(closest[member]), float(times[at[member]]), problem.fleet.named(parameters[member])))
-        inside[o] = closest < 0
-        np.minimum(robustness, closest, out=robustness)
-    # chance parts: each member's least over all of the part
-    each = []
-    for chance in specification.chance:
-        least = _robustness(problem, chance.rest, whole[:, ::substeps])
-        for avoid in chance.avoid:
-            np.minimum(least, approach(paths, box, times, avoid)[0], out=least)
-        each.append(least)
-    return robustness, inside, found, each
-
-
-def _robustness(problem: Problem, parts: Sequence[TaskPart], whole: Floats) -> Floats:
-    """Robustness of some parts of the task, for every member."""
-    # exact robustness at grid times; the least over the parts of the conjunction
-    signals = StateSignals(whole, problem.fleet.states, problem.duration / (whole.shape[1] - 1))
-    least = np.full(len(whole), np.inf)
-    for part in parts:
-        np.minimum(least, member_robustness(part.formula, signals, ExactOps())[:, 0], out=least)
-    return least
-
-
-def _closest(name: str, found: Sequence[_Closest], inside: int) -> Clearance:
+def _closest(problem: Problem, times: Floats, drawn: Floats, results: Sequence[Judged], size: int, o: int) -> Clearance:
     """The closest of all blocks."""
-    distance, at, parameters = min(found, key=lambda one: one[:2])
-    return Clearance(name, distance, at, parameters, inside)
+    named = problem.fleet.named
+    each = (
+        one.closest[o].clearance(problem.specification.avoid[o].name, times, drawn[k * size :], named)
+        for k, one in enumerate(results)
+    )
+    return reduce(Clearance.merge, each)
