@@ -48,7 +48,7 @@ class ShareCount:
     ----------
     part : str
         As it was written.
-    asked : float
+    required : float
         The required share.
     satisfied : int
         Members drawn at random that do it.
@@ -57,7 +57,7 @@ class ShareCount:
     """
 
     part: str
-    asked: float
+    required: float
     satisfied: int
     drawn: int
 
@@ -69,7 +69,7 @@ class ShareCount:
     @property
     def reached(self) -> bool:
         """Whether at least the required share does it, of the members drawn at random."""
-        return self.satisfied >= exact(self.asked) * self.drawn
+        return self.satisfied >= exact(self.required) * self.drawn
 
     @property
     def interval(self) -> tuple[float, float]:
