@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 import ensemble_ctrl as ec
 from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.ocp.guesses import ompl_paths
+from ensemble_ctrl.ocp.guesses.curved import Curves, curved, promising
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
 from ensemble_ctrl.ocp.guesses.perturbed import perturbed
-from ensemble_ctrl.ocp.guesses.pivoting import pivoted_trip
-from ensemble_ctrl.ocp.guesses.roadmap import Trip
+from ensemble_ctrl.ocp.guesses.pivoting import PivotedGuesses, pivoted_trip
+from ensemble_ctrl.ocp.guesses.registry import Request
+from ensemble_ctrl.ocp.guesses.roadmap import Trip, trips
 from ensemble_ctrl.ocp.guesses.routes import Route
 from ensemble_ctrl.ocp.guesses.skeleton import Visit
 from ensemble_ctrl.ocp.truncation import positions
@@ -98,8 +100,8 @@ def test_a_curve_is_driven_by_few_commands() -> None:
     path = positions(problem, controls, np.array([[1.0]]))[0]
     wanted = np.stack([np.interp(np.linspace(0, problem.duration, 14), times, poses[:, k]) for k in (0, 1)], axis=1)
     off = np.linalg.norm(path - wanted, axis=1)
-    assert off.max() < 0.16
-    assert off[-1] < 0.1
+    assert off.max() < 0.01
+    assert off[-1] < 0.001
 
 
 def test_a_trip_turns_on_the_spot_and_is_in_time() -> None:
@@ -110,12 +112,13 @@ def test_a_trip_turns_on_the_spot_and_is_in_time() -> None:
         Visit(str(k), region, at, at, stay) for k, (at, stay) in enumerate([(11.0, 2.0), (21.0, 0.0), (29.0, 0.0)])
     ]
     legs = tuple(Route(np.stack(ends), float(np.linalg.norm(ends[1] - ends[0])), ()) for ends in pairwise(places))
-    guess = pivoted_trip(problem, Trip(tuple(visits), legs), 60, "trip", "itinerary")
+    guess = pivoted_trip(problem, Trip(tuple(visits), legs), 30, "trip", "itinerary")
     path = positions(problem, guess.controls, np.array([[1.0]]))[0]
     for visit, place in zip(visits, places[1:], strict=True):
         for at in (visit.early, visit.early + visit.dwell):
-            assert np.linalg.norm(path[round(2 * at)] - place) < 0.2
+            assert np.linalg.norm(path[round(at)] - place) < 0.2
     assert guess.controls[:, 0].min() < -0.1  # the first place is behind the robot, which may reverse
+    assert np.linalg.norm(path[-1] - places[-1]) < 0.02
     line = shapely.LineString(places)
     assert shapely.distance(line, shapely.points(path)).max() < 0.2
 
@@ -145,8 +148,8 @@ def test_a_path_is_free_turns_no_tighter_and_repeats(reversing: bool) -> None:
     pytest.importorskip("ompl")
     blocked = shapely.box(1.0, -1.0, 1.5, 1.0)
     around = ompl_paths.Surroundings(blocked, np.array([-3.0, -4.0]), np.array([6.0, 4.0]))
-    ends = np.array([0.0, 0.0, 0.0]), np.array([3.0, 0.0, np.pi])
-    paths = [ompl_paths.curve(around, 0.5, reversing, *ends, seed, lambda: False) for seed in (1, 1)]
+    start, goals = np.array([0.0, 0.0, 0.0]), np.array([[3.0, 0.0, np.pi], [1.2, 0.0, 0.0]])
+    paths = [ompl_paths.curve(around, 0.5, reversing, start, goals, 300, seed, lambda: False) for seed in (1, 1)]
     path, again = paths
     assert path is not None
     assert again is not None
@@ -164,8 +167,10 @@ def test_there_is_no_path_from_inside_an_obstacle_nor_once_stopped() -> None:
     pytest.importorskip("ompl")
     around = ompl_paths.Surroundings(shapely.box(1.0, -1.0, 1.5, 1.0), np.full(2, -4.0), np.full(2, 4.0))
     out, inside = np.array([0.0, 0.0, 0.0]), np.array([1.2, 0.0, 0.0])
-    assert ompl_paths.curve(around, 0.5, True, inside, out, 1, lambda: False) is None
-    assert ompl_paths.curve(around, 0.5, True, out, np.array([3.0, 0.0, 0.0]), 1, lambda: True) is None
+    assert ompl_paths.curve(around, 0.5, True, inside, out[None], 300, 1, lambda: False) is None
+    assert ompl_paths.curve(around, 0.5, True, out, np.array([[3.0, 0.0, 0.0]]), 300, 1, lambda: True) is None
+    narrow = replace(around, corridor=shapely.box(-1.0, -0.5, 4.0, 0.5))
+    assert ompl_paths.curve(narrow, 0.5, True, out, np.array([[3.0, 0.0, 0.0]]), 300, 1, lambda: False) is None
 
 
 def test_nothing_is_printed() -> None:
@@ -175,7 +180,7 @@ import numpy as np, shapely
 from ensemble_ctrl.ocp.guesses.ompl_paths import Surroundings, curve
 around = Surroundings(shapely.box(1, -1, 2, 1), np.full(2, -4.0), np.full(2, 4.0))
 for goal in ([3.0, 0, 0], [3.9, 3.9, 0]):
-    curve(around, 0.5, True, np.zeros(3), np.array(goal), 1, lambda: False)
+    curve(around, 0.5, True, np.zeros(3), np.array([goal]), 300, 1, lambda: False)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "")
@@ -211,6 +216,54 @@ def test_a_car_in_a_dead_end_backs_out() -> None:
     assert [route["kind"] for route in plan.details["routes"] if route["outcome"] == "kept"] == ["curve"]
 
 
+GAP = """
+name: gap
+fleet:
+  model: unicycle
+  parameters: {traction: {range: [0.98, 1.02]}}
+  start: {position: [0, 0], heading: 90 deg}
+  input_bounds: {v: [0, 1], omega: [-1, 1]}
+  radius: 0.1
+horizon: {duration: 8 s, steps: 40}
+regions: {goal: {box: [[3.5, 4.5], [-0.5, 0.5]]}}
+obstacles:
+  up: {box: [[1.9, 2.1], [0.22, 3.4]]}
+  down: {box: [[1.9, 2.1], [-3.4, -0.22]]}
+task: "F[7,8] in(goal) and G avoid(obstacles)"
+"""
+"""A wall with a gap, and a way around it that is too long."""
+
+
+def test_narrow_trips_go_through_the_gap() -> None:
+    problem = load_text(GAP)
+    (wide, *_), (narrow, *_) = trips(problem, 2), trips(problem, 2, narrow=True)
+    assert narrow.length < 4.2 < 7.5 < wide.length
+    batch = (Curves(1.0, 0.05, corridor=True), Curves(0.5, 0.0, corridor=True))
+    (pivots,) = PivotedGuesses().propose(Request(problem, 40))
+    guesses = [*pivots, *(promising(Request(problem, 40), batch) if ompl_paths.available() else [])]
+    walls = shapely.union_all([shapely.box(1.9, 0.22, 2.1, 3.4), shapely.box(1.9, -3.4, 2.1, -0.22)])
+    through = [positions(problem, guess.controls, np.array([[1.0]]))[0] for guess in guesses]
+    clear = [shapely.distance(walls, shapely.LineString(path)) > 0.1 for path in through if abs(path).max() < 4.5]
+    assert sum(clear) >= (2 if ompl_paths.available() else 1)
+
+
+def test_a_gap_is_passed_where_the_routes_with_room_are_too_long() -> None:
+    found = solve(load_text(GAP))
+    assert found.certificate is not None
+    assert found.certificate.proven == "yes"
+    (kept,) = (route.kind for route in found.routes if route.outcome == "kept")
+    assert kept in ("middle", "pivot")
+
+
+def test_other_ways_avoid_the_narrowest_place() -> None:
+    pytest.importorskip("ompl")
+    problem = load_text(GAP)
+    (trip, *_) = trips(problem, 1, narrow=True)
+    first, second = curved(problem, Curves(1.0, 0.05), trip, 40, lambda: False)
+    assert abs(first.corners[:, 1]).max() < 2.0
+    assert abs(second.corners[:, 1]).max() > 3.4
+
+
 def test_a_car_in_a_dead_end_is_said_to_need_reversing() -> None:
     pytest.importorskip("ompl")
     stuck = load_text(DEAD_END, "dead_end", ["fleet.input_bounds.v=[0, 0.6]"])
@@ -224,7 +277,7 @@ def test_a_car_in_a_dead_end_is_said_to_need_reversing() -> None:
 def test_what_was_tried_and_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(ompl_paths, "available", lambda: False)
     short = dead_end().with_(solve=replace(dead_end().solve, max_iterations=5))
-    tried = r"; tried: 2 routes, the nearest short by [\d.]+; 2 guesses with waves"
+    tried = r"; tried: 2 routes, the nearest short by [\d.]+; 2 plans of the middle member, .*; 2 guesses with waves"
     with pytest.raises(ec.SolveError, match=tried) as raised:
         ec.plan(short)
     assert "OMPL is not installed" in str(raised.value)

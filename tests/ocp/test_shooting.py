@@ -24,8 +24,9 @@ from ensemble_ctrl.ocp.evaluate_sampled import evaluate
 from ensemble_ctrl.ocp.guesses.state_guesses import guesses
 from ensemble_ctrl.ocp.guesses.ways import resampled, way, ways
 from ensemble_ctrl.ocp.hyperplanes import separate
-from ensemble_ctrl.ocp.state_rounds import Stage, nominal, whole
+from ensemble_ctrl.ocp.state_rounds import Stage, whole
 from ensemble_ctrl.ocp.transcription import Avoiding, transcribe
+from ensemble_ctrl.ocp.truncation import nominal
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.problem.specification import AvoidConstraint
 

@@ -17,7 +17,7 @@ from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.rounds import GAIN, Attempt, rank, with_work
 from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Watch, solve
 from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
-from ensemble_ctrl.ocp.truncation import Truncation
+from ensemble_ctrl.ocp.truncation import Truncation, nominal
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.systems.integration import rk4
 
@@ -78,12 +78,6 @@ class Stage:
     def alike(self, controls: Floats, states: Floats) -> Iterate:
         """Every node robot with the same states, of shape (steps + 1, n_x, 1), whatever it would do by itself."""
         return Iterate(controls, np.repeat(states, len(self.truncation.nodes), axis=2), self.substeps)
-
-
-def nominal(problem: Problem) -> Truncation:
-    """The middle member alone."""
-    none = (0,) * len(problem.fleet.names)
-    return Truncation(none, none, False)
 
 
 def whole(problem: Problem, order: int | None = None) -> Truncation:

@@ -259,6 +259,12 @@ def _whole(problem: Problem, orders: tuple[int, ...], hull: bool) -> Truncation:
     return Truncation(orders, orders, hull, fleet.dynamic_distributions, problem.solve.cells, joint)
 
 
+def nominal(problem: Problem) -> Truncation:
+    """The middle member alone."""
+    none = (0,) * len(problem.fleet.dynamic)
+    return Truncation(none, none, False)
+
+
 def coarse(problem: Problem) -> Truncation:
     """A low truncation for first solves: parabolas, or straight lines where there are many parameters."""
     distributions, hull = problem.fleet.dynamic_distributions, problem.solve.guarantee != "moment"

@@ -8,6 +8,8 @@ from typing import Any
 KINDS = {
     "route": ("route", "routes"),
     "itinerary": ("itinerary", "itineraries"),
+    "middle": ("plan of the middle member", "plans of the middle member"),
+    "pivot": ("route with turns on the spot", "routes with turns on the spot"),
     "curve": ("curve that the robots can drive", "curves that the robots can drive"),
     "random": ("guess with random commands", "guesses with random commands"),
     "start": ("other start for the whole fleet", "other starts for the whole fleet"),

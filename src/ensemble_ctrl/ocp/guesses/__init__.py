@@ -1,8 +1,9 @@
-"""First guesses: routes around obstacles at once; curves, and commands with waves, where these led to no good plan."""
+"""First guesses: routes around obstacles at once; turns on the spot, curves and waves where these led to no plan."""
 
 from ensemble_ctrl.ocp.guesses.curved import CurvedGuesses
 from ensemble_ctrl.ocp.guesses.laid_out import LaidOutGuesses
 from ensemble_ctrl.ocp.guesses.perturbed import PerturbedGuesses
+from ensemble_ctrl.ocp.guesses.pivoting import PivotedGuesses
 from ensemble_ctrl.ocp.guesses.registry import GUESSES, Guess, Request, Source, first_guesses, further_guesses
 from ensemble_ctrl.ocp.guesses.roadmap import RoadmapGuesses
 from ensemble_ctrl.ocp.guesses.state_guesses import StateGuesses
@@ -12,6 +13,7 @@ GUESSES.update(
         "itinerary": LaidOutGuesses(),
         "roadmap": RoadmapGuesses(),
         "states": StateGuesses(),
+        "pivots": PivotedGuesses(),
         "curved": CurvedGuesses(),
         "waves": PerturbedGuesses(),
     }

@@ -28,12 +28,16 @@ Floats = NDArray[np.float64]
 
 HEADINGS = 8
 """Headings in which a place may be reached."""
-MISSES = 3
-"""Headings without a path after which no other is tried."""
-CURVES = 3
+INWARDS = 0.6
+"""Places in a region where a path may end, besides its middle: so far from there to each of its corners."""
+CURVES = 4
 """Curves of a batch that are solved."""
 SPARE = 1.1
 """Share of the tightest turn by which guesses turn less, so that they start inside the bounds."""
+CORRIDOR = 1.5, 0.06
+"""Half the width of a corridor, in radii of the turns, and at least in sizes of the map."""
+BARRIER = 1.5
+"""Radius of what is put into the narrowest place of a path for another one to be found, in its distances from there."""
 
 
 @dataclass(frozen=True)
@@ -48,16 +52,29 @@ class Curves:
         Beyond radius and margin, in tenths of the map's size.
     trip : int
         Which order of visits, shortest first.
+    corridor : bool
+        Whether paths stay near that trip's routes.
+    iterations : int
+        Of the search for each path.
     """
 
     radius: float
     clearance: float
     trip: int = 0
+    corridor: bool = False
+    iterations: int = 300
 
 
 BATCHES = (
-    (Curves(1.0, 0.05), Curves(1.7, 0.05)),
-    (Curves(1.0, 0.01), Curves(0.5, 0.05), Curves(1.0, 0.05, 1), Curves(1.0, 0.0)),
+    (Curves(1.0, 0.05, corridor=True), Curves(1.0, 0.05)),
+    (
+        Curves(1.7, 0.05, iterations=500),
+        Curves(1.0, 0.0, 1, corridor=True),
+        Curves(0.5, 0.05, corridor=True),
+        Curves(1.0, 0.0, 2, corridor=True),
+        Curves(1.0, 0.01, iterations=1000),
+        Curves(1.0, 0.0, corridor=True, iterations=1000),
+    ),
 )
 """What is looked for side by side, and then if that is no help."""
 
@@ -79,13 +96,17 @@ class CurvedGuesses:
 
 
 def promising(request: Request, batch: Sequence[Curves]) -> list[Guess]:
-    """The most promising curves of a batch as they are: the best few by how far they fall short, and the shortest."""
+    """The most promising curves of a batch as they are: the best few by how far they fall short, and the quickest."""
     problem = request.problem
+    ways = trips(problem, 1 + max(curves.trip for curves in batch), narrow=True)
+    wanted = [curves for curves in batch if curves.trip < len(ways)]
+    wanted = [curves for curves in wanted if curves.radius >= 1 or problem.fleet.arcs.turns_in_place]
 
     def work(stop: Stop, candidate: int) -> list[Guess]:
-        return curved(problem, batch[candidate], request.steps, stop)
+        curves = wanted[candidate]
+        return curved(problem, curves, ways[curves.trip], request.steps, stop)
 
-    every = [guess for some in request.side_by_side("curves", work, len(batch)) for guess in some or ()]
+    every = [guess for some in request.side_by_side("curves", work, len(wanted)) for guess in some or ()]
     found = list({(guess.name, round(guess.length, 6)): guess for guess in every}.values())
     # the best by what they fall short as they are, and the shortest
     ranks = [rank(start(problem, guess.controls, coarse(problem))) for guess in found]
@@ -94,24 +115,32 @@ def promising(request: Request, batch: Sequence[Curves]) -> list[Guess]:
     return [found[i] for i in dict.fromkeys([*ranked[: CURVES - 1], *shortest[:1]])]
 
 
-def curved(problem: Problem, curves: Curves, steps: int, stop: Callable[[], bool]) -> list[Guess]:
-    """Guesses on a grid of `steps`, one for each heading at the end that a path was found for; shortest first."""
-    ways = trips(problem, curves.trip + 1)
-    if len(ways) <= curves.trip or (curves.radius < 1 and not problem.fleet.arcs.turns_in_place):
-        return []
-    trip, around = ways[curves.trip], _surroundings(problem, curves.clearance)
-    radius = max(SPARE * curves.radius * tightest(problem), 1e-3)
-    found = []
-    for legs in _driven_legs(problem, trip, around, radius, stop):
-        length = sum(float(np.linalg.norm(np.diff(leg[:, :2], axis=0), axis=1).sum()) for leg in legs)
-        poses, times = _timed(problem, trip, legs)
-        names = tuple(visit.name for visit in trip.visits)
-        way = "Reeds-Shepp" if reverses(problem) else "Dubins"
-        end = round(float(np.rad2deg(poses[-1, 2]))) % 360
-        name = f"{way} path of radius {radius:.2g} m that ends at {end} deg"
-        corners = poses[:: max(len(poses) // 60, 1), :2]
-        found.append(Guess(driven(problem, poses, times, steps), corners, length, names, name, "curve"))
-    return sorted(found, key=lambda guess: guess.length)
+def curved(problem: Problem, curves: Curves, trip: Trip, steps: int, stop: Callable[[], bool]) -> list[Guess]:
+    """Guesses on a grid of `steps` along a trip: a short curve, and one that avoids the narrowest place of that."""
+    around = _surroundings(problem, curves.clearance)
+    if curves.corridor:
+        around = _within(around, trip, _radius(problem, curves))
+    found = [_driven_legs(problem, trip, around, curves, stop)]
+    if found[0] and not curves.corridor:
+        found.append(_driven_legs(problem, trip, _barred(around, found[0]), curves, stop))
+    return [_guess(problem, trip, legs, curves, steps) for legs in found if legs]
+
+
+def _guess(problem: Problem, trip: Trip, legs: list[Floats], curves: Curves, steps: int) -> Guess:
+    """Commands along the legs of a trip."""
+    length = sum(float(np.linalg.norm(np.diff(leg[:, :2], axis=0), axis=1).sum()) for leg in legs)
+    poses, times = _timed(problem, trip, legs)
+    names = tuple(visit.name for visit in trip.visits)
+    way = "Reeds-Shepp" if reverses(problem) else "Dubins"
+    end = round(float(np.rad2deg(poses[-1, 2]))) % 360
+    name = f"{way} path of radius {_radius(problem, curves):.2g} m that ends at {end} deg"
+    corners = poses[:: max(len(poses) // 60, 1), :2]
+    return Guess(driven(problem, poses, times, steps), corners, length, names, name, "curve")
+
+
+def _radius(problem: Problem, curves: Curves) -> float:
+    """Of turns, metres."""
+    return max(SPARE * curves.radius * tightest(problem), 1e-3)
 
 
 def _surroundings(problem: Problem, clearance: float) -> Surroundings:
@@ -131,35 +160,65 @@ def _surroundings(problem: Problem, clearance: float) -> Surroundings:
     return Surroundings(blocked, corners.min(axis=0) - pad, corners.max(axis=0) + pad)
 
 
+def _within(around: Surroundings, trip: Trip, radius: float) -> Surroundings:
+    """The same near the routes of a trip alone, with more room at the places where they end."""
+    ends = np.array([trip.legs[0].corners[0], *(leg.corners[-1] for leg in trip.legs)])
+    turns, size = CORRIDOR
+    half = max(turns * radius, size * float(np.max(around.high - around.low)))
+    ways = [shapely.LineString(leg.corners).buffer(half) for leg in trip.legs]
+    corridor = unary_union([*ways, *(shapely.Point(end).buffer(2 * half) for end in ends)])
+    shapely.prepare(corridor)
+    left, down, right, up = corridor.bounds
+    low, high = np.maximum(around.low, [left, down]), np.minimum(around.high, [right, up])
+    return Surroundings(around.blocked, low, high, corridor)
+
+
+def _barred(around: Surroundings, legs: list[Floats]) -> Surroundings:
+    """The same with something in the narrowest place of a way, far enough from its ends."""
+    places = np.concatenate([leg[:, :2] for leg in legs])
+    room = shapely.distance(shapely.points(places), around.blocked)
+    # a disc of BARRIER times the distance from obstacles bars the gap there; ends of legs stay free
+    ends = np.array([legs[0][0, :2], *(leg[-1, :2] for leg in legs)])
+    away = np.linalg.norm(places[:, None] - ends[None], axis=2).min(axis=1)
+    room = np.maximum(room, 1e-2 * float(np.ptp(places, axis=0).max()))
+    far = away > 2 * BARRIER * room
+    if not far.any():
+        return around
+    narrowest = np.flatnonzero(far)[int(np.argmin(room[far]))]
+    blocked = around.blocked.union(shapely.Point(places[narrowest]).buffer(BARRIER * room[narrowest]))
+    shapely.prepare(blocked)
+    return Surroundings(blocked, around.low, around.high)
+
+
 def _driven_legs(
-    problem: Problem, trip: Trip, around: Surroundings, radius: float, stop: Callable[[], bool]
-) -> Iterator[list[Floats]]:
-    """The legs of a trip, the last one in several headings; the others in the heading that is reached first."""
-    fleet, legs = problem.fleet, []
+    problem: Problem, trip: Trip, around: Surroundings, curves: Curves, stop: Callable[[], bool]
+) -> list[Floats]:
+    """Paths for the legs of a trip, each from the pose where the one before ended; none if one was not found."""
+    fleet, legs = problem.fleet, list[Floats]()
     turned = float(fleet.coefficients(fleet.center[None])[0, 2] - fleet.own_heading)
     pose = np.array([*fleet.start_place, fleet.heading + turned])
-
-    def paths(start: Floats, place: Floats) -> Iterator[Floats]:
-        ahead, found = float(np.arctan2(*(place - start[:2])[::-1])), 0
-        for k in range(HEADINGS):
-            if stop() or (k == MISSES and not found):
-                return
-            # headings at the place: straight ahead first, then in equal turns
-            goal = np.array([*place, ahead + 2 * np.pi * k / HEADINGS])
-            path = curve(around, radius, reverses(problem), start, goal, problem.solve.seed + k + 1, stop)
-            if path is not None:
-                found += 1
-                yield path
-
-    for leg in trip.legs[:-1]:
-        found = next(paths(pose, leg.corners[-1]), None)
+    for k, leg in enumerate(trip.legs):
+        last = k == len(trip.legs) - 1 and k < len(trip.visits)
+        places = _ends(problem, trip, leg.corners[-1]) if last else leg.corners[-1:]
+        # headings at each place: straight ahead first, then in equal turns
+        ahead = float(np.arctan2(*(leg.corners[-1] - pose[:2])[::-1]))
+        headings = ahead + 2 * np.pi * np.arange(HEADINGS) / HEADINGS
+        goals = np.array([(*place, heading) for place in places for heading in headings])
+        radius, seed = _radius(problem, curves), problem.solve.seed + k + 1
+        found = curve(around, radius, reverses(problem), pose, goals, curves.iterations, seed, stop)
         if found is None:
-            return
+            return []
         legs.append(found)
         pose = found[-1]
-    if trip.legs:
-        for last in paths(pose, trip.legs[-1].corners[-1]):
-            yield [*legs, last]
+    return legs
+
+
+def _ends(problem: Problem, trip: Trip, middle: Floats) -> Floats:
+    """Where the last leg may end: the middle of the last region, or towards its corners; the target if there is one."""
+    region = trip.visits[-1].region
+    if not region.is_bounded or problem.objective.place is not None:
+        return middle[None]
+    return np.vstack([middle, middle + INWARDS * (region.vertices - middle)])
 
 
 def _timed(problem: Problem, trip: Trip, legs: list[Floats]) -> tuple[Floats, Floats]:

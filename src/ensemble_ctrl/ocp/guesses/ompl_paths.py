@@ -17,10 +17,6 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-ITERATIONS = 600
-"""Of RRT-Connect for one pose to reach: counted, not timed, so that a search repeats."""
-SHORTCUTS = 60
-"""Attempts to shorten a path."""
 RESOLUTION = 0.005
 """Largest distance of the poses at which a path is checked, as a share of the map."""
 POSES = 600
@@ -37,14 +33,19 @@ class Surroundings:
         Where its centre may not be.
     low, high : ndarray, shape (2,)
         The box that paths stay in, metres.
+    corridor : shapely geometry, optional
+        Where its centre stays.
     """
 
     blocked: Any
     low: Floats
     high: Floats
+    corridor: Any = None
 
     def free(self, x: float, y: float) -> bool:
         """Whether the centre may be there."""
+        if self.corridor is not None and not bool(shapely.contains_xy(self.corridor, x, y)):
+            return False
         return not bool(shapely.contains_xy(self.blocked, x, y))
 
 
@@ -58,11 +59,12 @@ def curve(
     radius: float,
     reversing: bool,
     start: Floats,
-    goal: Floats,
+    goals: Floats,
+    iterations: int,
     seed: int,
     stop: Callable[[], bool],
 ) -> Floats | None:
-    """A Reeds-Shepp path, or a Dubins path where the robot may not reverse.
+    """A short Reeds-Shepp path, or a Dubins path where the robot may not reverse, to one of some poses.
 
     Parameters
     ----------
@@ -71,8 +73,12 @@ def curve(
         The smallest of a turn, metres.
     reversing : bool
         Whether the robot may drive backwards.
-    start, goal : ndarray, shape (3,)
-        Poses: position in metres, heading in radians from +x.
+    start : ndarray, shape (3,)
+        Position in metres, heading in radians from +x.
+    goals : ndarray, shape (goals, 3)
+        Poses of which one is to be reached.
+    iterations : int
+        Of BIT* (Gammell, Barfoot, Srinivasa 2020): counted, not timed, so that a search repeats.
     seed : int
         Above 0; the same one gives the same path.
     stop : callable
@@ -83,7 +89,8 @@ def curve(
     ndarray of shape (POSES, 3), or None
         Poses along the path; None where none was found.
     """
-    if not (around.free(*start[:2]) and around.free(*goal[:2])):
+    goals = np.array([goal for goal in goals if around.free(*goal[:2])])
+    if not len(goals) or not around.free(*start[:2]):
         return None
     from ompl import base, geometric, util
 
@@ -99,14 +106,17 @@ def curve(
     setup.setStateValidityChecker(lambda state: around.free(state.getX(), state.getY()))
     information = setup.getSpaceInformation()
     information.setStateValidityCheckingResolution(RESOLUTION)
-    setup.setStartAndGoalStates(_state(space, start), _state(space, goal), 0.02)
-    setup.setPlanner(geometric.RRTConnect(information))
-    iterations = iter(range(ITERATIONS))
-    setup.solve(base.PlannerTerminationCondition(lambda: next(iterations, None) is None or stop()))
+    setup.setStartState(_state(space, start))
+    wanted = base.GoalStates(information)
+    for goal in goals:
+        wanted.addState(_state(space, goal))
+    setup.setGoal(wanted)
+    setup.setPlanner(geometric.BITstar(information))
+    count = iter(range(iterations))
+    setup.solve(base.PlannerTerminationCondition(lambda: next(count, None) is None or stop()))
     if not setup.haveExactSolutionPath():
         return None
     path = setup.getSolutionPath()
-    setup.getPathSimplifier().partialShortcutPath(path, SHORTCUTS, SHORTCUTS)
     path.interpolate(POSES)
     return np.array([(state.getX(), state.getY(), state.getYaw()) for state in path.getStates()])
 

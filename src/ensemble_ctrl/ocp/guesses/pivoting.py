@@ -8,11 +8,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses
-from ensemble_ctrl.ocp.guesses.registry import Guess
-from ensemble_ctrl.ocp.guesses.roadmap import Trip, driven_trip, schedule
+from ensemble_ctrl.ocp.guesses.registry import Guess, Request
+from ensemble_ctrl.ocp.guesses.roadmap import Trip, driven_trip, schedule, trip_name, trips
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
+
+
+TRIPS = 2
+"""Trips with the widest routes, and so many with the narrowest ones."""
+
+
+class PivotedGuesses:
+    """The routes of the roadmap, and those through narrow gaps, corner by corner."""
+
+    at_once = False
+
+    def accepts(self, problem: Problem) -> bool:
+        """Robots on arcs that turn on the spot."""
+        return problem.fleet.system.transcription == "positions" and problem.fleet.arcs.turns_in_place
+
+    def propose(self, request: Request) -> Iterator[list[Guess]]:
+        """All of them together."""
+        problem = request.problem
+        found = [*trips(problem, TRIPS, narrow=True)[::-1], *trips(problem, TRIPS)[::-1]]
+        # the widest of those that pass everything on the same sides
+        named = {trip_name(problem, trip): trip for trip in found}
+        yield [pivoted_trip(problem, trip, request.steps, name, "pivot") for name, trip in named.items()]
 
 
 def pivoted_trip(problem: Problem, trip: Trip, steps: int, name: str, kind: str) -> Guess:
@@ -69,4 +91,4 @@ def _seconds(problem: Problem, poses: Floats, available: float) -> Floats:
     return np.asarray(least * max(available, 1e-3) / float(least.sum()))
 
 
-__all__ = ["pivoted_trip"]
+__all__ = ["PivotedGuesses", "pivoted_trip"]

@@ -71,15 +71,18 @@ def roadmap_guesses(problem: Problem, steps: int, wanted: Routes) -> list[Guess]
         most `LONGEST` times as long as the shortest.
     """
     found = trips(problem, wanted)
-    names = distinct(_name(problem, trip) for trip in found)
+    names = distinct(trip_name(problem, trip) for trip in found)
     return [driven_trip(problem, trip, steps, name) for trip, name in zip(found, names, strict=True)]
 
 
-def trips(problem: Problem, wanted: Routes) -> list[Trip]:
-    """Orders of visits with their routes, shortest first; as for `roadmap_guesses`."""
+def trips(problem: Problem, wanted: Routes, *, narrow: bool = False) -> list[Trip]:
+    """Orders of visits with their routes, shortest first; as for `roadmap_guesses`.
+
+    Of each kind the route with the widest clearance; if `narrow`, the shortest routes whatever their clearance.
+    """
     every = wanted == "all"
     most, longest = (ALL, LONGEST) if wanted == "all" else (wanted, LONGER)
-    planner = Legs(problem, most, every)
+    planner = Legs(problem, most, every, CLEARANCES[::-1] if narrow else CLEARANCES)
     found = sorted((trip for s in skeletons(problem) for trip in planner.trips(s)), key=lambda t: t.length)
     return [trip for trip in found if trip.length <= longest * found[0].length + 1e-9][:most]
 
@@ -91,6 +94,7 @@ class Legs:
     problem: Problem
     most: int
     every: bool = False
+    clearances: tuple[float, ...] = CLEARANCES
     _legs: dict[tuple[bytes, bytes, frozenset[str], tuple[str, ...]], list[Route]] = field(default_factory=dict)
 
     def trips(self, skeleton: Skeleton) -> list[Trip]:
@@ -128,7 +132,7 @@ class Legs:
         return self._legs[key]
 
     def _search(self, start: Floats, goal: Floats, closed: frozenset[str], corridor: tuple[str, ...]) -> list[Route]:
-        """Each kind with the widest clearance that admits it; a straight line, at a price, where there is none."""
+        """Each kind with the first clearance that admits it; a straight line, at a price, where there is none."""
         straight = Route(np.stack([start, goal]), 10 * float(np.linalg.norm(goal - start)) + 1e-9, ())
         if corridor:
             found = corridor_route(start, goal, [self.problem.regions[name] for name in corridor])
@@ -143,12 +147,12 @@ class Legs:
         corners = np.concatenate([[start, goal], *(piece.vertices for piece in pieces)])
         scale = float(np.ptp(corners, axis=0).max()) / 10
         fleet = self.problem.fleet
-        # widest clearance first: a kind keeps the route of the widest one that admits it
+        # a kind keeps the route of the first clearance that admits it, usually the widest
         base = fleet.radius + self.problem.solve.margin + float(np.linalg.norm(fleet.shift))
         kinds: dict[tuple[int, ...], Route] = {}
         searches = [(FEW, True), (self.most, False)] if self.every else [(self.most, True)]
         for most, loops in searches:
-            for share in CLEARANCES:
+            for share in self.clearances:
                 for route in routes(start, goal, pieces, base + share * scale, most, loops):
                     kinds.setdefault(route.word, route)
                 if len(kinds) >= most:
@@ -181,7 +185,7 @@ def combined(choices: Sequence[Sequence[Route]], most: int) -> list[tuple[Route,
     return found
 
 
-def _name(problem: Problem, trip: Trip) -> str:
+def trip_name(problem: Problem, trip: Trip) -> str:
     """What a trip is called: the sides of its one leg, or those of each leg with where it leads to."""
     obstacles = {avoid.name: avoid.pieces for avoid in problem.specification.avoided_by_anyone}
     told = [homotopy(leg.corners, obstacles) for leg in trip.legs]

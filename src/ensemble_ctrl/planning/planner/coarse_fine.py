@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.ocp.chance import ranges
-from ensemble_ctrl.ocp.rounds import Attempt, improve, rank, start
-from ensemble_ctrl.ocp.truncation import choose, coarse, raised, tail
+from ensemble_ctrl.ocp.rounds import Attempt, improve, rank, start, with_work
+from ensemble_ctrl.ocp.truncation import Truncation, choose, coarse, nominal, raised, tail
 from ensemble_ctrl.planning.planner.grids import refined
-from ensemble_ctrl.planning.planner.proving import certified_with_margin, is_proven
+from ensemble_ctrl.planning.planner.proving import CLOSE, certified_with_margin, is_proven
 from ensemble_ctrl.planning.planner.search import Search
 from ensemble_ctrl.problem import Problem
 
@@ -27,26 +27,42 @@ TAIL_LIMIT = 1e-3
 """Metres of truncation error beyond which one more moment is carried."""
 
 
-def coarse_all(search: Search, guesses: list[Floats]) -> list[Attempt]:
+def coarse_all(search: Search, guesses: list[Floats], *, middle_first: bool = False) -> list[Attempt]:
     """Each seed improved on its own coarse grid at low order; one that could not be solved as it is.
 
-    Where a share of the fleet is enough, for the best choice of its members.
+    Where a share of the fleet is enough, for the best choice of its members. With `middle_first` each is improved for
+    the middle member alone, and then for the fleet if that led somewhere.
     """
     problem = search.problem
     truncation, boxes = coarse(problem), ranges(problem)
 
     def work(own: Search, candidate: int) -> Attempt:
-        tries = []
+        controls, tries = guesses[candidate], []
+        if middle_first:
+            middle = _solved(own, controls, nominal(problem))
+            controls = middle.controls
+            if own.over() or middle.value.gap < -CLOSE:
+                return _for_fleet(problem, middle, truncation)
         for box in boxes:
-            options, members = own.options(1e-2, 1e-3), replace(truncation, within=box)
-            watch = own.watch("coarse solve")
-            tries.append(improve(problem, guesses[candidate], members, COARSE_ROUNDS, options, watch))
+            tries.append(_solved(own, controls, replace(truncation, within=box)))
             if own.over():
                 break
         return min(tries, key=rank)
 
     solved = search.side_by_side("coarse solve", work, len(guesses))
     return [a or start(problem, controls, truncation) for a, controls in zip(solved, guesses, strict=True)]
+
+
+def _for_fleet(problem: Problem, middle: Attempt, truncation: Truncation) -> Attempt:
+    """What was found for the middle member alone, with what it is worth for the fleet."""
+    as_it_is = start(problem, middle.controls, truncation)
+    return with_work(as_it_is, middle, as_it_is)
+
+
+def _solved(own: Search, controls: Floats, truncation: Truncation) -> Attempt:
+    """A few rounds of the coarse program."""
+    options, watch = own.options(1e-2, 1e-3), own.watch("coarse solve")
+    return improve(own.problem, controls, truncation, COARSE_ROUNDS, options, watch)
 
 
 def finalists(problem: Problem, solved: list[Attempt]) -> list[int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -46,7 +46,7 @@ def by_positions(search: Search, problem: Problem, guess: Floats | None) -> Solu
     _try(search, tries, starts)
     if guess is None:
         for others in _further(search, tries, steps):
-            _try(search, tries, others, lambda attempt: attempt.value.keeps(-CLOSE))
+            _try(search, tries, others, again=True)
             if search.over() or is_good(problem, tries.best):
                 break
     best = tries.best
@@ -114,21 +114,27 @@ class _Tries:
         return [tried(seed, coarse, fine.get(i), i == self.which) for i, (seed, coarse) in enumerate(pairs)]
 
 
-def _try(search: Search, tries: _Tries, starts: list[Guess], worth: Callable[[Attempt], bool] = lambda _: True) -> None:
-    """Solve guesses on the coarse grid, and finish the best of them if they are worth that."""
+def _try(search: Search, tries: _Tries, starts: list[Guess], *, again: bool = False) -> None:
+    """Solve guesses on the coarse grid, and finish the best of them.
+
+    Those that are tried `again`, where others led to no plan, start with the middle member alone, and are finished only
+    if they are worth that.
+    """
     first = len(tries.starts)
-    solved = coarse_all(search, [seed.controls for seed in starts])
+    solved = coarse_all(search, [seed.controls for seed in starts], middle_first=again)
     tries.starts += starts
     tries.solved += solved
-    chosen = [i for i in finalists(search.problem, solved) if worth(solved[i])] if solved else []
+    chosen = finalists(search.problem, solved) if solved else []
+    chosen = [i for i in chosen if not again or solved[i].value.keeps(-CLOSE)]
     finished = finish_all(search, [solved[i] for i in chosen]) if chosen else []
     tries.finished |= {first + i: end for i, end in zip(chosen, finished, strict=False)}
 
 
 def _further(search: Search, tries: _Tries, steps: int) -> Iterator[list[Guess]]:
-    """More guesses, a few at a time, as long as there is no good plan."""
+    """More guesses, a few at a time, as long as there is no good plan: first the same ones for the middle member."""
     if search.over() or is_good(search.problem, tries.best):
         return
+    yield [replace(guess, kind="middle") for guess in tries.starts]
     yield from further_guesses(search.request(steps, tries.solved[tries.which].controls))
 
 
