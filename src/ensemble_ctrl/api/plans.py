@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +22,8 @@ from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict, conflicts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, replay
+from ensemble_ctrl.problem.evaluation.streaming import SIZE, replay_blocks
+from ensemble_ctrl.problem.evaluation.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,6 +106,21 @@ class Plan(ReadOnlyArrays):
     ) -> Replay:
         """Run the controls on sampled members; see `ensemble_ctrl.problem.evaluation.sampled.replay`."""
         return replay(self.problem, self.controls, members=members, substeps=substeps, parameters=parameters)
+
+    def replay_blocks(
+        self,
+        members: int,
+        *,
+        substeps: int | None = None,
+        seed: int | None = None,
+        size: int = SIZE,
+        watch: Callable[[Summary], bool] | None = None,
+    ) -> Summary:
+        """Run the controls on any number of members in bounded memory.
+
+        See `ensemble_ctrl.problem.evaluation.streaming.replay_blocks`.
+        """
+        return replay_blocks(self.problem, self.controls, members, substeps=substeps, seed=seed, size=size, watch=watch)
 
     def certify(self, ranges: Mapping[str, Distribution] | None = None) -> Certificate:
         """Prove the plan for every member, or for one of other ranges; see `ensemble_ctrl.certificate`."""

@@ -158,6 +158,40 @@ def show(
 
 @app.command(
     epilog=examples_of(
+        "ensemble-plan replay plans/problem",
+        "ensemble-plan replay plans/problem --members 1e8 -o replay.json",
+        "ensemble-plan replay plans/problem --members 1e7 --substeps 4 --seed 3",
+    )
+)
+def replay(
+    plan: Saved,
+    members: Annotated[str, typer.Option(help="How many, such as 1000000 or 1e8.", metavar="N")] = "1e6",
+    substeps: Annotated[
+        int | None, typer.Option(help="Samples per step (verify.substeps).", metavar="N", min=1)
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the draw (solve.seed).", metavar="N", min=0)] = None,
+    block: Annotated[
+        str, typer.Option(help="Members of a block: the draw, and the memory, depend on it.", metavar="N")
+    ] = "1e5",
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write the summary as JSON too.", metavar="FILE")
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    overwrite: Replace = False,
+    trust: Trust = False,
+) -> None:
+    """Run a saved plan on any number of members, in bounded memory."""
+    from ensemble_ctrl.cli.replaying import ReplayOptions, count, replay_plan
+
+    counts = count("--members", members), count("--block", block)
+    raise typer.Exit(
+        replay_plan(ReplayOptions(plan, counts[0], substeps, seed, counts[1], output, json, quiet, overwrite))
+    )
+
+
+@app.command(
+    epilog=examples_of(
         "ensemble-plan report plans/problem",
         "ensemble-plan report plans/problem -o problem.html",
     )

@@ -51,7 +51,7 @@ class Progress:
         if iteration is None:
             self._begin(phase)
         else:
-            self._show(f"{phase}: {_how_far(iteration)}")
+            self.passing(f"{phase}: {_how_far(iteration)}")
         return self.stop_signal is not None
 
     def finish(self) -> None:
@@ -70,10 +70,10 @@ class Progress:
         """The next phase."""
         self.phases.append((phase, time.perf_counter()))
         if phase and (self.live or self.verbose):
-            self._show(f"{phase} ...")
+            self.passing(f"{phase} ...")
 
-    def _show(self, text: str) -> None:
-        """Show a passing line."""
+    def passing(self, text: str) -> None:
+        """Show a line that the next one replaces."""
         now = time.monotonic()
         if self.live:
             self._write(f"\r\x1b[K{visible(text)[: _columns(self.stream) - 1]}")
