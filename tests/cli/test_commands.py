@@ -19,7 +19,7 @@ from tests.paths import CONFIGS
 from .conftest import Command
 from .tools import SMALL, environment
 
-NAMES = ["run", "check", "show", "report", "plot", "animate", "verify", "compare", "widest"]
+NAMES = ["run", "check", "show", "replay", "report", "plot", "animate", "verify", "compare", "widest"]
 NAMES += ["import", "export", "online", "models", "examples", "init", "schema", "doctor"]
 
 
