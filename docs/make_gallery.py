@@ -94,7 +94,7 @@ def publish(facts: dict[str, Any]) -> None:
 
 
 def configs() -> list[Path]:
-    """Every problem file, in reading order; those for loops are on a page of their own."""
+    """Every problem file, in reading order; those for loops and channels are on pages of their own."""
     words = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine"]
 
     def place(path: Path) -> tuple[int, int, str]:
@@ -102,7 +102,9 @@ def configs() -> list[Path]:
         folder = "" if path.parent == CONFIGS else path.parent.name
         return list(SECTIONS).index(folder), words.index(first) + 1 if first in words else 0, path.stem
 
-    return sorted((path for path in CONFIGS.rglob("*.yaml") if path.parent.name != "online"), key=place)
+    return sorted(
+        (path for path in CONFIGS.rglob("*.yaml") if path.parent.name not in ("online", "channels")), key=place
+    )
 
 
 def run(path: Path) -> dict[str, Any]:

@@ -34,12 +34,12 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "certificate",
         "planning.planner, planning.baseline",
         "planning.online, planning.minimum_time, planning.suggest, report, files.planfile",
-        "files.config",
+        "files.config, planning.ranges",
         "files.folder",
         "files.export, files.examples",
         "api.plans",
         "api.planning",
-        "api.comparison, api.widening, api.results",
+        "api.channels, api.comparison, api.widening, api.results",
         "cli",
     )
 )

@@ -22,6 +22,7 @@ from ensemble_ctrl.core.errors import (
 from ensemble_ctrl.core.version import __version__
 
 if TYPE_CHECKING:
+    from ensemble_ctrl.api.channels import channels
     from ensemble_ctrl.api.comparison import compare
     from ensemble_ctrl.api.planning import plan
     from ensemble_ctrl.api.plans import Plan
@@ -71,6 +72,7 @@ _HOMES = {
     "Unicycle": "systems",
     "VerifyOptions": "problem",
     "certify": "certificate",
+    "channels": "api.channels",
     "compare": "api.comparison",
     "example": "files.examples",
     "examples": "files.examples",
@@ -121,6 +123,7 @@ __all__ = [
     "VerifyOptions",
     "__version__",
     "certify",
+    "channels",
     "compare",
     "example",
     "examples",

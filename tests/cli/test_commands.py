@@ -20,7 +20,7 @@ from .conftest import Command
 from .tools import SMALL, environment
 
 NAMES = ["run", "check", "show", "replay", "report", "plot", "animate", "verify", "compare", "widest"]
-NAMES += ["import", "export", "online", "models", "examples", "init", "schema", "doctor"]
+NAMES += ["channels", "import", "export", "online", "models", "examples", "init", "schema", "doctor"]
 
 
 def loaded(err: str) -> set[str]:
@@ -299,7 +299,21 @@ def test_every_command_has_help_that_fits_80_columns(command: Command) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["run", "check", "show", "report", "plot", "animate", "verify", "compare", "widest", "export", "online"]
+    "name",
+    [
+        "run",
+        "check",
+        "show",
+        "report",
+        "plot",
+        "animate",
+        "verify",
+        "compare",
+        "widest",
+        "channels",
+        "export",
+        "online",
+    ],
 )
 def test_consent_can_be_given_wherever_it_may_be_asked_for(command: Command, name: str) -> None:
     assert "--trust" in command(name, "--help").out

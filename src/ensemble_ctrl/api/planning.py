@@ -21,6 +21,7 @@ from ensemble_ctrl.problem.evaluation.arrival import arrival, risk
 from ensemble_ctrl.problem.evaluation.sampled import replay
 
 if TYPE_CHECKING:
+    from ensemble_ctrl.planning.minimum_time import MinimumTime
     from ensemble_ctrl.planning.planner import Progress, Solution
 
 Floats = NDArray[np.float64]
@@ -85,16 +86,34 @@ def plan(
     solution, shortest = solve(problem, progress=progress, guess=controls, log=file)
     if progress is not None:
         progress("replay", None)
-    details = _details(solution) | ({} if shortest is None else {"minimum_time": asdict(shortest)})
-    found = Plan(solution.problem, solution.controls, solution.status, details, None, solution.certificate)
-    try:
-        found = _replayed(found, began, progress)
-    except RunawayError:
-        known = {name: what for name, what in details.items() if name not in asdict(solution.attempt.value)}
-        found = replace(found, status="infeasible" if found.status == "planned" else found.status, details=known)
+    found = judged(solution, shortest, began, progress)
     if check and not (found.status == "planned" and found.verified):
         raise SolveError(failure_message(found), found)
     return found
+
+
+def judged(
+    solution: Solution, shortest: MinimumTime | None, began: float | None = None, progress: Progress | None = None
+) -> Plan:
+    """The plan of a solution, replayed unless states run away under it.
+
+    Parameters
+    ----------
+    solution : Solution
+    shortest : MinimumTime or None
+        What was tried where a time is to be as short as possible.
+    began : float, optional
+        When the search began, by ``perf_counter``: the replay ends with its time limit.
+    progress : callable, optional
+        As for `plan`.
+    """
+    details = _details(solution) | ({} if shortest is None else {"minimum_time": asdict(shortest)})
+    found = Plan(solution.problem, solution.controls, solution.status, details, None, solution.certificate)
+    try:
+        return _replayed(found, perf_counter() if began is None else began, progress)
+    except RunawayError:
+        known = {name: what for name, what in details.items() if name not in asdict(solution.attempt.value)}
+        return replace(found, status="infeasible" if found.status == "planned" else found.status, details=known)
 
 
 def _replayed(found: Plan, began: float, progress: Progress | None) -> Plan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -39,6 +40,10 @@ WRITTEN = frozenset(
 """What a run, and later commands on its plan may write, but for the pictures of ``ensemble-plan plot``."""
 COMPARED = frozenset({"compare.json", "compare.png"})
 """What a comparison writes."""
+CHANNELS = frozenset({"channels.json", "channels.png", "curve.png"})
+"""What a search for channels writes, beside a folder of results for each."""
+CHANNEL = re.compile(r"channel-[1-9]\d*")
+"""Names of these folders."""
 
 
 def result_files() -> frozenset[str]:
@@ -249,7 +254,7 @@ def _checked(target: Path, overwrite: bool) -> bool:
     found = sorted(entry.name for entry in target.iterdir() if not HIDDEN.fullmatch(entry.name))
     if not found:
         return False
-    results = {"plan.npz": result_files(), "compare.json": COMPARED}
+    results = {"plan.npz": result_files(), "compare.json": COMPARED, "channels.json": CHANNELS}
     known = next((names for mark, names in results.items() if mark in found), None)
     if not overwrite:
         hint = "choose another with -o" + ("" if known is None else ", or add --overwrite")
@@ -268,6 +273,8 @@ def _is_result(path: Path, known: frozenset[str]) -> bool:
     """Whether a run wrote this: a file of its own, or the Python file that its problem names, with Python's cache."""
     if path.is_symlink():
         return False
+    if path.is_dir() and known is CHANNELS:
+        return CHANNEL.fullmatch(path.name) is not None and all(_is_result(f, result_files()) for f in path.iterdir())
     if path.is_dir():
         source = named_source(path.with_name("problem.yaml"))
         return path.name == "__pycache__" and source is not None and _caches_only(path, source)

@@ -117,6 +117,7 @@ FEATURES: Mapping[str, Feature] = {
     "free duration": Feature("a free duration"),
     "compare": Feature("compare"),
     "widest": Feature("widest"),
+    "channels": Feature("broadcast channels", plural=True),
     "share": Feature("share(p, f) of the fleet"),
     "proof": Feature("a certificate for all members and times"),
     "export": Feature("exports to CSV, JSON, ROS 2 and GeoJSON"),

@@ -51,7 +51,7 @@ def draw_paths(
     for ax, content in zip(
         axes, map_contents(problem, trajectories(problem, controls, members, SUBSTEPS)), strict=False
     ):
-        _draw_shapes(content, ax)
+        draw_shapes(content, ax)
         for colour, path in zip(colours, content.paths, strict=True):
             ax.plot(*path.T, color=colour, linewidth=0.9, alpha=0.9)
             ax.plot(*path[-1:].T, "o", color=colour, markersize=3, zorder=4)
@@ -65,7 +65,7 @@ def draw_paths(
         draw_scale(problem, ax)
 
 
-def _draw_shapes(content: MapContent, ax: Axes) -> None:
+def draw_shapes(content: MapContent, ax: Axes) -> None:
     """Obstacles, regions and the start of one view; what lies beside the fleet's way is outlined only."""
     from matplotlib.patches import Polygon
     from matplotlib.patheffects import withStroke

@@ -22,7 +22,8 @@ Floats = NDArray[np.float64]
 FILES = sorted(
     path
     for path in (ROOT / "configs").rglob("*.yaml")
-    if path.parent.name not in ("systems", "online", "minlp") and "fleet:" in path.read_text(encoding="utf-8")
+    if path.parent.name not in ("systems", "online", "minlp", "channels")
+    and "fleet:" in path.read_text(encoding="utf-8")
 )
 """Problem files of robots on arcs, one for each map and task."""
 SAME = 1e-9

@@ -30,6 +30,7 @@ from ensemble_ctrl.ocp.guesses.curved import BATCHES, promising
 from ensemble_ctrl.ocp.rounds import rank
 from ensemble_ctrl.ocp.solvers import named
 from ensemble_ctrl.planning.planner.coarse_fine import coarse_all
+from ensemble_ctrl.planning.planner.continuation import continued
 from ensemble_ctrl.planning.planner.grids import coarse_steps
 from ensemble_ctrl.planning.planner.positions import by_positions
 from ensemble_ctrl.planning.planner.search import AFTERWARDS, Progress, Search
@@ -130,4 +131,4 @@ def screen(problem: Problem, *, progress: Progress | None = None, curves: Curved
     return None
 
 
-__all__ = ["AFTERWARDS", "Curved", "Progress", "Solution", "Status", "coarse_steps", "screen", "solve"]
+__all__ = ["AFTERWARDS", "Curved", "Progress", "Solution", "Status", "coarse_steps", "continued", "screen", "solve"]

@@ -1,0 +1,212 @@
+"""Searches over ranges of parameters: how few groups cover a fleet, and how wide a range may be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ensemble_ctrl.api.channels import Channels, channels
+from ensemble_ctrl.certificate import certify
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.files.config import load_text
+from ensemble_ctrl.moments import Interval, Samples
+from ensemble_ctrl.planning.ranges import Cover, Oracle, largest, part, places, robots
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.systems import Unicycle
+from tests.examples import examples
+
+GATE = """
+fleet:
+  model: double_integrator
+  parameters: {mass: {range: [1.0, 1.7]}}
+  start: {position: [0, 0]}
+horizon: {duration: 4 s, steps: 16}
+regions: {goal: {box: [[1.7, 2.3], [-0.5, 0.5]]}}
+task: G[3.5, 4] in(goal)
+verify: {members: 200}
+"""
+"""Members move by the same control over their mass, so a group's largest is at most 2.3 / 1.7 = 1.353 of its least."""
+
+UNICYCLES = (
+    GATE.replace("double_integrator", "unicycle").replace("mass", "traction").replace("[0, 0]}", "[0, 0], heading: 0}")
+)
+
+
+def problem(**distributions: Any) -> Problem:
+    """The problem above; with distributions, that of a fleet of unicycles."""
+    if not distributions:
+        return load_text(GATE)
+    base = load_text(UNICYCLES)
+    return base.with_(fleet=base.fleet.with_distributions(distributions))
+
+
+def exact(whole: Problem, good: Callable[[Fleet], bool]) -> Any:
+    """An oracle that knows: `good` says which parts have a plan."""
+
+    def certified(fleet: Fleet, guesses: Any = (), routes: str = "search") -> Any:
+        tried.append(fleet)
+        solution = SimpleNamespace(problem=SimpleNamespace(fleet=fleet), controls=np.zeros((1, 2)))
+        return SimpleNamespace(solution=solution) if good(fleet) else None
+
+    tried: list[Fleet] = []
+    return SimpleNamespace(problem=whole, certified=certified, stopped=False, tried=tried)
+
+
+def ends(cover: Cover, name: str) -> list[tuple[float, float]]:
+    """Ranges of a parameter in the parts of a cover."""
+    distributions = [found.solution.problem.fleet.parameters[name] for found in cover.parts]
+    return [(distribution.lower, distribution.upper) for distribution in distributions]
+
+
+@given(st.integers(0, 60), st.integers(1, 40), st.integers(1, 60))
+@examples(100)
+def test_the_largest_whole_number_is_found_and_nothing_is_tried_twice(wanted: int, first: int, limit: int) -> None:
+    tried: list[float] = []
+
+    def works(number: float) -> bool:
+        tried.append(number)
+        return number <= wanted
+
+    good, bad = largest(works, min(first, limit), limit, 1, whole=True)
+    assert good == min(wanted, limit)
+    assert bad == (limit if wanted >= limit else good + 1)
+    assert len(set(tried)) == len(tried)
+    assert max(tried) <= limit
+
+
+@given(st.floats(0.01, 5.0), st.floats(0.02, 3.0))
+@examples(100)
+def test_the_largest_number_is_found_to_the_tolerance(wanted: float, first: float) -> None:
+    good, bad = largest(lambda x: x <= wanted, first, 4.0, 0.01)
+    assert good <= wanted
+    assert bad - good <= 0.01
+    assert bad > wanted or good == 4.0
+
+
+@given(st.lists(st.floats(0.5, 9.0), min_size=1, max_size=12, unique=True), st.floats(1.01, 3.0))
+@examples(60)
+def test_measured_robots_need_as_few_groups_as_the_best_of_all_partitions(values: list[float], ratio: float) -> None:
+    whole = problem(traction=Samples(values))
+
+    def together(low: float, high: float) -> bool:
+        return high <= ratio * low
+
+    @cache
+    def fewest(k: int) -> int:  # dynamic programming over all partitions of the sorted robots
+        ordered = sorted(values)
+        if k == 0:
+            return 0
+        return min(fewest(i) + 1 for i in range(k) if together(ordered[i], ordered[k - 1]))
+
+    for downwards in (False, True):
+        oracle = exact(whole, lambda fleet: together(float(fleet.lower[0]), float(fleet.upper[0])))
+        cover = Cover(oracle, 100, 99, downwards).run()
+        assert cover.missed is None
+        assert len(cover.parts) == fewest(len(values))
+        groups = [cast(Samples, f.solution.problem.fleet.parameters["traction"]).values for f in cover.parts]
+        assert sorted(np.concatenate(groups)) == sorted(values)
+
+
+def test_a_range_is_covered_without_gaps_from_both_ends() -> None:
+    whole = problem(traction=Interval(0.5, 2.0))
+    for downwards in (False, True):
+        oracle = exact(whole, lambda fleet: fleet.upper[0] <= 1.5 * fleet.lower[0])
+        cover = Cover(oracle, 300, 99, downwards).run()
+        found = sorted(ends(cover, "traction"))
+        assert len(found) == 4
+        assert (found[0][0], found[-1][1]) == (0.5, 2.0)
+        assert all(high == low for (_, high), (low, _) in pairwise(found))
+
+
+def test_where_nothing_has_a_plan_the_search_says_what_it_missed_and_tries_little() -> None:
+    oracle = exact(problem(traction=Interval(0.5, 2.0)), lambda fleet: fleet.upper[0] <= 0.9)
+    cover = Cover(oracle, 100, 99).run()
+    assert cover.missed is not None
+    assert cover.missed.lower[0] == pytest.approx(0.89, abs=0.016)
+    assert len(oracle.tried) < 30
+
+
+def test_two_parameters_are_split_into_boxes_that_cover_every_member() -> None:
+    whole = problem(linear_traction=Interval(0.5, 1.5), angular_traction=Interval(0.8, 1.2))
+    oracle = exact(whole, lambda fleet: float(np.prod(fleet.upper - fleet.lower)) <= 0.11)
+    cover = Cover(oracle, 100, 99).run()
+    assert cover.missed is None
+    boxes = [(f.solution.problem.fleet.lower, f.solution.problem.fleet.upper) for f in cover.parts]
+    members = whole.fleet.sample(2000, 0)
+    inside = [((members >= low) & (members <= high)).all(axis=1) for low, high in boxes]
+    assert np.any(inside, axis=0).all()
+    assert sum(float(np.prod(high - low)) for low, high in boxes) == pytest.approx(0.4)
+    assert len(boxes) <= 6
+
+
+def test_parts_of_measured_fleets_keep_their_robots_together() -> None:
+    rows = {"linear_traction": [1.0, 0.9, 1.1, 1.2], "angular_traction": [0.7, 0.8, 0.9, 1.0]}
+    fleet = Fleet(Unicycle(), {n: Samples(v) for n, v in rows.items()}, [0, 0], 0.0, samples=rows)
+    some = part(fleet, "linear_traction", 0.95, 1.15)
+    assert some.samples is not None
+    assert some.samples["angular_traction"].tolist() == [0.7, 0.9]
+    assert some.parameters["angular_traction"] == Samples([0.7, 0.9])
+    assert (robots(fleet), robots(some)) == (4, 2)
+    assert places(some, "linear_traction", 50).tolist() == [1.0, 1.1]
+
+
+@cache
+def gate() -> Channels:
+    """The channels of the problem above, found once."""
+    return channels(problem(), tolerance=0.02)
+
+
+def test_channels_are_certified_cover_the_fleet_and_are_as_few_as_can_be() -> None:
+    found = gate()
+    assert found.missed is None
+    assert len(found.channels) == 2  # one would need the ratio 1.7
+    low, high = (channel.ranges["mass"] for channel in found.channels)
+    assert (low.lower, high.upper) == (1.0, 1.7)
+    assert low.upper == high.lower
+    assert 1.30 < low.upper <= 2.3 / 1.7
+    for channel in found.channels:
+        again = certify(channel.plan.problem, channel.plan.controls)
+        assert again.proven == "yes"
+        assert channel.plan.verified
+        run = channel.plan.replay(parameters=np.linspace(*_ends(channel.ranges["mass"]), 41), substeps=10)
+        assert not run.violating.any()
+
+
+def _ends(distribution: Interval) -> tuple[float, float]:
+    return distribution.lower, distribution.upper
+
+
+def test_more_channels_than_allowed_are_no_answer() -> None:
+    found = channels(problem(), 1, tolerance=0.1)
+    assert found.channels == ()
+    assert found.missed is not None
+    assert found.missed["mass"].upper == 1.7
+
+
+def test_a_wish_to_stop_ends_the_search() -> None:
+    seen: list[Fleet] = []
+    found = channels(problem(), progress=lambda phase, iteration: True, tell=lambda fleet, good: seen.append(fleet))
+    assert found.channels == ()
+    assert len(seen) <= 1
+
+
+def test_tasks_of_the_fleet_as_a_whole_are_refused() -> None:
+    with pytest.raises(ProblemError, match=r"expected one of every member by itself, got mean\(\)"):
+        channels(load_text(GATE.replace("G[3.5, 4] in(goal)", "G[3.5, 4] mean(in(goal))")))
+
+
+def test_a_part_that_the_checks_refuse_has_no_plan_and_is_not_solved() -> None:
+    whole = load_text(UNICYCLES)
+    oracle = Oracle(whole)
+    slow = whole.fleet.with_distributions({"traction": Interval(0.01, 0.02)})
+    assert oracle.certified(slow) is None
+    assert oracle.failed == []
