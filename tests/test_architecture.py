@@ -20,6 +20,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
     for layer in (
         "core.errors, core.version, core.plain, core.readonly, core.renamed, core.storage",
         "core.values",
+        "core.jobs",
         "moments, systems",
         "constraints",
         "problem.risk, problem.target, problem.arguments, problem.units",
@@ -39,7 +40,9 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "files.export, files.examples",
         "api.plans",
         "api.planning",
-        "api.channels, api.comparison, api.widening, api.results",
+        "api.channels, api.comparison, api.widening, api.results, api.portable",
+        "api.planned",
+        "api.many, api.sweep",
         "cli",
     )
 )

@@ -24,8 +24,10 @@ from ensemble_ctrl.core.version import __version__
 if TYPE_CHECKING:
     from ensemble_ctrl.api.channels import channels
     from ensemble_ctrl.api.comparison import compare
+    from ensemble_ctrl.api.many import plan_many
     from ensemble_ctrl.api.planning import plan
     from ensemble_ctrl.api.plans import Plan
+    from ensemble_ctrl.api.sweep import sweep
     from ensemble_ctrl.api.widening import widest
     from ensemble_ctrl.certificate import Certificate, certify
     from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
@@ -80,6 +82,8 @@ _HOMES = {
     "load_text": "files.config",
     "parse": "constraints.stl",
     "plan": "api.planning",
+    "plan_many": "api.many",
+    "sweep": "api.sweep",
     "unconstrained": "planning.baseline",
     "widest": "api.widening",
     "replay": "problem.evaluation.sampled",
@@ -131,7 +135,9 @@ __all__ = [
     "load_text",
     "parse",
     "plan",
+    "plan_many",
     "replay",
+    "sweep",
     "unconstrained",
     "widest",
 ]

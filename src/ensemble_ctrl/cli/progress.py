@@ -57,13 +57,13 @@ class Progress:
     def finish(self) -> None:
         """End the last phase, wipe the live line and say how long each phase took."""
         self._begin("")
-        self._wipe()
+        self.wipe()
         spans = zip(self.phases, self.phases[1:], strict=False)
         self._write(", ".join(f"{name} {after - at:.2f} s" for (name, at), (_, after) in spans) + "\n")
 
     def note(self, text: str) -> None:
         """A line that stays."""
-        self._wipe()
+        self.wipe()
         self._write(visible(text) + "\n")
 
     def _begin(self, phase: str) -> None:
@@ -82,7 +82,7 @@ class Progress:
             self._write(visible(text) + "\n")
             self._last_line = now
 
-    def _wipe(self) -> None:
+    def wipe(self) -> None:
         """Remove the live line."""
         if self._shown:
             self._write("\r\x1b[K")

@@ -77,6 +77,11 @@ Files = Annotated[
 ]
 Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")]
 
+Cluster = Annotated[
+    str,
+    typer.Option(help="local, local:N for N processes, or tcp://HOST:PORT of a Dask scheduler.", metavar="WHERE"),
+]
+
 
 def _consent(given: bool) -> bool:
     """Let the Python file of a user's own system run, for this call of the command."""

@@ -10,6 +10,7 @@ import typer
 from ensemble_ctrl.cli import completion
 from ensemble_ctrl.cli.memory import require_memory
 from ensemble_ctrl.cli.root import (
+    Cluster,
     Config,
     Files,
     Json,
@@ -129,6 +130,48 @@ def online(
 
     given = OnlineRun(config, output, tuple(overrides or ()), traction, seed, json, quiet, not no_plots, overwrite)
     raise typer.Exit(run_online(given))
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan sweep problem.yaml",
+        "ensemble-plan sweep problem.yaml --axis 'fleet.radius={from: 0, to: 0.4, count: 9}'",
+        "ensemble-plan sweep configs/*.yaml --cluster local:4 -o all",
+        "ensemble-plan sweep problem.yaml --cluster tcp://10.0.0.7:8786 --format parquet",
+        more="Run it again after an end of any kind: rows that are there are kept.",
+    )
+)
+def sweep(
+    configs: Annotated[
+        list[str], typer.Argument(help="Problem files, with axes in their section `sweep`.", metavar="CONFIG")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Results folder [default: plans/<name>-sweep].", metavar="DIR"),
+    ] = None,
+    overrides: Overrides = None,
+    axes: Annotated[
+        list[str] | None,
+        typer.Option("--axis", help="A further axis: a dotted key and a list, range, seeds or files.", metavar="AXIS"),
+    ] = None,
+    cluster: Cluster = "local",
+    format: Annotated[str, typer.Option("--format", help="csv or parquet.", metavar="FORMAT")] = "csv",
+    value: Annotated[str, typer.Option("--plot", help="The column that is drawn.", metavar="COLUMN")] = "cost",
+    json: Json = False,
+    quiet: Quiet = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    overwrite: Overwrite = False,
+    trust: Trust = False,
+) -> None:
+    """Plan many problems: one row of facts for each."""
+    require_memory()
+    from ensemble_ctrl.cli.sweep import SweepRun, run_sweep
+
+    given = SweepRun(
+        tuple(configs), output, tuple(overrides or ()), tuple(axes or ()), cluster, format, value, json, quiet,
+        not no_plots, overwrite,
+    )  # fmt: skip
+    raise typer.Exit(run_sweep(given))
 
 
 @app.command()

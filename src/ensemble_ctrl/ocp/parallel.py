@@ -8,7 +8,6 @@ fork, the solves run one after another in this process.
 
 from __future__ import annotations
 
-import ctypes
 import mmap
 import os
 import pickle
@@ -26,6 +25,7 @@ from functools import partial
 from typing import Any, Generic, TypeVar
 
 from ensemble_ctrl.core.errors import WorkerError
+from ensemble_ctrl.core.jobs.lifetime import end_with
 from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch, reserve
 
 T = TypeVar("T")
@@ -38,8 +38,6 @@ GRACE = 5.0
 """Seconds that a process is given to end by itself, once it should."""
 SILENCE = 1.0
 """Seconds after which a process that says nothing is told of again, so that whoever listens may stop it."""
-PARENT_DEATH_SIGNAL = 1
-"""The number of this option of Linux's ``prctl``."""
 LENGTH = struct.Struct("!Q")
 """How the length of a message is written before it."""
 
@@ -296,7 +294,7 @@ def _live(work: Work[Any], candidate: int, into: int, stop: mmap.mmap, parent: i
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to both; the parent asks to stop
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
-        _end_with(parent)
+        end_with(parent)
 
         def watch(iteration: Iteration) -> bool:
             _send(into, "iteration", iteration)
@@ -310,13 +308,6 @@ def _live(work: Work[Any], candidate: int, into: int, stop: mmap.mmap, parent: i
             _send(into, "error", error)
     finally:
         os._exit(0)
-
-
-def _end_with(parent: int) -> None:
-    """Let the system end this process when its parent ends, however that happens."""
-    ctypes.CDLL(None).prctl(PARENT_DEATH_SIGNAL, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
 
 
 def _send(into: int, kind: str, what: Any) -> None:

@@ -2,11 +2,13 @@
 
 from ensemble_ctrl.core.storage.exchange import exchange
 from ensemble_ctrl.core.storage.hold import HIDDEN, claim, hidden_name, hold, release, sweep
+from ensemble_ctrl.core.storage.lines import Lines
 from ensemble_ctrl.core.storage.reading import NotRegular, read_regular
 from ensemble_ctrl.core.storage.writing import encoded, open_new, put_file, whole_file
 
 __all__ = [
     "HIDDEN",
+    "Lines",
     "NotRegular",
     "claim",
     "encoded",

@@ -10,11 +10,13 @@ from ensemble_ctrl.files.config.load import Loaded, load, load_text, read, read_
 from ensemble_ctrl.files.config.map_formats import Imported, import_map
 from ensemble_ctrl.files.config.messages import Diagnostic, layout
 from ensemble_ctrl.files.config.user_system import named_source
+from ensemble_ctrl.files.config.variants import Variants
 
 __all__ = [
     "Diagnostic",
     "Imported",
     "Loaded",
+    "Variants",
     "dump",
     "import_map",
     "layout",

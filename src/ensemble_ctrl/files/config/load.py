@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.core.values import expect, shown
+from ensemble_ctrl.files.config.axes import Axis
 from ensemble_ctrl.files.config.build import build
 from ensemble_ctrl.files.config.dump import to_data
 from ensemble_ctrl.files.config.errors import FieldError, show
@@ -40,11 +41,14 @@ class Loaded:
         In file order; each prints as a warning with line and caret.
     text : str
         The file's text, as it was read.
+    axes : tuple of Axis
+        What its section ``sweep`` has.
     """
 
     problem: Problem
     warnings: tuple[Diagnostic, ...]
     text: str
+    axes: tuple[Axis, ...] = ()
 
     @property
     def data(self) -> dict[str, Any]:
@@ -97,21 +101,31 @@ def read(source: Source, overrides: Iterable[Given] = (), *, trust: bool = False
 
     With `loop`, as with a section ``online``, what is not for a loop is an error too.
     """
+    return parsed(text_from(source), overrides, trust, loop)
+
+
+def text_from(source: Source) -> Text:
+    """The text of a source.
+
+    Raises
+    ------
+    ConfigError
+        If it can't be read.
+    """
     try:
-        text = read_source(source)
+        return read_source(source)
     except TextError as error:
         _refuse([_unplaced(error, name_of(source))], name_of(source))
-    return _read(text, overrides, trust, loop)
 
 
 def read_text(text: str, name: str = "<text>", overrides: Iterable[Given] = (), *, trust: bool = False) -> Loaded:
     """Read a problem from a text, and keep its warnings; see `load`."""
     expect("text", text, str, "text")
-    return _read(Text(name, text, FilePath(name).parent if trust or CONSENT.get() else FilePath()), overrides, trust)
+    return parsed(Text(name, text, FilePath(name).parent if trust or CONSENT.get() else FilePath()), overrides, trust)
 
 
-def _read(text: Text, overrides: Iterable[Given], trust: bool = False, loop: bool = False) -> Loaded:
-    """All steps."""
+def parsed(text: Text, overrides: Iterable[Given], trust: bool = False, loop: bool = False) -> Loaded:
+    """A text, read by all steps; see `read`."""
     if isinstance(overrides, bytes) or not isinstance(overrides, Iterable):
         raise ProblemError(f"overrides: expected texts KEY=VALUE, got {shown(overrides)}")
     tree = _tree(text)
@@ -125,17 +139,19 @@ def _read(text: Text, overrides: Iterable[Given], trust: bool = False, loop: boo
             [locate(Finding((), f"expected a problem with fleet, horizon and task, got {show(data)}"))],
             text.name,
         )
-    problem, notes = _problem(text, data, locate, trust)
+    problem, notes, axes = _problem(text, data, locate, trust)
     if loop or problem.online is not None:
         wrong = [locate(finding) for finding in loop_findings(problem)]
         if wrong:
             _refuse(sorted(wrong, key=locate.order), text.name)
     warnings = [*notes, *(locate(finding) for finding in [*old_names, *findings(problem)])]
-    return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content)
+    return Loaded(problem, tuple(sorted(warnings, key=locate.order)), text.content, axes)
 
 
-def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> tuple[Problem, list[Diagnostic]]:
-    """Validate and build, collecting every error, and the remarks on its maps."""
+def _problem(
+    text: Text, data: dict[str, Any], locate: Locator, trust: bool
+) -> tuple[Problem, list[Diagnostic], tuple[Axis, ...]]:
+    """Validate and build, collecting every error, the remarks on its maps, and the axes of a sweep."""
     found = locate.repeated()
     context: dict[str, Any] = {"folder": text.folder, "trust": trust}
     if by_ode(data):
@@ -156,7 +172,7 @@ def _problem(text: Text, data: dict[str, Any], locate: Locator, trust: bool) -> 
         found += [locate(finding) for finding in error.findings or [Finding((), str(error))]]
     if found:
         _refuse(sorted([*found, *notes], key=locate.order), text.name)
-    return problem, notes
+    return problem, notes, file.sweep
 
 
 def _tree(text: Text) -> Tree:

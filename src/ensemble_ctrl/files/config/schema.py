@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ensemble_ctrl.files.config import fields as f
+from ensemble_ctrl.files.config.axes import RANGE, Axis, axes
 from ensemble_ctrl.files.config.fields import Model, whole
 from ensemble_ctrl.files.config.fleets import AnyFleet
 from ensemble_ctrl.files.config.motions import MotionSection
@@ -142,6 +143,20 @@ def _listed(value: Any) -> Any:
 Shapes = Annotated[list[ObstacleShape], BeforeValidator(_listed)]
 
 
+AXIS = {
+    "anyOf": [
+        {"type": "array", "minItems": 1},
+        {"type": "object", "required": ["from", "to"], "properties": dict.fromkeys(RANGE, True)},
+        {"type": "object", "required": ["seeds"], "properties": {"seeds": {"type": "integer"}, "first": True}},
+        {"type": "object", "required": ["files"], "properties": {"files": {"type": "string"}}},
+    ]
+}
+"""The JSON Schema of one axis."""
+Sweep = Annotated[
+    tuple[Axis, ...], BeforeValidator(axes), WithJsonSchema({"type": "object", "additionalProperties": AXIS})
+]
+
+
 class ProblemFile(Model):
     """A problem: only the model, the start, the duration and the task are required."""
 
@@ -175,3 +190,5 @@ class ProblemFile(Model):
     """Contents of figures and summary."""
     online: OnlineSection | None = None
     """Settings of `ensemble-plan online` and its simulated robots."""
+    sweep: Sweep = ()
+    """Fields by their dotted keys with the values that they take in turn, for `ensemble-plan sweep`."""
