@@ -4,7 +4,7 @@ VENV ?= .venv
 OLDEST ?= .oldest-venv
 BIN := $(VENV)/bin
 
-.PHONY: plan test slow campaign mutants figures times lint docs docs-check minimum clean
+.PHONY: plan test slow campaign mutants figures times lint docs docs-check minimum wheel clean
 
 plan: $(VENV)/.installed
 	$(BIN)/ensemble-plan configs/five_obstacles.yaml
@@ -47,7 +47,8 @@ docs: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build -W -b html docs docs/_build
 
 docs-check: $(VENV)/.installed-docs
-	$(BIN)/sphinx-build -q -W --keep-going -b dummy -D nb_execution_mode=off docs docs/_build/check
+	$(BIN)/sphinx-build -q -W --keep-going -b html -D nb_execution_mode=off docs docs/_build/check
+	$(BIN)/python docs/try_site.py docs/_build/check
 
 minimum: $(OLDEST)/.installed
 	$(OLDEST)/bin/ensemble-plan --help > /dev/null
@@ -76,6 +77,10 @@ $(OLDEST)/.installed: pyproject.toml .ci/minimum.txt
 	$(PYTHON) -m venv --clear $(OLDEST)
 	$(OLDEST)/bin/python -m pip install --quiet --constraint .ci/minimum.txt .
 	touch $@
+
+# built, installed outside of the repository, used
+wheel:
+	$(PYTHON) packaging/try_wheel.py
 
 clean:
 	rm -rf $(VENV) $(OLDEST) docs/_build .pytest_cache .mypy_cache .ruff_cache .hypothesis

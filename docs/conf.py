@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shutil
 import sys
@@ -13,6 +14,7 @@ sys.path.insert(0, str(HERE / "_ext"))
 
 import jupytext  # noqa: E402
 from reference import write_reference  # noqa: E402
+from sphinx.util.fileutil import copy_asset  # noqa: E402
 
 from ensemble_ctrl import __version__  # noqa: E402
 
@@ -43,6 +45,10 @@ default_role = "literal"
 html_theme = "furo"
 html_title = "ensemble_ctrl"
 html_static_path = ["_static"]
+mathjax_path = "mathjax/tex-chtml.js"
+"""On the site itself, so that it needs no network; the pages' own path to `_static` comes before it."""
+MATHJAX = ("tex-chtml.js", "output/chtml", "input/tex")
+"""What is copied of the files that the package ``sphinx-mathjax-offline`` ships (MathJax 3, Apache License 2.0)."""
 
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
@@ -65,6 +71,26 @@ def _shapes_are_text(app: Any, what: str, name: str, obj: object, options: objec
     lines[:] = [re.sub(r"^(\s*:\w*type[^:]*:) (.*shape .*)$", r"\1 *\2*", line) for line in lines]
 
 
+def _copy_mathjax(app: Any, error: Exception | None) -> None:
+    """Put MathJax with its fonts on a site of pages."""
+    if error is not None or app.builder.format != "html":
+        return
+    package = importlib.util.find_spec("sphinx-mathjax-offline")
+    assert package is not None, "pip install '.[docs]'"
+    assert package.origin is not None
+    source, target = Path(package.origin).parent / "static" / "mathjax", Path(app.outdir) / "_static" / "mathjax"
+    for name in MATHJAX:
+        copy_asset(source / name, target / name if (source / name).is_dir() else target)
+    (target / "LICENSE.txt").write_text(LICENSE, encoding="utf-8")
+
+
+LICENSE = """\
+MathJax 3.2.2, Copyright the MathJax Consortium, licensed under the Apache License, Version 2.0
+(http://www.apache.org/licenses/LICENSE-2.0); its files are unchanged.
+"""
+
+
 def setup(app: Any) -> None:
-    """Register what follows napoleon's reading of a docstring."""
+    """Register what follows napoleon's reading of a docstring, and the site's MathJax."""
     app.connect("autodoc-process-docstring", _shapes_are_text, priority=900)
+    app.connect("build-finished", _copy_mathjax)

@@ -77,6 +77,9 @@ def block(page: str, problem: str, *commands: str, before: str = "", begins: tup
 
 MAPS = ("import yard.geojson", "import hall_map.yml", "import office_map.yml")
 TABLES = {
+    "front": block(
+        "docs/index.md", FIVE, f"configs/{FIVE}.yaml -q --no-plots", begins=(f"{FIVE}:", "replay", "proven")
+    ),
     "first": block("docs/install.md", FIVE, "problem.yaml -q", before="init"),
     "misspelt": block("docs/problem_file.md", HERE, "check -q bad.yaml"),
     "too_short": block("docs/command.md", HERE, "too_short.yaml -q", begins=("violated", "it works", "--set", "or ")),

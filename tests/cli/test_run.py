@@ -233,6 +233,19 @@ def test_verbose_keeps_a_line_for_each_phase_and_iteration(command: Command) -> 
     assert all("cost" in line and "violation" in line for line in iterations)
 
 
+def test_the_log_has_decisions_with_v_and_phases_with_vv(command: Command) -> None:
+    def logged(*options: str) -> list[str]:
+        err = command("small.yaml", "--no-plots", "--overwrite", *options).err
+        return [line for line in err.splitlines() if line.startswith("log: ")]
+
+    assert logged() == []
+    decisions, everything = logged("-v"), logged("-vv")
+    assert any("certificate: proven yes" in line for line in decisions)
+    assert any(": kept, cost" in line for line in decisions)
+    assert not any("phase" in line for line in decisions)
+    assert any("phase solve" in line for line in everything)
+
+
 def test_without_plots_no_drawing_library_is_loaded(place: Path) -> None:
     code = (
         "import sys; from ensemble_ctrl.cli.app import invoke;"

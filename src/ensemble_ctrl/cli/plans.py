@@ -65,8 +65,11 @@ def run(
     json: Json = False,
     quiet: Quiet = False,
     verbose: Annotated[
-        bool, typer.Option("-v", "--verbose", help="A line for each iteration, and the routes tried.")
-    ] = False,
+        int,
+        typer.Option(
+            "-v", "--verbose", count=True, help="A line for each iteration, the routes tried and decisions; -vv: all."
+        ),
+    ] = 0,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures and write no report.")] = False,
     animation: Annotated[
         str | None,

@@ -11,6 +11,7 @@ from ensemble_ctrl.api.planning import failure_message, plan, with_baseline, wit
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import controls_csv, summary, to_json, write_report, write_results
 from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.log import shown_log
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.core.errors import RunawayError, first_of
@@ -36,7 +37,7 @@ class RunOptions:
     guess: Path | None = None
     json: bool = False
     quiet: bool = False
-    verbose: bool = False
+    verbose: int = 0
     plots: bool = True
     animation: str | None = None
     suggest: bool = True
@@ -54,7 +55,7 @@ class Written:
 
 def run(options: RunOptions) -> int:
     """Plan, write the results folder, print the summary; returns the exit code."""
-    progress = Progress(options.quiet, options.verbose)
+    progress = Progress(options.quiet, options.verbose > 0)
     if options.animation is not None:
         from ensemble_ctrl.report.video import require
 
@@ -71,7 +72,7 @@ def run(options: RunOptions) -> int:
         fail(codes.INTERRUPTED, "interrupted twice; nothing was kept", options.json)
 
     try:
-        with stoppable(progress, abandon):
+        with stoppable(progress, abandon), shown_log(options.verbose, progress.stream):
             log = folder.working / "solver.log"
             found = plan(loaded.problem, progress=progress, guess=guess, log=log, check=False)
             if options.plots and found.problem.report.baseline and found.status == "planned":

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -39,6 +40,7 @@ from ensemble_ctrl.planning.planner.states import by_states
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks import building_seconds, spoken
 
+LOG = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 Curved = Literal["never", "after", "before"]
@@ -72,7 +74,20 @@ def solve(
     named(problem.solve.solver)
     _require_endable(problem)
     search = Search(problem, progress, log)
-    return STRATEGIES[problem.fleet.system.transcription](search, problem, guess)
+    found = STRATEGIES[problem.fleet.system.transcription](search, problem, guess)
+    _report(found)
+    return found
+
+
+def _report(found: Solution) -> None:
+    """What was tried, and what came of it, to the log."""
+    name = found.problem.name
+    for one in found.routes:
+        LOG.info("%s: %s %s: %s, cost %.4g, short by %.3g", name, one.kind, one.name, one.outcome, one.cost, one.short)
+    for library in found.missing:
+        LOG.info("%s: %s is not installed; it would give more guesses", name, library)
+    spent = ", ".join(f"{phase} {seconds:.2f} s" for phase, seconds in found.seconds.items())
+    LOG.info("%s: %s after %d iterations (%s)", name, found.status, found.iterations, spent)
 
 
 def _require_endable(problem: Problem) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,6 +18,7 @@ from ensemble_ctrl.problem import Problem
 Floats = NDArray[np.float64]
 
 CERTIFY_ROUNDS = 3
+LOG = logging.getLogger(__name__)
 CLOSE = 0.05
 """Metres by which an attempt may violate its task for tightening, or a finer solve, to be worth while."""
 
@@ -43,6 +45,7 @@ def certified_with_margin(
         short = max(0.0, -certificate.clearance, -certificate.robustness)
         if not np.isfinite(short):
             break
+        LOG.info("%s: the proof falls short by %.3g: solving again with more margin", problem.name, short)
         more = replace(problem.solve, margin=problem.solve.margin + 1.5 * short + 1e-3)
         problem = problem.with_(
             solve=more, task=between(search.problem) if certificate.robustness < 0 else problem.task

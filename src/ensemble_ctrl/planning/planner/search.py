@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -22,6 +23,7 @@ from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
+LOG = logging.getLogger(__name__)
 T = TypeVar("T")
 Progress = Callable[[str, Iteration | None], bool]
 """Called with a phase and, during a solve, the iteration; returning True asks to stop."""
@@ -64,6 +66,7 @@ class Search:
 
     def tell(self, phase: str) -> None:
         """Say that a phase begins."""
+        LOG.debug("%s: phase %s, %.1f s left", self.problem.name, phase, self.left())
         if self.progress is not None:
             self.stopped = self.progress(phase, None) or self.stopped
 
@@ -113,7 +116,9 @@ class Search:
             return self.stopped
 
         proof = parallel.alone(lambda _: certify(self.problem, controls), tell, lambda: ends - time.perf_counter())
-        return proof or unproven(self.problem, controls, STOPPED if self.stopped else TOO_LATE)
+        found = proof or unproven(self.problem, controls, STOPPED if self.stopped else TOO_LATE)
+        LOG.info("%s: certificate: %s", self.problem.name, _in_words(found))
+        return found
 
     def reported(self, found: Round) -> None:
         """Say how a round of facets ended."""
@@ -123,3 +128,9 @@ class Search:
     def over(self) -> bool:
         """Whether to stop now with what there is."""
         return self.stopped or self.left() <= 0
+
+
+def _in_words(certificate: Certificate) -> str:
+    """What a certificate says, in one line of the log."""
+    bounds = f"clearance {certificate.clearance:.4g}, robustness {certificate.robustness:.4g}"
+    return f"proven {certificate.proven}, {certificate.reason or bounds}"
