@@ -10,16 +10,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.motion import Motion
+from ensemble_ctrl.constraints.solid import Solid
 from ensemble_ctrl.constraints.stl import parse
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.moment_form import Read, moment_blocks
 from ensemble_ctrl.ocp.program import Block, assemble
 from ensemble_ctrl.ocp.task import SHARPNESS
+from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation
-from ensemble_ctrl.problem import Objective, Problem
+from ensemble_ctrl.problem import Objective, Problem, SolveOptions
+from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.systems import Quadrotor
 
 from .problems import FLEET
 
@@ -46,7 +53,7 @@ def problem_of(task: str) -> Problem:
 def rows_of(problem: Problem) -> tuple[list[Block], Layout]:
     """The rows of the program."""
     layout = Layout(STEPS, TRUNCATION.count)
-    return moment_blocks(problem, TRUNCATION, Read.of(TRUNCATION, layout)), layout
+    return moment_blocks(problem, TRUNCATION, Read(layout.points, TRUNCATION.to_moments, TRUNCATION.mean)), layout
 
 
 def broken(problem: Problem, at: int, robots: Floats) -> bool:
@@ -158,3 +165,41 @@ def test_every_moment_of_a_fleet_in_a_region_is_bounded(order: int, task: str, t
         assert broken(problem, at, robots_of(m)) == (outside and at in times)
         found.append(outside and at in times)
     assert len(set(found)) == 2
+
+
+CUBE = [[0.5, 1.5], [-0.5, 0.5], [1.0, 2.0]]
+HALL = Polyhedron.box([[-4, 4], [-3, 3], [0, 5]])
+
+
+def test_rows_of_full_states_in_space() -> None:
+    """Quadrotors whose node states are moved at one grid time: rows break where their moments break the formulas."""
+    fleet = Fleet(Quadrotor(mass=6), {"payload": Interval(0, 0.5)}, position=[-1, -1, 3], radius=RADIUS)
+    solve = SolveOptions(guarantee="moment", margin=MARGIN)
+    task = parse("G avoid(cube) and G in(hall)")
+    problem = Problem("p", fleet, 0.2, 2, task, {"hall": HALL}, {"cube": (Solid.box(CUBE),)}, solve=solve)
+    hover = np.tile(fleet.rest(fleet.center), (2, 1))
+    model = transcribe(problem, TRUNCATION, Iterate(hover), nothing(ORDER + 1)).model
+    blocks = moment_blocks(problem, TRUNCATION, Read.of(TRUNCATION, model))
+    program = assemble(model.layout.size, blocks, [])
+    (lower, upper), (low, high) = np.array(CUBE).T, HALL.moment_bounds(TRUNCATION.basis)
+    rng, found = np.random.default_rng(0), []
+    for _ in range(200):
+        curve = model.curve.copy()
+        apart = np.outer(NODES, rng.normal(size=3) * rng.choice([0.1, 2.0]))
+        curve[2, :, :3] = [1, 0, 1.5] + 0.6 * rng.normal(size=3) + apart
+        x = np.zeros(model.layout.size)
+        x[model.layout.points] = curve.transpose(0, 2, 1).reshape(len(curve), -1)
+        g = np.array(program.functions["g"](x, program.parameters)).ravel()
+        m = moments(curve[2, :, :3])
+        away = np.concatenate([m[0] / np.sqrt(2) - upper, lower - m[0] / np.sqrt(2)]) - RADIUS
+        inside = logsumexp(SHARPNESS * away, b=1 / 6) / SHARPNESS < MARGIN
+        outside = bool((((m @ HALL.A.T) < low) | ((m @ HALL.A.T) > high)).any())
+        assert bool(((g < program.lower - 1e-9) | (g > program.upper + 1e-9)).any()) == (inside or outside)
+        found.append((bool(inside), outside))
+    assert len(set(found)) >= 3
+
+
+def nothing(points: int) -> Avoiding:
+    """No hyperplanes."""
+    planes = separate(np.zeros((3, points, 3)), (), 0.2)
+    return Avoiding(planes, planes.active)

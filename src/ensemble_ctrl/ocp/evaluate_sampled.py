@@ -24,6 +24,8 @@ MEMBERS = {0: 1, 1: 17, 2: 7, 3: 4}
 """Chebyshev points for each of so many parameters, else 3, ends included: the members sampled."""
 FLEET = 400
 """Members drawn for a task that speaks of the fleet as a whole."""
+RULE = 8
+"""Points of the rule over one parameter for means, half of them for each of several."""
 INFINITE = 1e6
 """Metres of shortfall where a state is not finite."""
 
@@ -34,7 +36,10 @@ def evaluate(problem: Problem, controls: Floats) -> Value:
 
 
 def with_middle(problem: Problem, controls: Floats) -> tuple[Value, Value]:
-    """Evaluate `controls` for the whole fleet, and for the middle member alone."""
+    """Evaluate `controls` for the whole fleet, and for the middle member alone.
+
+    With the guarantee ``moment``, whose rows are about the mean, the whole fleet stands for its mean state.
+    """
     fleet, step = problem.fleet, problem.duration / len(controls)
     members = np.concatenate([fleet.dynamic_members(_spread(len(fleet.names))), fleet.center[None]])
     # all trajectories at once, sampled SUBSTEPS times per step; the middle member's is the last
@@ -53,7 +58,20 @@ def with_middle(problem: Problem, controls: Floats) -> tuple[Value, Value]:
         whole = cost(problem.objective, effort, terminal, worst, risk)
         return Value(whole, worst, terminal, effort, gap, excess, risk)
 
-    return value(states[:-1], draws=True), value(states[-1:], draws=False)
+    middle = value(states[-1:], draws=False)
+    if problem.solve.guarantee == "moment":
+        return value(_mean(problem, controls), draws=False), middle
+    return value(states[:-1], draws=True), middle
+
+
+def _mean(problem: Problem, controls: Floats) -> Floats:
+    """The mean state of the fleet, by a rule over the parameters, shape (1, SUBSTEPS * steps + 1, n_x)."""
+    fleet, step = problem.fleet, problem.duration / len(controls)
+    nodes, weights = fleet.rule(RULE if len(fleet.names) < 2 else RULE // 2)
+    members = fleet.dynamic_members(nodes)
+    states = fleet.integrated(np.repeat(controls, SUBSTEPS, axis=0), members, step / SUBSTEPS, 1)
+    # E x(t) by the distributions' Gauss rule, whose weights sum to 2
+    return np.asarray(np.einsum("j,jtx->tx", weights / 2, states))[None]
 
 
 def _spread(parameters: int) -> Floats:
@@ -88,7 +106,7 @@ def _terminal(problem: Problem, controls: Floats) -> float:
     fleet = problem.fleet
     if problem.objective.target is None:
         return 0.0
-    nodes, weights = fleet.rule(8 if len(fleet.names) < 2 else 4)
+    nodes, weights = fleet.rule(RULE if len(fleet.names) < 2 else RULE // 2)
     final = fleet.integrated(controls, fleet.dynamic_members(nodes), problem.duration / len(controls), 1)[:, -1]
     return terminal_of(problem, nodes, weights, final[:, fleet.place_columns])
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import Always, Inside
-from ensemble_ctrl.ocp.layout import Numbers
+from ensemble_ctrl.ocp.parametrisation import Parametrisation
 from ensemble_ctrl.ocp.program import Block, Build
 from ensemble_ctrl.ocp.task import SHARPNESS
 from ensemble_ctrl.ocp.truncation import Truncation
@@ -34,8 +34,8 @@ class Read:
 
     Attributes
     ----------
-    at : ndarray of int, shape (steps + 1, 2 * count)
-        Indices of the variables of x, then of y.
+    at : ndarray of int, shape (steps + 1, d * count)
+        Indices of the variables of the position's coordinates, one after the other.
     to_moments : ndarray, shape (moments, count)
         From the variables of a coordinate to its moments.
     mean : ndarray, shape (count,)
@@ -47,11 +47,11 @@ class Read:
     mean: Floats
 
     @classmethod
-    def of(cls, truncation: Truncation, layout: Numbers, places: Floats | None = None) -> Read:
-        """Of a layout whose variables `places` maps to the points, if they are not the points."""
-        places = np.eye(layout.count) if places is None else places
-        at = layout.points[:, : 2 * layout.count]
-        return cls(at, truncation.to_moments @ places, truncation.mean @ places)
+    def of(cls, truncation: Truncation, model: Parametrisation) -> Read:
+        """Of a parametrisation, whose variables are the points or are mapped to them."""
+        layout = model.layout
+        places = np.eye(layout.count) if model.places is None else model.places
+        return cls(layout.points[:, model.position_columns], truncation.to_moments @ places, truncation.mean @ places)
 
     @property
     def count(self) -> int:
@@ -63,19 +63,23 @@ class Read:
         """Control steps."""
         return len(self.at) - 1
 
+    def coordinates(self, z: ca.SX) -> ca.SX:
+        """The variables of each coordinate as a column, from those at one time, shape (count, d)."""
+        return ca.reshape(z, self.count, z.numel() // self.count)
 
-def moment_blocks(problem: Problem, truncation: Truncation, read: Read) -> list[Block]:
-    """Rows for everything that must hold all the time: obstacles to avoid and regions to stay in."""
+
+def moment_blocks(problem: Problem, truncation: Truncation, read: Read, spare: float = 0.0) -> list[Block]:
+    """Rows for everything that must hold all the time: obstacles to avoid, with metres to spare, and regions."""
     return [
-        *_free_side_blocks(problem, read),
+        *_free_side_blocks(problem, read, problem.solve.margin + spare),
         *_obstacle_moment_blocks(problem, truncation, read),
         *region_blocks(problem, truncation, read),
     ]
 
 
-def _free_side_blocks(problem: Problem, read: Read) -> list[Block]:
+def _free_side_blocks(problem: Problem, read: Read, margin: float) -> list[Block]:
     """``eq:setPolyObsArr`` at order 0: the mean is on the free side of some facet, by a smooth OR."""
-    n, mean = read.count, ca.DM(read.mean).T
+    mean = ca.DM(read.mean).T
     by_facets: dict[int, list[tuple[int, Floats, Floats]]] = defaultdict(list)
     for avoid in problem.specification.avoid:
         times = _times(avoid.steps(read.steps, problem.duration))
@@ -88,9 +92,9 @@ def _free_side_blocks(problem: Problem, read: Read) -> list[Block]:
 
     def build(facets: int) -> Build:
         def rows(z: ca.SX, d: ca.SX) -> ca.SX:
-            x, y = ca.mtimes(mean, z[:n]), ca.mtimes(mean, z[n:])
+            place = ca.mtimes(mean, read.coordinates(z))
             # log-sum-exp of the facets' clearances, less log(n) / K: never above the largest
-            clearance = d[:facets] * x + d[facets : 2 * facets] * y - d[2 * facets :]
+            clearance = ca.mtimes(ca.reshape(d[:-facets], facets, place.numel()), place.T) - d[-facets:]
             largest: ca.SX = ca.logsumexp(SHARPNESS * clearance) / SHARPNESS
             return largest - float(np.log(facets)) / SHARPNESS
 
@@ -101,8 +105,8 @@ def _free_side_blocks(problem: Problem, read: Read) -> list[Block]:
             "avoiding (mean)",
             build(facets),
             read.at[[k for k, _, _ in entries]],
-            np.array([np.concatenate([G[:, 0], G[:, 1], h]) for _, G, h in entries]),
-            np.full((len(entries), 1), problem.solve.margin),
+            np.array([np.concatenate([*G.T, h]) for _, G, h in entries]),
+            np.full((len(entries), 1), margin),
             np.full((len(entries), 1), np.inf),
         )
         for facets, entries in sorted(by_facets.items())
@@ -111,7 +115,7 @@ def _free_side_blocks(problem: Problem, read: Read) -> list[Block]:
 
 def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, read: Read) -> list[Block]:
     """``eq:setPolyObsArr`` at orders 1..N; of parallel facets only the tightest row is kept, for the others follow."""
-    rows: dict[tuple[int, float, float], float] = {}
+    rows: dict[tuple[float, ...], float] = {}
     big = _big_m(problem)
     for avoid in problem.specification.avoid:
         for k in _times(avoid.steps(read.steps, problem.duration)).tolist():
@@ -119,14 +123,14 @@ def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, read: Read
                 normals, levels = piece.unit_rows()
                 # |m_k along n| <= (2 M - h) m_k^+ for k = 1..N: the tightest of facets with the same line and time
                 moved = levels + normals @ avoid.offsets(np.array([k * problem.duration / read.steps]))[0]
-                for (gx, gy), h in zip(normals, moved, strict=True):
-                    sign = 1.0 if (gx, gy) > (0.0, 0.0) else -1.0
-                    key = (k, round(sign * float(gx), 12), round(sign * float(gy), 12))
+                for normal, h in zip(normals, moved, strict=True):
+                    sign = 1.0 if tuple(normal) > (0.0,) * len(normal) else -1.0
+                    key = (k, *(round(sign * float(entry), 12) for entry in normal))
                     rows[key] = min(rows.get(key, np.inf), 2 * big - float(h))
     if not rows or truncation.basis.count == 1:
         return []
-    at = np.array([k for k, _, _ in rows])
-    data = np.array([[gx, gy] for _, gx, gy in rows])
+    at = np.array([k for k, *_ in rows])
+    data = np.array([normal for _, *normal in rows])
     positive, _ = truncation.basis.signed_moments()
     high = np.outer(list(rows.values()), positive[1:])
     build = _moments_along(read, 1)
@@ -159,11 +163,11 @@ def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, read:
 
 
 def _moments_along(read: Read, first: int) -> Build:
-    """The moments ``first..N`` of ``d[0] x + d[1] y``."""
-    n, image = read.count, ca.DM(read.to_moments[first:])
+    """The moments ``first..N`` of the position along a direction `d`."""
+    image = ca.DM(read.to_moments[first:])
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
-        moments: ca.SX = ca.mtimes(image, d[0] * z[:n] + d[1] * z[n:])
+        moments: ca.SX = ca.mtimes([image, read.coordinates(z), d])
         return moments
 
     return build
@@ -184,7 +188,7 @@ def _big_m(problem: Problem) -> float:
     corners = [corner[None] for corner in corners]
     corners += [] if problem.objective.place is None else [problem.objective.place[None]]
     corners += [
-        (piece.vertices[:, None] + avoid.offsets(times)).reshape(-1, 2)
+        (piece.vertices[:, None] + avoid.offsets(times)).reshape(-1, piece.A.shape[1])
         for avoid in problem.specification.avoid
         for piece in avoid.pieces
     ]

@@ -73,7 +73,8 @@ class Stage:
         hyperplanes = separate(
             points, self.problem.specification.avoid, self.problem.duration, parts=self.truncation.parts
         )
-        return Avoiding(hyperplanes, hyperplanes.active)
+        in_moments = self.problem.solve.guarantee == "moment"
+        return Avoiding(hyperplanes, hyperplanes.active & (not in_moments))
 
     def alike(self, controls: Floats, states: Floats) -> Iterate:
         """Every node robot with the same states, of shape (steps + 1, n_x, 1), whatever it would do by itself."""
@@ -85,8 +86,10 @@ def whole(problem: Problem, order: int | None = None) -> Truncation:
     count = len(problem.fleet.names)
     if order is None:
         order = ORDERS.get(count, 1) if problem.order is None else problem.order
-    degrees, cells = (order,) * count, problem.solve.cells
-    return Truncation(degrees, degrees, problem.solve.guarantee == "hull", problem.fleet.dynamic_distributions, cells)
+    fleet, degrees = problem.fleet, (order,) * count
+    joint = None if fleet.samples is None else fleet.rule(order + 1)
+    hull = problem.solve.guarantee == "hull"
+    return Truncation(degrees, degrees, hull, fleet.dynamic_distributions, problem.solve.cells, joint)
 
 
 def first(problem: Problem, guess: Guess, clock: Clock, watch: Watch | None) -> tuple[Attempt, Floats]:

@@ -191,9 +191,9 @@ def _avoidance(
         if model.places is not None:
             raise UnsupportedError("method minlp needs points of the fleet as variables")
         rows = binary_blocks(problem, truncation, layout, avoiding, slack, spare)
-        return rows + (region_blocks(problem, truncation, Read.of(truncation, layout)) if in_moments else [])
+        return rows + (region_blocks(problem, truncation, Read.of(truncation, model)) if in_moments else [])
     if in_moments:
-        return moment_blocks(problem, truncation, Read.of(truncation, layout, model.places))
+        return moment_blocks(problem, truncation, Read.of(truncation, model), spare)
     return avoidance_rows(model, avoiding, slack, problem.solve.margin + spare)
 
 

@@ -76,14 +76,7 @@ class Feature:
 
 
 FEATURES: Mapping[str, Feature] = {
-    "moment": Feature(
-        "moment",
-        "positions",
-        "its rows are on the moments of a position that is a function of the parameters alone",
-        ("solve", "guarantee"),
-        "use nodes or hull",
-        lambda problem: problem.solve.guarantee == "moment",
-    ),
+    "moment": Feature("moment"),
     "modal": Feature(
         "modal",
         "arcs",
