@@ -38,6 +38,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "files.config, planning.ranges",
         "files.folder",
         "files.export, files.examples",
+        "api.blocks",
         "api.plans",
         "api.planning",
         "api.channels, api.comparison, api.widening, api.results, api.portable",

@@ -11,9 +11,10 @@ import pytest
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.api.planned import FACTS, row_of
-from ensemble_ctrl.api.portable import plan_of, plan_text, problem_of, problem_text
+from ensemble_ctrl.api.portable import plan_of, plan_text
 from ensemble_ctrl.certificate import as_data
 from ensemble_ctrl.files.config import dump
+from ensemble_ctrl.files.config.portable import problem_of, problem_text
 from tests.paths import CONFIGS
 
 SMALL = """

@@ -8,9 +8,10 @@ from typing import Any
 
 from ensemble_ctrl.api.planning import failure_message, plan
 from ensemble_ctrl.api.plans import Plan
-from ensemble_ctrl.api.portable import plan_text, problem_of, problem_text
+from ensemble_ctrl.api.portable import plan_text
 from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.core.jobs import Content, Unit
+from ensemble_ctrl.files.config.portable import problem_of, problem_text
 from ensemble_ctrl.problem import Problem
 
 FACTS = (

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ensemble_ctrl.api.blocks import Draw, replay_on
 from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays
@@ -115,12 +116,20 @@ class Plan(ReadOnlyArrays):
         seed: int | None = None,
         size: int = SIZE,
         watch: Callable[[Summary], bool] | None = None,
+        cluster: str | None = None,
+        checkpoint: str | Path | None = None,
     ) -> Summary:
         """Run the controls on any number of members in bounded memory.
 
-        See `ensemble_ctrl.problem.evaluation.streaming.replay_blocks`.
+        With `cluster` or `checkpoint` see `ensemble_ctrl.api.blocks.replay_on`: the same summary, bit for bit. Else see
+        `ensemble_ctrl.problem.evaluation.streaming.replay_blocks`.
         """
-        return replay_blocks(self.problem, self.controls, members, substeps=substeps, seed=seed, size=size, watch=watch)
+        if cluster is None and checkpoint is None:
+            return replay_blocks(
+                self.problem, self.controls, members, substeps=substeps, seed=seed, size=size, watch=watch
+            )
+        draw = Draw(members, seed, substeps, size)
+        return replay_on(self.problem, self.controls, draw, cluster or "local", checkpoint=checkpoint, watch=watch)
 
     def certify(self, ranges: Mapping[str, Distribution] | None = None) -> Certificate:
         """Prove the plan for every member, or for one of other ranges; see `ensemble_ctrl.certificate`."""

@@ -1,17 +1,11 @@
-"""Problems and plans as texts, for another process or another machine: nothing in them runs code, but a user's own
-system, whose Python file goes with its problem.
-"""
+"""Plans as texts, for another process or another machine."""
 
 from __future__ import annotations
 
 import io
 import json
 from base64 import b64decode, b64encode
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -21,41 +15,10 @@ from ensemble_ctrl.certificate import Certificate, as_data
 from ensemble_ctrl.certificate.bound import Bound
 from ensemble_ctrl.certificate.certify import CounterExample
 from ensemble_ctrl.certificate.task import TaskBound
-from ensemble_ctrl.core.storage import put_file
-from ensemble_ctrl.files.config import dump, load_text
-from ensemble_ctrl.files.config.system_section import source_file
+from ensemble_ctrl.files.config.portable import problem_of, problem_text
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.clearance import Clearance
 from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
-
-PROBLEM = "problem.yaml"
-"""The name of a problem's text in messages."""
-
-
-def problem_text(problem: Problem) -> str:
-    """A problem, its maps and samples written out, as one JSON text: the same problem gives the same text.
-
-    Raises
-    ------
-    ProblemError
-        For a system of the user's that is not in a file.
-    """
-    source = source_file(problem.fleet.system)
-    system = None if source is None else [source.name, source.read_text(encoding="utf-8")]
-    return json.dumps({"problem": dump(problem), "system": system})
-
-
-@contextmanager
-def problem_of(text: str) -> Iterator[Problem]:
-    """The problem of a text, within a block: the file of a user's own system is there as long."""
-    data = json.loads(text)
-    if data["system"] is None:
-        yield load_text(data["problem"], PROBLEM)
-        return
-    name, source = data["system"]
-    with TemporaryDirectory() as folder:
-        put_file(Path(folder, name), source)
-        yield load_text(data["problem"], str(Path(folder, PROBLEM)), trust=True)
 
 
 def plan_text(plan: Plan) -> str:

@@ -164,6 +164,7 @@ def show(
         "ensemble-plan replay plans/problem",
         "ensemble-plan replay plans/problem --members 1e8 -o replay.json",
         "ensemble-plan replay plans/problem --members 1e7 --substeps 4 --seed 3",
+        "ensemble-plan replay plans/problem --members 1e9 --cluster local --checkpoint blocks.jsonl",
     )
 )
 def replay(
@@ -179,6 +180,16 @@ def replay(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write the summary as JSON too.", metavar="FILE")
     ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            help="local, local:N or tcp://HOST:PORT of a Dask scheduler [default: this process].", metavar="WHERE"
+        ),
+    ] = None,
+    checkpoint: Annotated[
+        Path | None,
+        typer.Option(help="Keep finished blocks in FILE; a rerun goes on from there.", metavar="FILE"),
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
     overwrite: Replace = False,
@@ -187,10 +198,11 @@ def replay(
     """Run a saved plan on any number of members, in bounded memory."""
     from ensemble_ctrl.cli.replaying import ReplayOptions, count, replay_plan
 
-    counts = count("--members", members), count("--block", block)
-    raise typer.Exit(
-        replay_plan(ReplayOptions(plan, counts[0], substeps, seed, counts[1], output, json, quiet, overwrite))
-    )
+    wanted, size = count("--members", members), count("--block", block)
+    given = ReplayOptions(
+        plan, wanted, substeps, seed, size, output, json, quiet, overwrite, cluster, checkpoint
+    )  # fmt: skip
+    raise typer.Exit(replay_plan(given))
 
 
 @app.command(

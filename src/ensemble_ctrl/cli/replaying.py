@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 
+from ensemble_ctrl.api.blocks import Draw, replay_on
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import SCHEMA, to_json
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.root import UsageError
-from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.cli.streams import complain, say
+from ensemble_ctrl.core.errors import first_of
 from ensemble_ctrl.files.folder import require_free, write_text
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task
 from ensemble_ctrl.problem.evaluation.streaming import SIZE
@@ -39,6 +41,8 @@ class ReplayOptions:
     json: bool = False
     quiet: bool = False
     overwrite: bool = False
+    cluster: str | None = None
+    checkpoint: Path | None = None
 
 
 def count(option: str, text: str) -> int:
@@ -63,13 +67,14 @@ def replay_plan(options: ReplayOptions) -> int:
     if options.output is not None:
         require_free(options.output, options.overwrite)
     plan, progress, began = Plan.load(options.plan), Progress(options.quiet), time.perf_counter()
+    lost: list[str] = []
     with stoppable(progress, lambda: None, STOPPING):
-        found = _run(plan, options, progress, began)
+        found = _run(plan, options, progress, began, lost)
     progress.finish()
     seconds = time.perf_counter() - began
     code = codes.OK if found.good else codes.NOT_VERIFIED
     if found.members < options.members:
-        code = codes.of_signal(progress.stop_signal)
+        code = codes.INTERNAL if lost and progress.stop_signal is None else codes.of_signal(progress.stop_signal)
     data = {
         "schema": SCHEMA,
         "name": plan.problem.name,
@@ -78,17 +83,20 @@ def replay_plan(options: ReplayOptions) -> int:
         "variance": found.variance,
         "share_95": list(found.share()),
         "wanted_members": options.members,
+        "left_out": lost,
         "seconds": seconds,
         "exit_code": code,
     }
     if options.output is not None:
         write_text(options.output, to_json(data) + "\n", options.overwrite)
     say(to_json(data) if options.json else "\n".join(_lines(plan, found, options, seconds)))
+    for line in first_of(lost):
+        complain(f"error: {line}")
     return code
 
 
-def _run(plan: Plan, options: ReplayOptions, progress: Progress, began: float) -> Summary:
-    """All members, or those until a signal asks to stop."""
+def _run(plan: Plan, options: ReplayOptions, progress: Progress, began: float, lost: list[str]) -> Summary:
+    """All members, or those until a signal asks to stop; blocks that could not be run are named in `lost`."""
 
     def watch(so_far: Summary) -> bool:
         rate = so_far.members * plan.problem.steps * so_far.substeps / (time.perf_counter() - began)
@@ -97,8 +105,19 @@ def _run(plan: Plan, options: ReplayOptions, progress: Progress, began: float) -
         return progress.stop_signal is not None
 
     progress("replay", None)
-    return plan.replay_blocks(
-        options.members, seed=options.seed, substeps=options.substeps, size=options.block, watch=watch
+    if options.cluster is None and options.checkpoint is None:
+        return plan.replay_blocks(
+            options.members, seed=options.seed, substeps=options.substeps, size=options.block, watch=watch
+        )
+    return replay_on(
+        plan.problem,
+        plan.controls,
+        Draw(options.members, options.seed, options.substeps, options.block),
+        options.cluster or "local",
+        checkpoint=options.checkpoint,
+        watch=watch,
+        stop=lambda: progress.stop_signal is not None,
+        left_out=lambda outcome: lost.append(outcome.failure),
     )
 
 
