@@ -41,7 +41,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "api.blocks",
         "api.plans",
         "api.planning",
-        "api.channels, api.comparison, api.widening, api.results, api.portable",
+        "api.channels, api.comparison, api.widening, api.paper, api.results, api.portable",
         "api.planned",
         "api.many, api.sweep",
         "cli",

@@ -20,7 +20,8 @@ from .conftest import Command
 from .tools import SMALL, environment
 
 NAMES = ["run", "check", "show", "replay", "report", "plot", "animate", "verify", "compare", "widest"]
-NAMES += ["channels", "import", "export", "online", "models", "examples", "init", "schema", "doctor"]
+NAMES += ["channels", "import", "export", "online", "sweep", "paper", "models"]
+NAMES += ["examples", "init", "schema", "doctor"]
 
 
 def loaded(err: str) -> set[str]:

@@ -174,6 +174,46 @@ def sweep(
     raise typer.Exit(run_sweep(given))
 
 
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan paper                  all of it: about 10 min on 2 cores",
+        "ensemble-plan paper box five_obstacles --robot unicycle",
+        "ensemble-plan paper box --members 1000 --json",
+    )
+)
+def paper(
+    experiments: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="box, polyhedron, one_obstacles to eight_obstacles, two_waypoints [default: all].",
+            metavar="EXPERIMENT",
+            show_default=False,
+        ),
+    ] = None,
+    robots: Annotated[
+        list[str] | None,
+        typer.Option("--robot", help="unicycle or bicycle [default: both].", metavar="ROBOT", show_default=False),
+    ] = None,
+    members: Annotated[int, typer.Option(help="Members replayed of each plan.", metavar="N", min=1)] = 100_000,
+    bonmin_limit: Annotated[float, typer.Option(help="Seconds for each run of Bonmin.", metavar="N", min=0.1)] = 10.0,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Results folder [default: plans/paper].", metavar="DIR")
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Plan the paper's experiments as published, and beside them."""
+    require_memory()
+    from ensemble_ctrl.api.paper import EXPERIMENTS, ROBOTS
+    from ensemble_ctrl.cli.paper import PaperRun, run_paper
+
+    names, kinds = tuple(experiments or EXPERIMENTS), tuple(robots or ROBOTS)
+    asked = PaperRun(names, kinds, members, bonmin_limit, output, json, quiet, not no_plots, overwrite)  # type: ignore[arg-type]
+    raise typer.Exit(run_paper(asked))
+
+
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""

@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 from ensemble_ctrl.ocp.chance import map_size
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.facet_binaries import Choice, Facets, facet_binaries, facets, workspace
+from ensemble_ctrl.ocp.guesses.drive import follow, smoothed
 from ensemble_ctrl.ocp.hyperplanes import REACH
+from ensemble_ctrl.ocp.linear_facets import linear_facets
 from ensemble_ctrl.ocp.rounds import Attempt, improve, start
 from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Status, Watch, solve
 from ensemble_ctrl.ocp.transcription import Iterate, Transcription, transcribe
@@ -41,8 +43,6 @@ BETTER = 1e-3
 """By how much less a solution of Bonmin's has to cost."""
 POLISH = 3
 """Rounds of separating hyperplanes after each change of facets."""
-LIMIT = 7.0
-"""Seconds that one run of Bonmin may take, if there are twice as many left."""
 ENOUGH = 7.0
 """Seconds of choosing facets after which no further neighbourhood is searched, however much of the limit is left."""
 LEAST = 0.5
@@ -146,24 +146,43 @@ def rounds(
         merit; then the plan's own facets fixed; then Bonmin in the other `NEIGHBOURHOODS`.
     """
     began = time.perf_counter()
-    again = _hyperplanes(problem, attempt, options(), watch("hyperplanes chosen again"))
-    better = again if _better(again, attempt) else attempt
-    yield _by_hyperplanes("hyperplanes chosen again", again, began)
+    better, how = attempt, problem.solve
+    if how.polish:
+        again = _hyperplanes(problem, attempt, options(), watch("hyperplanes chosen again"))
+        better = again if _better(again, attempt) else attempt
+        yield _by_hyperplanes("hyperplanes chosen again", again, began)
     sides = facets(problem, steps)
     if not sides.pieces or options().time_limit < LEAST:
         return
     search = _Search(problem, options, watch, attempt, sides, better)
-    search.centre = start(problem, _averaged(better.controls, steps), _light(attempt.truncation))
-    search.centre = _hyperplanes(problem, search.centre, options(), watch("hyperplanes on the coarse grid"))
-    yield _by_hyperplanes(
-        "hyperplanes on the coarse grid", _polished(search, "coarse grid", search.centre), search.began
-    )
+    truncation = _light(attempt.truncation) if how.grid == "coarse" else attempt.truncation
+    search.centre = start(problem, _averaged(better.controls, steps), truncation)
+    if how.facets == "linear":
+        yield _from_linear_model(search, steps)
+    elif how.polish and how.grid == "coarse":
+        search.centre = _hyperplanes(problem, search.centre, options(), watch("hyperplanes on the coarse grid"))
+        yield _by_hyperplanes(
+            "hyperplanes on the coarse grid", _polished(search, "coarse grid", search.centre), search.began
+        )
     search.seconds()
     began = search.began
-    for name, neighbourhood in NEIGHBOURHOODS.items():
+    for name, neighbourhood in OFFERED[how.facets].items():
         if options().time_limit < LEAST or _since(began) > ENOUGH:
             return
         yield _round(search, name, neighbourhood)
+
+
+def _from_linear_model(search: _Search, steps: int) -> Round:
+    """Move the centre to the path of the linear model, improved with separating hyperplanes."""
+    problem, name = search.problem, "path of the linear model"
+    search.seconds()
+    began = search.began
+    found = linear_facets(problem, min(problem.solve.bonmin_limit, search.options().time_limit))
+    if not found.found:
+        return Round(name, None, "failed", found.message, seconds=found.seconds)
+    along = start(problem, follow(problem, smoothed(found.fine(steps))), search.centre.truncation)
+    search.centre = _hyperplanes(problem, along, search.options(), search.watch(name))
+    return _by_hyperplanes(name, _polished(search, name, search.centre), began)
 
 
 def held(sides: Facets, gaps: Floats, least: float) -> Bools:
@@ -197,9 +216,9 @@ def program(problem: Problem, attempt: Attempt, sides: Facets, allowed: Bools) -
     curve = points(problem, attempt.controls, attempt.truncation)
     where, error = workspace(problem, curve), tail(problem, attempt.controls, attempt.truncation)
     near = sides.gaps(curve)
-    far = ~sides.of(near >= REACH * map_size(problem, curve))[sides.piece]
-    allowed = allowed & far
-    block = -(-allowed.shape[1] // BLOCKS)
+    if problem.solve.facets != "all":
+        allowed = allowed & ~sides.of(near >= REACH * map_size(problem, curve))[sides.piece]
+    block = 1 if problem.solve.grid == "full" else -(-allowed.shape[1] // BLOCKS)
     rows = facet_binaries(problem, attempt.truncation, sides, where, allowed, error, block)
     choice = Choice(sides, where, rows, rows.setting(sides.gaps(curve)))
     return transcribe(problem, attempt.truncation, Iterate(attempt.controls), choice, (error, 0.0)), choice
@@ -225,6 +244,12 @@ NEIGHBOURHOODS: dict[str, Neighbourhood] = {
     "turns moved further": _turns_moved(3),
 }
 """In the order in which they are searched; the first leaves no choice."""
+OFFERED: dict[str, dict[str, Neighbourhood]] = {
+    "near": NEIGHBOURHOODS,
+    "all": {"all facets": lambda sides, gaps, margin: sides.active},
+    "linear": {"facets of the linear model": lambda sides, gaps, margin: best(sides, gaps)},
+}
+"""By `SolveOptions.facets`."""
 
 
 def _round(search: _Search, name: str, neighbourhood: Neighbourhood) -> Round:
@@ -282,7 +307,7 @@ def _branched(search: _Search, name: str, transcription: Transcription) -> Outco
     limits = replace(
         options,
         solver="bonmin",
-        time_limit=min(LIMIT, options.left / 2),
+        time_limit=min(search.problem.solve.bonmin_limit, options.left / 2),
         cutoff=search.objective - BETTER,
         began=time.perf_counter(),
     )
@@ -293,6 +318,8 @@ def _polished(search: _Search, name: str, attempt: Attempt) -> Attempt:
     """A result on the plan's own grid and order, improved with separating hyperplanes along any direction."""
     controls = np.repeat(attempt.controls, len(search.plan.controls) // len(attempt.controls), axis=0)
     fine = start(search.problem, controls, search.plan.truncation)
+    if not search.problem.solve.polish:
+        return replace(fine, status="solved", message="as returned")
     return _hyperplanes(search.problem, fine, search.options(), search.watch(f"{name}, polish"))
 
 

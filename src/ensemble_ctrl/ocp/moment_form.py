@@ -26,6 +26,8 @@ Ints = NDArray[np.int64]
 
 BIG_M = 20.0
 """The paper's M, metres, for maps of up to a quarter of that; larger maps use four times their size."""
+ROUNDING = 1e-12
+"""Entries of a matrix to moments below which they are zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,10 @@ class Read:
         """Of a parametrisation, whose variables are the points or are mapped to them."""
         layout = model.layout
         places = np.eye(layout.count) if model.places is None else model.places
-        return cls(layout.points[:, model.position_columns], truncation.to_moments @ places, truncation.mean @ places)
+        # moments that are variables themselves are read as they are, without the rounding of a product
+        image = truncation.to_moments @ places
+        to_moments = np.where(np.abs(image) < ROUNDING, 0.0, image)
+        return cls(layout.points[:, model.position_columns], to_moments, truncation.mean @ places)
 
     @property
     def count(self) -> int:
@@ -116,7 +121,7 @@ def _free_side_blocks(problem: Problem, read: Read, margin: float) -> list[Block
 def _obstacle_moment_blocks(problem: Problem, truncation: Truncation, read: Read) -> list[Block]:
     """``eq:setPolyObsArr`` at orders 1..N; of parallel facets only the tightest row is kept, for the others follow."""
     rows: dict[tuple[float, ...], float] = {}
-    big = _big_m(problem)
+    big = big_m(problem)
     for avoid in problem.specification.avoid:
         for k in _times(avoid.steps(read.steps, problem.duration)).tolist():
             for piece in avoid.pieces:
@@ -164,7 +169,7 @@ def _region_block(region: Polyhedron, times: Ints, truncation: Truncation, read:
 
 def _moments_along(read: Read, first: int) -> Build:
     """The moments ``first..N`` of the position along a direction `d`."""
-    image = ca.DM(read.to_moments[first:])
+    image = ca.sparsify(ca.DM(read.to_moments[first:]))
 
     def build(z: ca.SX, d: ca.SX) -> ca.SX:
         moments: ca.SX = ca.mtimes([image, read.coordinates(z), d])
@@ -181,7 +186,7 @@ def _times(steps: NDArray[np.bool_]) -> Ints:
     return np.flatnonzero(ends[1:]) + 1
 
 
-def _big_m(problem: Problem) -> float:
+def big_m(problem: Problem) -> float:
     """An M that no position or facet offset on the map exceeds: start, target, regions, obstacles along their way."""
     times = np.linspace(0.0, problem.duration, problem.steps + 1)
     corners = [problem.fleet.start_place + problem.fleet.shift, problem.fleet.start_place - problem.fleet.shift]

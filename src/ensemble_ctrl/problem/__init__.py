@@ -5,10 +5,12 @@ from typing import Any
 
 from ensemble_ctrl.problem.problem import (
     Coordinates,
+    Grid,
     Guarantee,
     Integrator,
     Method,
     Objective,
+    Offered,
     Problem,
     ReportOptions,
     Routes,
@@ -18,10 +20,12 @@ from ensemble_ctrl.problem.problem import (
 
 __all__ = [
     "Coordinates",
+    "Grid",
     "Guarantee",
     "Integrator",
     "Method",
     "Objective",
+    "Offered",
     "Problem",
     "ReportOptions",
     "Routes",

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Guarantee = Literal["moment", "nodes", "hull"]
 Method = Literal["nlp", "minlp"]
+Grid = Literal["coarse", "full"]
+Offered = Literal["near", "all", "linear"]
 Routes = int | Literal["all"]
 Coordinates = Literal["nodal", "modal"]
 Integrator = Literal["exponential", "rk4"]
@@ -137,6 +139,16 @@ class SolveOptions:
     solver : str
         Which solver each nonlinear program is given to, by its name in the registry: ``ipopt``, ``sqp``, or one of
         your own.
+    grid : {"coarse", "full"}
+        With ``method: minlp``, the grid on which facets are chosen: one of about 32 steps, or the problem's own.
+    facets : {"near", "all", "linear"}
+        With ``method: minlp``, which facets may be chosen: those near the plan's own, all, or those of a linear model
+        of the problem, solved by HiGHS (`ensemble_ctrl.ocp.linear_facets`).
+    polish : bool
+        With ``method: minlp``, whether a choice of facets is improved with separating hyperplanes and certified with
+        more margin; if not, the plan is the solution as it is returned.
+    bonmin_limit : float
+        Seconds that one run of Bonmin may take.
     """
 
     method: Method = "nlp"
@@ -148,10 +160,21 @@ class SolveOptions:
     max_iterations: int = 300
     cells: int = 1
     solver: str = "ipopt"
+    grid: Grid = "coarse"
+    facets: Offered = "near"
+    polish: bool = True
+    bonmin_limit: float = 7.0
 
     def __post_init__(self) -> None:
-        for name, kind in (("time_limit", "time"), ("margin", "length")):
+        for name, kind in (("time_limit", "time"), ("margin", "length"), ("bonmin_limit", "time")):
             object.__setattr__(self, name, quantity_of(f"solve.{name}", getattr(self, name), kind))
+        object.__setattr__(self, "polish", flag("solve.polish", self.polish))
+
+    @property
+    def as_published(self) -> bool:
+        """Whether facets are chosen as the paper does it: on moments, on the whole grid, from all, without polish."""
+        whole = self.method == "minlp" and self.guarantee == "moment" and self.grid == "full"
+        return whole and self.facets != "near" and not self.polish
 
 
 @dataclass(frozen=True)

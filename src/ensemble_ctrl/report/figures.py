@@ -198,6 +198,22 @@ def draw_comparison(problem: Problem, panels: Sequence[tuple[str, Floats]]) -> F
     return figure
 
 
+def draw_panels(panels: Sequence[tuple[str, Problem, Floats]], width: float = 3.6, columns: int = 2) -> Figure:
+    """Trajectories of plans of problems on one map, each under its own title, in rows of `columns`."""
+    size = map_size(panels[0][1], panels[0][2], width=width)
+    rows = -(-len(panels) // columns)
+    figure = new_figure((size[0] * min(columns, len(panels)), size[1] * rows))
+    for k, (title, problem, controls) in enumerate(panels):
+        # inches from the left, the right, below and above to the panel's own margins
+        row, column = divmod(k, columns)
+        across = min(columns, len(panels)) - 1 - column
+        left, right, bottom, top = MARGINS
+        room = (left + column * size[0], right + across * size[0], bottom + (rows - 1 - row) * size[1])
+        ax = placed_axes(figure, *room, top + row * size[1])
+        draw_trajectories(problem, controls, ax).set_title(literal(title), fontsize=8)
+    return figure
+
+
 def write_figures(
     problem: Problem,
     controls: Floats,

@@ -330,7 +330,7 @@ def _mixed(m: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("", f"{r['name']}: {r['message']}"))
     gaps = [f"{100 * r['gap']:.2g} % ({r['name']})" for r in bonmin if r["gap"] is not None]
     lead = f"Bonmin's gap: {', '.join(gaps)}; it" if gaps else "This"
-    rows.append(("", f"{lead} is no proof of optimality: the problem is not convex, and only nearby facets were tried"))
+    rows.append(("", f"{lead} is no proof of optimality: the problem is not convex, and only some facets were offered"))
     return rows
 
 

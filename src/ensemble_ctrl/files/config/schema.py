@@ -16,10 +16,12 @@ from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.files.config.targets import Terminal as TerminalTarget
 from ensemble_ctrl.problem import (
     Coordinates,
+    Grid,
     Guarantee,
     Integrator,
     Method,
     Objective,
+    Offered,
     ReportOptions,
     SolveOptions,
     VerifyOptions,
@@ -113,6 +115,14 @@ class Solve(Model):
     """Number of parts of the first parameter's range, each with its own separating hyperplanes; for wide ranges."""
     solver: str = SolveOptions.solver
     """Solver of the nonlinear programs: `ipopt`, `sqp`, or a registered one."""
+    grid: Grid = SolveOptions.grid
+    """With `minlp`, the grid on which facets are chosen: about 32 steps (`coarse`), or the problem's own (`full`)."""
+    facets: Offered = SolveOptions.facets
+    """With `minlp`, facets to choose from: `near` the plan's own, `all`, or those of a `linear` model (HiGHS)."""
+    polish: Annotated[bool, BeforeValidator(f.flag)] = SolveOptions.polish
+    """With `minlp`, improve a choice of facets with hyperplanes and margin; if not, it is kept as it is returned."""
+    bonmin_limit: f.Duration = SolveOptions.bonmin_limit
+    """What one run of Bonmin may take."""
 
 
 class Verify(Model):

@@ -27,6 +27,7 @@ from ensemble_ctrl.planning.planner.coarse_fine import (
 )
 from ensemble_ctrl.planning.planner.grids import coarse_steps, given, refined
 from ensemble_ctrl.planning.planner.proving import CLOSE, certified_with_margin, is_proven, no_less_proven
+from ensemble_ctrl.planning.planner.published import by_published
 from ensemble_ctrl.planning.planner.search import Search
 from ensemble_ctrl.planning.planner.solution import Solution, status_of
 from ensemble_ctrl.problem import Problem
@@ -36,6 +37,8 @@ Floats = NDArray[np.float64]
 
 def by_positions(search: Search, problem: Problem, guess: Floats | None) -> Solution:
     """In positions of the truncated curve: routes, coarse and fine solves, further guesses, other facets."""
+    if problem.solve.as_published:
+        return by_published(search, problem, guess)
     seconds: dict[str, float] = {}
     search.tell("guess")
     steps = coarse_steps(problem)
@@ -156,7 +159,9 @@ def _chosen_facets(
     """Let rounds of other facets improve the plan; what takes its place costs less, and no less is proven of it."""
     done: list[Round] = []
     work: list[Attempt] = []
-    tries = rounds(search.problem, plan, coarse_steps(search.problem), lambda: search.options(1e-3, 1e-3), search.watch)
+    full = search.problem.solve.grid == "full"
+    steps = search.problem.steps if full else coarse_steps(search.problem)
+    tries = rounds(search.problem, plan, steps, lambda: search.options(1e-3, 1e-3), search.watch)
     while not search.over():
         found = next(tries, None)
         if found is None:
@@ -165,7 +170,11 @@ def _chosen_facets(
         new, kept = found.attempt, False
         if new is not None:
             work.append(new)
-        if new is not None and rank(new) < rank(plan):
+        if new is not None and not search.problem.solve.polish:
+            # the integer solution as it is returned
+            kept, plan = True, new
+            proof = None if proof is None else search.certified(refined(new.controls, search.problem.steps))
+        elif new is not None and rank(new) < rank(plan):
             certificate = proof
             if proof is not None:
                 new, certificate, more = certified_with_margin(search, new, partial(fine, search))

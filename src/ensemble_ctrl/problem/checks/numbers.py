@@ -52,6 +52,9 @@ def number_findings(problem: Problem) -> Iterator[Finding]:
     if not isinstance(solve.solver, str) or not solve.solver:
         yield Finding(("solve", "solver"), f"expected the name of a solver, got {solve.solver!r}")
     yield from _choice(("solve", "method"), solve.method, ("nlp", "minlp"))
+    yield from _choice(("solve", "grid"), solve.grid, ("coarse", "full"))
+    yield from _choice(("solve", "facets"), solve.facets, ("near", "all", "linear"))
+    yield from _number(("solve", "bonmin_limit"), solve.bonmin_limit, above=0.0, unit=" s")
     yield from _choice(("solve", "guarantee"), solve.guarantee, ("moment", "nodes", "hull"))
     yield from _whole(("verify", "members"), verify.members, 1, MAX_MEMBERS)
     yield from _whole(("verify", "substeps"), verify.substeps, 1, 1000)

@@ -1,0 +1,71 @@
+"""``ensemble-plan paper``: the paper's experiments as published, beside this package's own plans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ensemble_ctrl.api.paper import Reproduced, Robot, as_data, experiment, reproduce, table
+from ensemble_ctrl.api.results import SCHEMA, to_json
+from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.progress import Progress, stoppable
+from ensemble_ctrl.cli.streams import say
+from ensemble_ctrl.core.storage import put_file
+from ensemble_ctrl.files.folder import ResultsFolder
+
+
+@dataclass(frozen=True)
+class PaperRun:
+    """What the command was asked for."""
+
+    experiments: tuple[str, ...]
+    robots: tuple[Robot, ...]
+    members: int
+    bonmin_limit: float
+    output: Path | None
+    json: bool
+    quiet: bool
+    plots: bool
+    overwrite: bool
+
+
+def run_paper(asked: PaperRun) -> int:
+    """Plan the experiments, print the table, and write it with a figure of each experiment."""
+    progress = Progress(asked.quiet)
+    for name in asked.experiments:
+        for robot in asked.robots:
+            experiment(name, robot)
+    folder = ResultsFolder(asked.output, "paper", asked.overwrite)
+    try:
+        with stoppable(progress, folder.discard, "stopping"):
+            rows = reproduce(asked.experiments, asked.robots, asked.members, asked.bonmin_limit, progress)
+            if progress.stop_signal is not None:
+                return codes.INTERRUPTED
+            data = {"schema": SCHEMA, "rows": [as_data(row) for row in rows]}
+            put_file(folder.working / "paper.json", to_json(data, indent=1) + "\n")
+            if asked.plots:
+                draw_experiments(rows, folder.working)
+            placed = folder.commit()
+    finally:
+        folder.discard()
+    progress.finish()
+    say(to_json(data) if asked.json else "\n".join([*table(rows), f"written to {placed}"]), str(placed))
+    return codes.OK
+
+
+def draw_experiments(rows: Sequence[Reproduced], folder: Path) -> None:
+    """A figure of each experiment, with a panel for each robot and form."""
+    from ensemble_ctrl.report.canvas import save
+    from ensemble_ctrl.report.figures import draw_panels
+
+    for name in dict.fromkeys(row.experiment for row in rows):
+        own = [row for row in rows if row.experiment == name]
+        panels = [(_title(row), experiment(name, row.robot), row.controls) for row in own]
+        save(draw_panels(panels), folder / f"{name}.png")
+
+
+def _title(row: Reproduced) -> str:
+    """The heading of one panel."""
+    share = 100 * row.violating / max(row.members, 1)
+    return f"{row.robot}, {row.form}: {share:.0f} % violate"
