@@ -24,7 +24,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "moments, systems",
         "constraints",
         "problem.risk, problem.target, problem.arguments, problem.units",
-        "problem.ensemble, problem.integrated, problem.capabilities",
+        "problem.ensemble, problem.integrated, problem.capabilities, problem.uncertainty",
         "problem.fleet",
         "problem.checks, problem.drawing, problem.specification",
         "problem.problem",

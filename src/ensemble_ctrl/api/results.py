@@ -117,6 +117,7 @@ def replay_summary(run: Replay, unit: str) -> dict[str, Any]:
     return {
         "members": run.members,
         "substeps": run.substeps,
+        "disturbed": run.disturbed,
         "violating": int(run.violating.sum()),
         "satisfied_share": run.satisfied,
         "share_95": list(run.share()),

@@ -28,7 +28,7 @@ TRUSTED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "certificate.": (
-            *("bound", "certify", "clearance", "enclosure", "errors", "fingerprint", "instants"),
+            *("bound", "certify", "clearance", "disturbance", "enclosure", "errors", "fingerprint", "instants"),
             *("masses", "schedule", "share", "task"),
         ),
         "constraints.": (
@@ -46,7 +46,7 @@ GENERAL = tuple(
     f"ensemble_ctrl.certificate.general.{module}"
     for module in (
         *("proof", "start", "enclosure", "basis", "models", "smooth", "gradients", "growth", "boxes"),
-        *("clearance", "task"),
+        *("clearance", "task", "jacobian", "disturbed"),
     )
 )
 """Those that have to be right, too, for *yes* to be true of other systems."""
@@ -55,7 +55,7 @@ HANDED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "constraints.": ("motion",),
-        "problem.": ("ensemble", "fleet", "problem"),
+        "problem.": ("ensemble", "fleet", "problem", "uncertainty"),
         "systems.": ("arcs", "bicycle", "unicycle"),
         "moments.": ("distribution", "measure", "samples", "normal", "beta", "mixture"),
     }.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -88,11 +88,14 @@ class Certificate:
         SHA-256 of the controls and of everything in the problem that the claim depends on.
     reason : str
         Why nothing can be said of any part, in words; empty where there are bounds.
+    uncertainty : dict
+        Bounds of the errors of the model that the claim is for, as plain data; empty for robots that follow it.
 
     Notes
     -----
-    *Guarantee*: with ``yes``, every member of the exact model with its parameters in the ranges does the task in dense
-    time, rounding included. Not covered: sensor noise, model error, rounding in the robot.
+    *Guarantee*: with ``yes``, every member with its parameters in the ranges does the task in dense time, rounding
+    included, under every disturbance within the bounds of `uncertainty`; without such bounds, if it follows the model
+    exactly. Not covered: errors beyond the bounds, and rounding in the robot.
     """
 
     proven: Verdict
@@ -104,6 +107,7 @@ class Certificate:
     seconds: float
     inputs: str
     reason: str = ""
+    uncertainty: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def clearance(self) -> float:
@@ -133,7 +137,8 @@ class Certificate:
         scope = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in self.ranges.items())
         clearance = f"clearance >= {at_least(self.clearance)} m" if np.isfinite(self.clearance) else NOTHING_AVOIDED
         rest = f"robustness >= {at_least(self.robustness)} {self.unit}, {self.seconds:.2f} s"
-        return f"Certificate(proven: {self.proven}, {scope}, {clearance}, {rest})"
+        errors = ", errors of the model" if self.uncertainty else ""
+        return f"Certificate(proven: {self.proven}, {scope}{errors}, {clearance}, {rest})"
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what overflows proves nothing
@@ -189,6 +194,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Distributio
         time.perf_counter() - began,
         fingerprint(problem, controls, distributions),
         reason,
+        problem.fleet.uncertainty.data(),
     )
 
 
@@ -196,7 +202,8 @@ def unproven(problem: Problem, controls: Floats, reason: str) -> Certificate:
     """The certificate of a proof that was not finished: nothing is claimed of the fleet's own ranges."""
     distributions = dict(problem.fleet.parameters)
     ranges = {name: (distribution.lower, distribution.upper) for name, distribution in distributions.items()}
-    return Certificate("undecided", (), (), None, ranges, 0, 0.0, fingerprint(problem, controls, distributions), reason)
+    inputs, bounds = fingerprint(problem, controls, distributions), problem.fleet.uncertainty.data()
+    return Certificate("undecided", (), (), None, ranges, 0, 0.0, inputs, reason, bounds)
 
 
 def _distributions(problem: Problem, ranges: Mapping[str, Distribution] | None) -> dict[str, Distribution]:
@@ -239,7 +246,7 @@ class ArcsProof:
     @cached_property
     def _prover(self) -> Prover:
         """The search for the least clearance."""
-        return Prover(Flow.of(self.problem, self.controls, self.distributions), self.problem.fleet.names)
+        return Prover(Flow.of(self.problem, self.controls, self.distributions), self.problem.fleet.names, early=True)
 
     @cached_property
     def _fleet(self) -> Fleet:
@@ -277,7 +284,9 @@ PROOFS: dict[str, Callable[[Any, Floats, Mapping[str, Distribution]], Proof]] = 
 
 def _clearance(prover: Prover, problem: Problem, avoid: AvoidConstraint) -> Bound:
     """The worst piece of what is avoided."""
-    return nearest_piece(prover, avoid, Spans.of(avoid.begin, avoid.end, problem.duration, prover.flow.steps))
+    # who is late by up to a delay is where others were that long before
+    begin = max(0.0, avoid.begin - prover.flow.delay * (1 + 1e-9))
+    return nearest_piece(prover, avoid, Spans.of(begin, avoid.end, problem.duration, prover.flow.steps))
 
 
 def part_bound(
@@ -311,7 +320,7 @@ def _share(
     """The bound of ``share(p, f)``: that of `f` for all members of a box with enough mass, if one is proven."""
     best: TaskBound | None = None
     for box, mass in boxes(problem, controls, fleet, chance):
-        prover = Prover(Flow.of(problem, controls, box), problem.fleet.names)
+        prover = Prover(Flow.of(problem, controls, box), problem.fleet.names, early=True)
         # f for every member of the box, as for a fleet of its own: its mass is a lower bound of the share
         bounds = [_clearance(prover, problem, avoid).proven for avoid in chance.avoid]
         bounds += [part_bound(problem, controls, box, part, fleet).proven for part in chance.rest]

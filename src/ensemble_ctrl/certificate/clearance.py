@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.bound import Bound
-from ensemble_ctrl.certificate.enclosure import START, UNIT, Flow, Track, first_cells, lowered, signs_of
+from ensemble_ctrl.certificate.disturbance import UNIT
+from ensemble_ctrl.certificate.enclosure import CELLS, START, Flow, Track, first_cells, lowered, signs_of
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.constraints.exact import hull
 from ensemble_ctrl.constraints.obstacle import Obstacle
@@ -32,8 +33,6 @@ Sample = tuple[float, int, int, float]
 """A distance seen, with the centre's index, the step, and the share of it."""
 NOWHERE: Sample = (np.inf, 0, 0, 0.0)
 
-CELLS = {0: 1, 1: 16, 2: 5, 3: 3}
-"""Cells of each of so many parameters to begin with; else 2."""
 TIGHT = 5e-4
 """Metres within which a proven clearance meets the sampled one before refinement ends."""
 SHIFTS = 41
@@ -79,6 +78,9 @@ class Prover:
         Boxes looked at for one obstacle before the search for a better bound ends.
     cells : int
         Cells of each parameter to begin with; 0 for `CELLS`.
+    early : bool
+        Whether spans begin as long before the time meant as robots may be late, so that a delay moves nobody away from
+        places that robots were at in the span.
 
     Attributes
     ----------
@@ -90,6 +92,7 @@ class Prover:
     names: Sequence[str]
     limit: int = 200_000
     cells: int = 0
+    early: bool = False
     boxes: int = 0
     flow: Flow = field(init=False)
     shift: Floats = field(init=False)
@@ -98,7 +101,7 @@ class Prover:
     track: Track = field(init=False)
     error: float = field(init=False)
     signs: Floats = field(init=False)
-    growth: Floats | None = None
+    growth: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         self.flow, self.shift = self.whole.bent(), self.whole.shift()
@@ -107,6 +110,12 @@ class Prover:
         self.track = Track.of(self.flow, self.centres)
         self.error = self.whole.rounding()
         self.signs = signs_of(count)
+        self.growth = self._grown(None)
+
+    def _grown(self, motion: Motion | None, more: Floats | None = None) -> Floats:
+        """Metres by which robots may be away from their motion in each step, beside an obstacle that may move."""
+        late = 0.0 if self.early and motion is None else self.flow.lag
+        return np.asarray(self.flow.error + late + (0.0 if more is None else more))
 
     def nearness(self, obstacle: Obstacle, spans: Spans, motion: Motion | None = None) -> float:
         """Smallest distance of the first cells' middles at the beginnings of steps, metres: is the obstacle near?"""
@@ -149,17 +158,18 @@ class Prover:
         Parameters
         ----------
         growth : ndarray, shape (steps of the flow,), optional
-            Metres by which every member grows during each step, beyond `radius`.
+            Metres by which every member grows during each step, beyond `radius` and the errors of the flow.
         enough : float
             Metres; what is proven to be further away isn't looked at more closely.
 
         Notes
         -----
-        *Guarantee*: nothing is claimed where numbers overflow: then `proven` is minus infinity.
+        *Guarantee*: nothing is claimed where numbers overflow: then `proven` is minus infinity. What is seen is of
+        robots that grow by `growth`, but follow the flow without errors.
         """
-        if not np.isfinite(self.error):
+        self.growth = self._grown(motion, growth)
+        if not (np.isfinite(self.error) and np.isfinite(self.growth).all()):
             return Bound(name, -np.inf, np.inf, {}, np.nan)
-        self.growth = growth
         enough += radius + self.error
         piece = grown(obstacle, self.shift) if self.shift.any() else obstacle
         boxes, proven, best = self._near(piece, spans, motion, enough)
@@ -177,6 +187,7 @@ class Prover:
                 break
             boxes = self._halved(boxes.where(open_), sides[open_].argmax(axis=1))
         sampled, member = self._closest(obstacle, motion, best)
+        sampled += 0.0 if growth is None else -growth[best[2]]
         proven, sampled = proven - radius - self.error, sampled - radius + self.error
         known = np.isfinite([best[0], sampled]).all()
         return Bound(name, proven if known else -np.inf, sampled if known else np.inf, member, self._time(best))
@@ -188,8 +199,7 @@ class Prover:
         begin, end = np.tile(spans.begin, cells), np.tile(spans.end, cells)
         boxes = Boxes(centre, self.half[centre], np.tile(steps, cells), begin, end)
         distance, reach = self._middles(piece, steps, motion), self._reach[:, steps]
-        if self.growth is not None:
-            distance = distance - self.growth[steps]
+        distance = distance - self.growth[steps]
         if motion is not None:
             # a moving obstacle covers at most its way in the step and its bend off that chord
             first, last = self.flow.begin[steps], self.flow.begin[steps] + self.flow.step[steps]
@@ -206,8 +216,7 @@ class Prover:
         some = boxes.where(late)
         if len(some):
             here, _ = self._at(some, some.begin, self.flow.coefficients(self.centres[some.centre]))
-            seen[late] = piece.distance(here - _moved(motion, self._times(some, some.begin)))
-            seen[late] -= 0.0 if self.growth is None else self.growth[some.step]
+            seen[late] = piece.distance(here - _moved(motion, self._times(some, some.begin))) - self.growth[some.step]
         return seen
 
     def _best(self, boxes: Boxes, distance: Floats, best: Sample) -> Sample:
@@ -240,7 +249,6 @@ class Prover:
         middle = self.track.position[centre, n] + move[0]
         offset = flow.coefficients(members)[:, START] - self.flow.origin[START]
         distance = obstacle.distance(middle + offset - _moved(motion, np.array(self._time(best))))
-        distance = distance - (0.0 if self.growth is None else self.growth[n])
         k = int(distance.argmin())
         return float(distance[k]), dict(zip(self.names, members[k].tolist(), strict=True))
 
@@ -253,7 +261,7 @@ class Prover:
         begin, end = (self._times(boxes, share) for share in (boxes.begin, boxes.end))
         here, there = here - _moved(motion, begin), there - _moved(motion, end)
         distance = piece.distance(here)
-        grown = 0.0 if self.growth is None else self.growth[boxes.step]
+        grown = self.growth[boxes.step]
         best = self._best(boxes, distance - grown, best)
         # all that is not in the hull: growth, remainder, the chords of the curve and of the obstacle's way
         curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)

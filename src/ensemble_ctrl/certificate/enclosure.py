@@ -20,7 +20,7 @@ two ends, grown by a radius that adds these bounds and one for rounding.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate.disturbance import UNIT, Errors, arc_errors
 from ensemble_ctrl.certificate.instants import Mesh
 
 if TYPE_CHECKING:
@@ -36,10 +37,10 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-UNIT = float(np.finfo(float).eps)
-"""Twice the unit roundoff of double precision."""
 START = slice(3, 5)
 """The place at the start, among the coefficients."""
+CELLS = {0: 1, 1: 16, 2: 5, 3: 3}
+"""Cells of each of so many parameters to begin with; else 2."""
 
 
 class Ranged(Protocol):
@@ -80,6 +81,10 @@ class Flow:
         Speed and turn rate of each step, and the integral of the turn rate before it.
     extent : float
         Largest absolute coordinate of any shape of the map, metres: rounding grows with it.
+    error, lag : ndarray, shape (steps,)
+        Metres by which robots may be away from this motion during each step (`disturbance.Errors`).
+    delay : float
+        Seconds by which a robot may be late.
     """
 
     lower: Floats
@@ -93,6 +98,9 @@ class Flow:
     omega: Floats
     turned: Floats
     extent: float
+    error: Floats
+    lag: Floats
+    delay: float = 0.0
 
     @classmethod
     def of(
@@ -105,15 +113,43 @@ class Flow:
         fleet = problem.fleet
         each = [(fleet.parameters if ranges is None else ranges)[name] for name in fleet.names]
         lower, upper = (np.array([getattr(one, end) for one in each], dtype=float) for end in ("lower", "upper"))
-        v, omega = fleet.arcs.rates(*np.asarray(controls, dtype=float).T)
-        mesh = Mesh.of(problem.duration, len(v)) if mesh is None else mesh
-        # rates of each piece of the mesh: those of the step that owns it, none after the last step
-        v, omega = (np.where(mesh.owner < len(rate), rate[mesh.owner % len(rate)], 0.0) for rate in (v, omega))
-        # Omega_n = sum_{m<n} h_m omega_m: the turn up to each piece for a member of factor b = 1
-        turned = np.concatenate([[0.0], np.cumsum(mesh.length * omega)[:-1]])
+        controls = np.asarray(controls, dtype=float)
+        v, omega = fleet.arcs.rates(*controls.T)
+        plain, still = Mesh.of(problem.duration, len(v)), np.zeros(len(v))
         swapped = fleet.arcs.heading_from == "y"
         affine = lower, upper, fleet.origin, fleet.directions, swapped
-        return cls(*affine, mesh.length, mesh.begin, v, omega, turned, _extent(problem))
+        turned = _turned(plain.length, omega)
+        flow = cls(*affine, plain.length, plain.begin, v, omega, turned, _extent(problem), still, still)
+        flow = flow._disturbed(problem, controls) if fleet.uncertainty else flow
+        return flow if mesh is None else flow.on(mesh)
+
+    def _disturbed(self, problem: Problem, controls: Floats) -> Flow:
+        """The same with the errors of the fleet's uncertainty."""
+        step = float(self.step.max())
+        found: Errors = arc_errors(problem, controls, step, self.fastest, self.sharpest, self.bent()._chords)
+        return replace(self, error=found.place, lag=found.lag, delay=found.delay)
+
+    def _chords(self) -> Iterator[Floats]:
+        """Upper bounds of ``|p(t_n) - p(t_k)|`` for each of some cells that hold all members, in turn."""
+        centres, half = first_cells(self.lower, self.upper, 4 if len(self.lower) == 1 else 2)
+        track, rest = Track.of(self, centres), self.remainder(half)
+        for k in range(len(centres)):
+            # |p_c(t) - p_c(s)| + sum_k half_k |dp/dq_k (t) - dp/dq_k (s)| + R(max(t, s))
+            place, slope = track.position[k], track.slope[k]
+            away = np.linalg.norm(place[:, None] - place, axis=-1) + np.maximum(rest[k][:, None], rest[k])
+            for j, width in enumerate(half[k]):
+                away += width * np.linalg.norm(slope[:, None, j] - slope[:, j], axis=-1)
+            yield away + 2 * self.rounding()
+
+    def on(self, mesh: Mesh) -> Flow:
+        """The same motion on the pieces of a mesh of its steps; after the last one robots stand."""
+        some, moving = np.minimum(mesh.owner, self.steps - 1), mesh.owner < self.steps
+        v, omega = (np.where(moving, rate[some], 0.0) for rate in (self.v, self.omega))
+        # after the end, for an instant of rounding, the last step's error again: more than it gains in that instant
+        error, lag = np.where(moving, 1.0, 2.0) * self.error[some], self.lag[some]
+        turned = _turned(mesh.length, omega)
+        times = replace(self, step=mesh.length, begin=mesh.begin, error=error, lag=lag)
+        return replace(times, v=v, omega=omega, turned=turned)
 
     def bent(self) -> Flow:
         """The flow of the members that start in the middle of their box: only parameters that bend the curve remain."""
@@ -333,6 +369,12 @@ def _extent(problem: Problem) -> float:
         speed = np.abs(np.diff(motion.offsets, axis=0)) / np.diff(motion.times)[:, None]
         sizes += [float(np.abs(motion.offsets).max()), problem.duration * float(speed.max())]
     return max([0.0, *sizes, *(float(level[np.isfinite(level)].max(initial=0.0)) for level in levels)])
+
+
+def _turned(length: Floats, omega: Floats) -> Floats:
+    """The turn up to each piece of time for a member of factor b = 1."""
+    # Omega_n = sum_{m<n} h_m omega_m
+    return np.concatenate([[0.0], np.cumsum(length * omega)[:-1]])
 
 
 def _sinc(x: Floats) -> Floats:

@@ -36,6 +36,8 @@ def fingerprint(problem: Problem, controls: Floats, distributions: Mapping[str, 
         [(name, piece.A.tolist(), piece.b.tolist()) for name, piece in problem.pieces],
         [(name, motion.times.tolist(), motion.offsets.tolist()) for name, motion in problem.motions.items()],
     ]
+    if fleet.uncertainty:
+        numbers = [*numbers, fleet.uncertainty.data()]
     digest.update(repr(numbers).encode())
     digest.update(np.ascontiguousarray(controls, dtype="<f8").tobytes())
     return digest.hexdigest()

@@ -16,7 +16,7 @@ OVER = 1e-9
 """The same for a proven number that claims more than the one computed again: rounding of another machine's library."""
 PROVEN = ("clearance", "robustness", "proven", "share")
 """Numbers of which a larger one claims more."""
-EXACT = ("ranges",)
+EXACT = ("ranges", "uncertainty")
 """Numbers that are given, not computed."""
 EFFORT = ("boxes", "seconds")
 """What a certificate took, which is no part of its claim."""
@@ -38,6 +38,7 @@ def claim(certificate: Certificate) -> dict[str, Any]:
         "parts": [asdict(b) for b in certificate.parts],
         "reason": certificate.reason,
         "counter_example": None if certificate.counter_example is None else asdict(certificate.counter_example),
+        "uncertainty": dict(certificate.uncertainty),
         "inputs_sha256": certificate.inputs,
     }
 

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.certify import part_bound
 from ensemble_ctrl.certificate.clearance import Prover
-from ensemble_ctrl.certificate.enclosure import UNIT, Flow
+from ensemble_ctrl.certificate.disturbance import UNIT
+from ensemble_ctrl.certificate.enclosure import Flow
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.constraints.stl import Known
 from ensemble_ctrl.problem import Problem
@@ -95,7 +96,7 @@ def certify_set(
     away, turn : float
         Metres and radians.
     more : ndarray, shape (steps,), optional
-        Metres that robots may be further away in each step, for errors that the model doesn't know.
+        Metres that robots may be further away in each step, beyond the errors of the fleet's uncertainty.
 
     Returns
     -------
@@ -143,4 +144,4 @@ def _distance(flow: Flow, prover: Prover) -> Floats:
     at = (away + sides + flow.remainder(prover.half)).max(axis=0)
     # within a step no member is further than at its nearer end plus half of the way
     drive = flow.fastest * flow.step * np.abs(flow.v)
-    return np.asarray(np.maximum(at[:-1], at[1:]) + drive / 2 + prover.error)
+    return np.asarray(np.maximum(at[:-1], at[1:]) + drive / 2 + prover.error + flow.error)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import Flow, Range, Track
+from ensemble_ctrl.certificate.instants import Mesh
 from ensemble_ctrl.certificate.masses import MASS_ERROR
 from ensemble_ctrl.certificate.task import CellSignals, scheduled
 from ensemble_ctrl.problem.specification import ChanceConstraint
@@ -96,7 +97,9 @@ def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConst
     """How well each member does the part, about: at some times of each step."""
     distributions = dict(fleet.parameters)
     # members as cells of no width: positions at SUBSTEPS times per step
-    flow = Flow.of(problem, np.repeat(controls, SUBSTEPS, axis=0), distributions)
+    mesh = Mesh.of(problem.duration, len(controls), range(len(controls) * SUBSTEPS + 1), SUBSTEPS)
+    flow = Flow.of(problem, controls, distributions, mesh)
+    away = np.append(flow.error, flow.error[-1:])
     values = np.full(len(members), np.inf)
     size = max(1, 500_000 // flow.steps)
     blocks = [slice(i, i + size) for i in range(0, len(members), size)]
@@ -104,7 +107,8 @@ def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConst
         path = Track.of(flow, members[rows]).position
         times = np.linspace(0.0, problem.duration, path.shape[1])
         for avoid in chance.avoid:
-            values[rows] = np.minimum(values[rows], avoid.distances(path, times).min(axis=1, initial=np.inf))
+            distances = avoid.distances(path, times) - away
+            values[rows] = np.minimum(values[rows], distances.min(axis=1, initial=np.inf))
     for part in chance.rest:
         found = scheduled(problem, controls, distributions, part.formula, SUBSTEPS)
         if found is None:

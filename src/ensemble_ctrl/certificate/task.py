@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.bound import ALIKE, last_lowest
-from ensemble_ctrl.certificate.enclosure import UNIT, Flow, Ranged, Track, first_cells, lowered
+from ensemble_ctrl.certificate.disturbance import UNIT
+from ensemble_ctrl.certificate.enclosure import CELLS, Flow, Ranged, Track, first_cells, lowered
 from ensemble_ctrl.certificate.masses import MASS_ERROR, Masses, masses
 from ensemble_ctrl.certificate.schedule import MOST, Schedule
 from ensemble_ctrl.constraints.stl.formula import Formula, Share
@@ -35,8 +36,6 @@ TIGHT = 5e-4
 MAX_CELLS = {0: 1, 1: 4096}
 """Cells looked at for so many parameters before the search for a better bound ends; else `MANY_CELLS`."""
 MANY_CELLS = 6_000
-CELLS = {0: 1, 1: 16, 2: 5, 3: 3}
-"""Cells of each of so many parameters to begin with; else 2."""
 BLOCK = 1_000_000
 """Numbers held at a time: cells times instants."""
 TURN = 0.5
@@ -90,6 +89,7 @@ class CellSignals:
     curvature: Floats
     bulge: Floats
     error: float
+    away: Floats
     upper: bool = False
     masses: Masses | None = None
 
@@ -103,7 +103,9 @@ class CellSignals:
         n = np.arange(flow.steps)[None, :]
         bulge = flow.growth(n, flow.step[None], flow.coefficients(centres)[:, None], half[:, None])
         curvature = flow.remainder(half)
-        return cls(centres, half, track.position, track.slope, curvature, bulge, flow.rounding(), upper, masses)
+        # upper bounds are of robots that follow their model, which is within all bounds of its errors
+        away = np.zeros(flow.steps) if upper else flow.error + flow.lag
+        return cls(centres, half, track.position, track.slope, curvature, bulge, flow.rounding(), away, upper, masses)
 
     @property
     def members(self) -> int:
@@ -122,8 +124,10 @@ class CellSignals:
         spread = reach + self.curvature[:, some] + (self.error + 4 * UNIT * abs(offset))
         sign = 1.0 if self.upper else -1.0
         ends = value + sign * spread
-        bulge = self.bulge[:, some.start : some.stop - 1]
+        bulge = self.bulge[:, some.start : some.stop - 1] + self.away[some.start : some.stop - 1]
         between = (np.maximum if self.upper else np.minimum)(ends[:, :-1], ends[:, 1:]) + sign * bulge
+        # errors of the model hold throughout a piece, its ends included: at an instant the smaller of two counts
+        ends = ends + sign * np.minimum(np.append(self.away, np.inf), np.insert(self.away, 0, np.inf))[some]
         bound = _interleaved(ends, between)[:, first - 2 * some.start :][:, : last - first + 1]
         return -lowered(-bound) if self.upper else lowered(bound)
 
@@ -145,16 +149,10 @@ class CellSignals:
             wrong = 0.0 if self.masses.counted else len(share) * MASS_ERROR
             apart = np.linalg.norm(self.position - position, axis=-1) + reach
             away = (share @ reach)[None] * UP + wrong * apart.max(axis=0, keepdims=True)
-        return CellSignals(
-            self.centres[:1],
-            np.zeros_like(self.half[:1]),
-            position,
-            np.zeros_like(self.slope[:1]),
-            away,
-            self.bulge.max(axis=0, keepdims=True),
-            self.error * (1 + len(self.centres)),
-            self.upper,
-        )
+        one = replace(self, centres=self.centres[:1], half=np.zeros_like(self.half[:1]), masses=None)
+        slope, bulge = np.zeros_like(self.slope[:1]), self.bulge.max(axis=0, keepdims=True)
+        error = self.error * (1 + len(self.centres))
+        return replace(one, position=position, slope=slope, curvature=away, bulge=bulge, error=error)
 
     def ranked(self, value: Floats, share: Share) -> Floats:
         """The largest value that cells of at least this mass reach; minus infinity if no cells do.
@@ -182,7 +180,7 @@ def scheduled(
     while parts.sum() > MOST and parts.max() > 1:
         parts = np.maximum(parts // 2, 1)
     schedule = Schedule.of(plain, problem.duration, parts)
-    return None if schedule is None else (Flow.of(problem, controls, ranges, schedule.mesh), schedule)
+    return None if schedule is None else (flow.on(schedule.mesh), schedule)
 
 
 def bound_task(

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.clearance import CELLS
-from ensemble_ctrl.certificate.enclosure import Flow, Ints, Track, first_cells, signs_of
+from ensemble_ctrl.certificate.enclosure import CELLS, Flow, Ints, Track, first_cells, signs_of
 from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem import Problem
 
@@ -34,8 +33,9 @@ class Tube:
 
     Notes
     -----
-    *Guarantee*: every member of the exact model with its parameters in the ranges is, at every instant of a step, in
-    the hull of the points of one of the cells, grown by its radius; rounding included.
+    *Guarantee*: every member with its parameters in the ranges is, at every instant of a step and under every
+    disturbance within the fleet's bounds, in the hull of the points of one of the cells, grown by its radius; rounding
+    included.
     """
 
     points: Floats
@@ -65,7 +65,10 @@ def tube(problem: Problem, controls: Floats, ranges: Mapping[str, Distribution] 
     flow, shift = whole.bent(), whole.shift()
     each = CELLS.get(len(flow.lower), 2)
     found = enclosed(flow, each)
-    while found.radius.max() > TIGHT and (2 * each) ** len(flow.lower) <= MOST_CELLS and len(flow.lower):
+    away = whole.error + whole.lag
+    while (
+        (found.radius - away[:, None]).max() > TIGHT and (2 * each) ** len(flow.lower) <= MOST_CELLS and len(flow.lower)
+    ):
         # twice as many cells of each parameter: the remainder falls with the square of their width
         each *= 2
         found = enclosed(flow, each)
@@ -88,7 +91,10 @@ def general(
 
 
 def enclosed(flow: Flow, each: int | Ints) -> Tube:
-    """The tube with so many cells of each of the flow's parameters, those of `first_cells`, rounding not included."""
+    """The tube with so many cells of each of the flow's parameters, those of `first_cells`, rounding not included.
+
+    Errors of the model are in its radius.
+    """
     centres, half = first_cells(flow.lower, flow.upper, each)
     track, steps = Track.of(flow, centres), np.arange(flow.steps)
     # corners p + sum_k +-half_k dp/dq_k at both ends of each step; what the linear picture misses is the radius
@@ -98,5 +104,5 @@ def enclosed(flow: Flow, each: int | Ints) -> Tube:
     coeffs = np.broadcast_to(flow.coefficients(centres)[:, None], (len(centres), flow.steps, 5))
     halves = np.broadcast_to(half[:, None], (len(centres), flow.steps, half.shape[1]))
     span = np.broadcast_to(flow.step, (len(centres), flow.steps))
-    radius = flow.remainder_at(halves, steps + 1) + flow.growth(steps, span, coeffs, halves)
+    radius = flow.remainder_at(halves, steps + 1) + flow.growth(steps, span, coeffs, halves) + flow.error + flow.lag
     return Tube(points.swapaxes(0, 1), radius.T)

@@ -19,6 +19,7 @@ from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Watch, solve
 from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, nominal
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.integrated import needed
 from ensemble_ctrl.systems.integration import rk4
 
 Floats = NDArray[np.float64]
@@ -144,7 +145,7 @@ def _substeps(problem: Problem, controls: Floats) -> int:
     """Runge-Kutta steps within the program."""
     try:
         # Runge-Kutta steps for ACCURACY; half of them is enough within the program
-        found = problem.fleet.substeps(controls, problem.duration / len(controls), ACCURACY, rk4)
+        found = needed(problem.fleet, controls, problem.duration / len(controls), ACCURACY, rk4)
     except ProblemError:
         return MOST_SUBSTEPS
     return min(MOST_SUBSTEPS, max(1, found // 2))

@@ -19,7 +19,8 @@ from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem.arguments import distributions_of
 from ensemble_ctrl.problem.arguments.fleets import per_control, radius_of, rates_of, rest_of_start, start_of
 from ensemble_ctrl.problem.ensemble import Ensemble, Member
-from ensemble_ctrl.problem.integrated import ACCURACY, accurate, integrated, needed
+from ensemble_ctrl.problem.integrated import accurate, integrated
+from ensemble_ctrl.problem.uncertainty import NONE, Uncertainty
 from ensemble_ctrl.problem.units import unit_of
 from ensemble_ctrl.systems import ArcSystem, System
 from ensemble_ctrl.systems.integration import Rule, extrapolated
@@ -61,7 +62,9 @@ class Fleet(Ensemble):
     rate_bounds : array_like, shape (n_u,), optional
         Largest change of each command per second, between successive steps; infinite if not given.
     start : mapping of str to float, optional
-        Where all members start, by the names of states; others start at the system's own values, or zero.
+        Where all members start, by the names of states; the others start at the system's own values, or zero.
+    uncertainty : Uncertainty, optional
+        What robots may do beside the model; proofs hold for all of it. By default they follow the model.
 
     Raises
     ------
@@ -89,6 +92,7 @@ class Fleet(Ensemble):
     samples: Mapping[str, Floats] | None
     rate_bounds: Floats | None
     start: Mapping[str, float]
+    uncertainty: Uncertainty
 
     def __init__(
         self,
@@ -103,6 +107,7 @@ class Fleet(Ensemble):
         rate_bounds: ArrayLike | None = None,
         *,
         start: Mapping[str, float] | None = None,
+        uncertainty: Uncertainty | None = None,
     ) -> None:
         expect("fleet.system", system, System).require_complete()
         self._set(
@@ -116,6 +121,7 @@ class Fleet(Ensemble):
         if (lower > upper).any():
             raise ProblemError(f"fleet.input_bounds: low above high: {lower}, {upper}")
         self._set(input_lower=lower, input_upper=upper, rate_bounds=rates_of(system, rate_bounds))
+        self._set(uncertainty=expect("fleet.uncertainty", uncertainty or NONE, Uncertainty).checked(system))
         if samples is not None:
             self._set(samples=ReadOnlyMapping(self.checked_samples(samples)))
         if not system.on_arcs:
@@ -389,10 +395,6 @@ class Fleet(Ensemble):
     ) -> Floats:
         """States by a given number of steps of a rule, finite or not (`ensemble_ctrl.problem.integrated`)."""
         return integrated(self, controls, members, step, substeps, rule)
-
-    def substeps(self, controls: Floats, step: float, accuracy: float = ACCURACY, rule: Rule = extrapolated) -> int:
-        """How many steps of a rule a step of control needs (`ensemble_ctrl.problem.integrated`)."""
-        return needed(self, controls, step, accuracy, rule)
 
 
 __all__ = ["START_COLUMNS", "START_PREFIX", "Fleet", "Member"]

@@ -17,8 +17,9 @@ from ensemble_ctrl.problem.checks import coverage_text
 from ensemble_ctrl.problem.ensemble import Ensemble
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task, units_of_parts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
-from ensemble_ctrl.problem.fleet import START_COLUMNS, START_PREFIX
+from ensemble_ctrl.problem.fleet import START_COLUMNS, START_PREFIX, Fleet
 from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED
+from ensemble_ctrl.problem.uncertainty import POSITION
 from ensemble_ctrl.report.tried import tried
 
 if TYPE_CHECKING:
@@ -97,7 +98,9 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
 
 def _lines(label: str, text: str) -> list[str]:
     """One row; what is proven and the task, which may be as long as they like, are wrapped."""
-    texts = wrap(text, WIDTH - 13, break_long_words=False) if label in ("task", "obstacles", "proven") else [text]
+    texts = (
+        wrap(text, WIDTH - 13, break_long_words=False) if label in ("task", "obstacles", "proven", "errors") else [text]
+    )
     return [f"  {'' if i else label:<11}{text}" for i, text in enumerate(texts)]
 
 
@@ -106,6 +109,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
     problem, d = plan.problem, plan.details
     rows = [
         ("fleet", _fleet(problem)),
+        *([("errors", errors_text(problem.fleet))] if problem.fleet.uncertainty else []),
         ("horizon", f"{problem.duration:g} s in {problem.steps} steps"),
         ("task", str(problem.task)),
         *([("obstacles", coverage_text(problem))] if problem.obstacles else []),
@@ -157,6 +161,26 @@ def _fleet(problem: Problem) -> str:
     place = ", ".join(f"{value:g}" for value in (fleet.position if headed else fleet.start_place))
     turned = f" heading {np.degrees(fleet.heading):.4g} deg" if headed else ""
     return f"{fleet.system.name}, {ranges_text(fleet)}, radius {fleet.radius:g} m, from ({place}){turned}"
+
+
+def errors_text(fleet: Fleet) -> str:
+    """The bounds of the errors of the model."""
+    bounds, system = fleet.uncertainty, fleet.system
+    units = dict(zip(system.controls, system.control_units, strict=True))
+    states = {POSITION: "m", **fleet.state_units, **({system.heading_state: "rad"} if system.heading_state else {})}
+    texts = [f"{name} {value:.4g} {_rate(states.get(name, ''))}".rstrip() for name, value in bounds.disturbance.items()]
+    texts += [f"{name} {value:.4g} {units[name]}" for name, value in bounds.actuators.items()]
+    texts += [f"{name} {100 * share:.4g} %" for name, share in bounds.shares.items()]
+    texts += [f"{name} in steps of {value:.4g} {units[name]}" for name, value in bounds.quantisation.items()]
+    texts += [f"{name} varies by {100 * share:.4g} %" for name, share in bounds.varies.items()]
+    texts += [f"{kind} {value:g} s" for kind in ("delay", "jitter") if (value := getattr(bounds, kind))]
+    held = bounds.heading_hold
+    return ", ".join([*texts, *([] if held is None else [f"heading held within {held:g} s"])])
+
+
+def _rate(unit: str) -> str:
+    """The unit of a rate."""
+    return f"{unit}/s" if unit else ""
 
 
 def ranges_text(fleet: Ensemble) -> str:
@@ -222,17 +246,21 @@ def measured(run: Replay | None, unit: str = "m") -> list[tuple[str, str]]:
         )
     bad = int(run.violating.sum())
     if run.shares:
-        looks = f"{run.members} members, {run.substeps} sample{'s' if run.substeps > 1 else ''} per step"
-        rows += [("replay", f"{looks}: {_seen(share)}") for share in run.shares]
+        rows += [("replay", f"{_looks(run)}: {_seen(share)}") for share in run.shares]
         return rows
     rows.append(
         (
             "replay",
-            f"{run.members} members, {run.substeps} sample{'s' if run.substeps > 1 else ''} per step: {bad} violate, "
-            f"{percent(run.satisfied)} % satisfy{_share(run)}",
+            f"{_looks(run)}: {bad} violate, {percent(run.satisfied)} % satisfy{_share(run)}",
         )
     )
     return rows
+
+
+def _looks(run: Replay) -> str:
+    """How many members were looked at, how often, and whether they were disturbed."""
+    members = f"{run.members} members{', each with a sampled disturbance' if run.disturbed else ''}"
+    return f"{members}, {run.substeps} sample{'s' if run.substeps > 1 else ''} per step"
 
 
 def minimum_time(found: dict[str, Any] | None) -> list[tuple[str, str]]:
@@ -273,7 +301,8 @@ def proven(problem: Problem, certificate: Certificate | None) -> list[tuple[str,
         return [("proven", NOTHING_REQUIRED)]
     units = units_of_parts(problem)
     ranges = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in c.ranges.items()]
-    scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant"])
+    bounds = ["every disturbance within the bounds"] if c.uncertainty else []
+    scope = ", ".join([*(f"every {text}" for text in ranges[:1]), *ranges[1:], "every instant", *bounds])
     claims = [f"clearance >= {at_least(c.clearance)} m"] if c.clearances else []
     rest = min((b.proven for b in c.parts if b.share is None), default=None)
     unit = unit_of_task(problem)

@@ -63,7 +63,8 @@ def tubes(problem: Problem, controls: Floats) -> dict[View | None, tuple[Ribbon,
 
     Notes
     -----
-    *Guarantee*: every member of the exact model is inside its slice's area at every instant. A piece of time of a slice
+    *Guarantee*: every member, under every disturbance within the fleet's bounds, is inside its slice's area at every
+    instant. A piece of time of a slice
     is the convex hull of the certificate's enclosures, so the areas are larger than what the fleet needs; how much
     closer the certificate comes by splitting is not shown. The robots' radius is not in it.
     """

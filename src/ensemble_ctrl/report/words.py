@@ -16,6 +16,11 @@ LIMITS = (
     "It is about robots that follow the model exactly. Not covered: sensor noise, model error, rounding in the robot, "
     "and robots that meet each other. It does not say that the plan is the best one."
 )
+LIMITS_OF_BOUNDS = (
+    "It is about robots whose errors stay within the bounds that the problem gives, whatever they do within them. Not "
+    "covered: errors beyond these bounds, rounding in the robot, and robots that meet each other. It does not say that "
+    "the plan is the best one."
+)
 
 UNENCLOSED = (
     "What this page says is about the robots that were replayed, at the times that were looked at, and not about the "
@@ -41,12 +46,14 @@ def certificate_words(problem: Problem, certificate: Certificate | None) -> Word
         return Words(lead, (), hint)
     if certificate.empty:
         return Words(f"{NOTHING_REQUIRED[0].upper()}{NOTHING_REQUIRED[1:]}.", (), LIMITS)
+    limits = LIMITS_OF_BOUNDS if certificate.uncertainty else LIMITS
     units = units_of_parts(problem)
     bounds = tuple(_bounds(certificate, units))
     ranges, when = _ranges(certificate), f"at every instant of the {problem.duration:g} s"
+    when += ", under every disturbance within the bounds" if certificate.uncertainty else ""
     who = f"every robot{ranges}, {when}"
     if certificate.proven == "yes":
-        return Words(f"Proven: {_claim(certificate, who, f'{ranges}, {when}')}.", bounds, LIMITS)
+        return Words(f"Proven: {_claim(certificate, who, f'{ranges}, {when}')}.", bounds, limits)
     if certificate.counter_example is not None:
         c = certificate.counter_example
         amount = length(c.amount, units.get(c.what, "m"))

@@ -47,6 +47,8 @@ class ArcSystem(System):
     heading_from: Literal["x", "y"] = "x"
 
     turns_in_place: ClassVar[bool]
+    monotone: ClassVar[tuple[tuple[float, float], ...]] = ()
+    """Ranges of both commands within which each of `rates` is monotone in each of them; empty if that is not known."""
     states: ClassVar[tuple[str, ...]] = ("x", "y", "heading")
     state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad")
     positions: ClassVar[tuple[str, ...]] = ("x", "y")

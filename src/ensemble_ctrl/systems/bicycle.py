@@ -47,6 +47,7 @@ class Bicycle(ArcSystem):
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((-2.0, 2.0), (-0.6, 0.6))
     command_kind: ClassVar[str] = "drive"
     turns_in_place: ClassVar[bool] = False
+    monotone: ClassVar[tuple[tuple[float, float], ...]] = ((-np.inf, np.inf), (-1.57, 1.57))
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -31,6 +31,7 @@ class Unicycle(ArcSystem):
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((-2.0, 2.0), (-2.0, 2.0))
     command_kind: ClassVar[str] = "twist"
     turns_in_place: ClassVar[bool] = True
+    monotone: ClassVar[tuple[tuple[float, float], ...]] = ((-np.inf, np.inf), (-np.inf, np.inf))
 
     def rates(self, first: Any, second: Any, arrays: Arrays = np) -> tuple[Any, Any]:
         """The commands themselves: speed in m/s and turn rate in rad/s."""

@@ -110,7 +110,7 @@ def defects() -> int:
     centre, half = some._grid()
     c = some._polynomials(centre, half)
     c[:, :, :, 2:] = 0.0
-    found = some._defect(c, centre, half)[:, 0, 0]
+    found = some.defect(c, centre, half)[:, 0, 0]
     h = Fraction(0.7) / COUNT
     truth = [abs(Fraction(c[k, 0, 0, 1, 0]) * 2 / h - Fraction(some.controls[k, 0])) for k in range(COUNT)]
     return sum(t > Fraction(f) for t, f in zip(truth, found.tolist(), strict=True))
@@ -122,7 +122,7 @@ def jumps() -> int:
     centre, half = some._grid()
     c = some._polynomials(centre, half)
     c[1:, 0, 0, 0, 0] -= c[1:, 0, 0, 1:, 0].sum(axis=1) * 0.5  # no longer what the iteration found
-    found, wrong = some._jump(c, centre, half)[:, 0, 0], 0
+    found, wrong = some.jump(c, centre, half)[:, 0, 0], 0
     for k in range(1, COUNT):
         ends = [sum(map(Fraction, row)) for row in c[k - 1, 0, 0].T.tolist()]
         starts = [sum((-1) ** i * Fraction(x) for i, x in enumerate(row)) for row in c[k, 0, 0].T.tolist()]
@@ -180,8 +180,9 @@ def frames() -> int:
 def box(c: Floats) -> Boxes:
     """Boxes with such coefficients, and no radius."""
     n = len(c)
+    none = np.zeros(c.shape[:2])
     return Boxes(
-        PLANE, np.array([0]), c, np.zeros(c.shape[:2]), np.zeros(n, dtype=int), -np.ones(n), np.ones(n),
+        PLANE, np.array([0]), c, none, none, np.zeros(n, dtype=int), -np.ones(n), np.ones(n),
         np.zeros((n, 1)), np.ones((n, 1)),
     )  # fmt: skip
 
@@ -202,7 +203,8 @@ def combinations() -> int:
     """Quantities that are sums of several states."""
     rng = np.random.default_rng(8)
     c, row = rng.uniform(-1, 1, (COUNT, 3, 1, *PLANE.shape)), rng.uniform(-1, 1, (1, 3))
-    some = enclosure.Enclosure(PLANE, c, np.zeros((COUNT, 3, 1)), np.zeros((1, 1)), np.ones((1, 1)), 1, np.array([0]))
+    no = np.zeros((COUNT, 3, 1))
+    some = enclosure.Enclosure(PLANE, c, no, np.zeros((1, 1)), np.ones((1, 1)), 1, np.array([0]), no)
     found = Boxes.of(some, row, np.arange(COUNT), -np.ones(COUNT), np.ones(COUNT))
     truth = [sum(Fraction(row[0, s]) * exact(c[k])[s] for s in range(3)) for k in range(COUNT)]
     pairs = zip(exact(found.c), truth, found.pad[:, 0].tolist(), strict=True)
@@ -228,7 +230,8 @@ def distances() -> int:
     c[:, 0, 0, 0] = rng.uniform(100, 300, COUNT)
     c[:, 1, 0, 0] = rng.uniform(500, 900, COUNT)
     ends = np.zeros((1, 1)), np.ones((1, 1))
-    none = enclosure.Enclosure(PLANE, 0 * c[:1, :, None], np.zeros((1, 2, 1)), *ends, 1, np.array([0]))
+    no = np.zeros((1, 2, 1))
+    none = enclosure.Enclosure(PLANE, 0 * c[:1, :, None], no, *ends, 1, np.array([0]), no)
     prover = Prover(none, np.eye(2), ("p",), -np.ones(1), np.ones(1), 1.0, 1)
     low, _ = prover._bounds(box(c), slope, None, Bound("it", -np.inf, -np.inf, {}, 0.0))
     places = [tuple(map(Fraction, place)) for place in c[:, :, 0, 0].tolist()]

@@ -21,7 +21,7 @@ That is more than all roundings of a time in up to 800,000 pieces, and lets piec
 matrices.
 """
 
-ROWS = ("c", "pad", "piece", "begin", "end", "centre", "half")
+ROWS = ("c", "pad", "off", "piece", "begin", "end", "centre", "half")
 """The fields of `Boxes` with a row for each box."""
 
 
@@ -38,6 +38,8 @@ class Boxes:
         Coefficients on the box, scaled to [-1, 1] in time and in each parameter.
     pad : ndarray, shape (boxes, quantities)
         Every member is within it of the polynomial.
+    off : ndarray, shape (boxes, quantities)
+        What of it is for errors of the model.
     piece : ndarray of int, shape (boxes,)
         The piece of time.
     begin, end : ndarray, shape (boxes,)
@@ -50,6 +52,7 @@ class Boxes:
     wide: Ints
     c: Floats
     pad: Floats
+    off: Floats
     piece: Ints
     begin: Floats
     end: Floats
@@ -70,9 +73,10 @@ class Boxes:
         size = np.einsum("qs,ksctp->kcq", weights, np.abs(enclosure.c[piece])).reshape(shape)
         pad = np.einsum("qs,ksc->kcq", weights, enclosure.radius[piece]).reshape(shape)
         pad = (pad + (rows.shape[1] + 4) * UNIT * size) * UP
+        off = np.einsum("qs,ksc->kcq", weights, enclosure.radius[piece] - enclosure.model[piece]).reshape(shape) / UP
         cell = [np.tile(part, (len(piece), 1)) for part in (enclosure.centre, enclosure.half)]
         all_ = np.repeat(piece, cells), -np.ones(shape[0]), np.ones(shape[0])
-        whole = cls(enclosure.basis, enclosure.wide, c, pad, *all_, *cell)
+        whole = cls(enclosure.basis, enclosure.wide, c, pad, off, *all_, *cell)
         return whole._in_time(np.repeat(begin, cells), np.repeat(end, cells))
 
     def where(self, mask: NDArray[np.bool_] | Ints) -> Boxes:

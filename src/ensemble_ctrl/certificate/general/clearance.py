@@ -74,6 +74,7 @@ class Prover:
     duration: float
     steps: int
     boxes: int = field(default=0)
+    goal: float = field(default=np.inf)
 
     def bound(
         self,
@@ -98,8 +99,10 @@ class Prover:
 
         Notes
         -----
-        *Guarantee*: `Bound.proven` is never above the distance of any member at any instant of the spans.
+        *Guarantee*: `Bound.proven` is never above the distance of any member at any instant of the spans. What is
+        seen is of members that follow the model; boxes are halved until their bound meets that less its errors.
         """
+        self.goal = np.inf
         boxes = self._first(spans)
         enough += radius
         proven, best, spent = np.inf, Bound(name, -np.inf, np.inf, {}, np.nan), 0
@@ -109,7 +112,7 @@ class Prover:
             # branch and bound: boxes whose bound is below the smallest distance seen are halved
             low, best = self._bounds(boxes, obstacle, motion, best)
             sizes = boxes.sizes()
-            open_ = (low < min(best.sampled - TIGHT, enough)) & (sizes.max(axis=1) > SMALLEST)
+            open_ = (low < min(self.goal - TIGHT, enough)) & (sizes.max(axis=1) > SMALLEST)
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
             if spent > NUMBERS or not open_.any():
                 proven = min(proven, float(low.min()))
@@ -162,8 +165,8 @@ class Prover:
             spread = (np.abs(along).sum(axis=(1, 2)) + (np.abs(normal) * pad).sum(axis=1)) * UP
             gap = first - spread - (normal @ obstacle.vertices.T).max(axis=1) - 4 * rounding
             low = np.maximum(low, gap - 8 * UNIT * np.abs(gap))
-        # members in the middle and at the closest place: distances with the radius in their favour
-        away = np.linalg.norm(pad, axis=1) + 2 * rounding
+        # members in the middle and at the closest place: distances with the model's radius in their favour
+        away = np.linalg.norm(np.maximum(pad - boxes.off, 0.0), axis=1) + 2 * rounding
         for ends in (np.zeros_like(closest), closest):
             best = self._seen(boxes, obstacle, motion, ends, away, best)
         return np.where(np.isnan(low), -np.inf, low), best
@@ -199,7 +202,15 @@ class Prover:
         begin, end = self._times(boxes)[1:]
         times = (begin + end) / 2 + ends[:, 0] * (end - begin) / 2
         moved = 0.0 if motion is None else motion.at(times)
-        seen = obstacle.distance(boxes.at(ends[:, 0], ends[:, 1:]) - moved) + away
+        places = boxes.at(ends[:, 0], ends[:, 1:]) - moved
+        seen = obstacle.distance(places) + away
+        if boxes.off.any():
+            # |n| off, along the direction n from the nearest place
+            apart = np.abs(places - _nearest(obstacle.edges, places))
+            lost = (apart * boxes.off).sum(axis=1) / np.maximum(np.linalg.norm(apart, axis=1), 1e-300)
+            self.goal = min(self.goal, float((seen - lost).min()))
+        else:
+            self.goal = min(self.goal, float(seen.min()))
         k = last_lowest(seen)
         if not seen[k] < best.sampled - ALIKE:
             return best

@@ -22,13 +22,16 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.errors import NotSmooth, Unenclosed, take_refusal
 from ensemble_ctrl.certificate.general.basis import UNIT, UP, Basis
-from ensemble_ctrl.certificate.general.gradients import Gradient, down, up
-from ensemble_ctrl.certificate.general.growth import Jacobian, radii
+from ensemble_ctrl.certificate.general.disturbed import disturbed
+from ensemble_ctrl.certificate.general.gradients import up
+from ensemble_ctrl.certificate.general.growth import radii
+from ensemble_ctrl.certificate.general.jacobian import jacobian
 from ensemble_ctrl.certificate.general.models import Model
 from ensemble_ctrl.certificate.general.picard import approximate
 from ensemble_ctrl.certificate.general.start import Start
 
 if TYPE_CHECKING:
+    from ensemble_ctrl.problem.uncertainty import Uncertainty
     from ensemble_ctrl.systems import System
 
 
@@ -83,6 +86,8 @@ class Enclosure:
         Pieces of time in one step of control.
     wide : ndarray of int
         The parameters with a width, which the terms of the basis are of.
+    model : ndarray, shape of `radius`
+        The radius for robots that follow the model.
     """
 
     basis: Basis
@@ -92,6 +97,7 @@ class Enclosure:
     half: Floats
     parts: int
     wide: NDArray[np.int64]
+    model: Floats
 
     @property
     def largest(self) -> float:
@@ -99,7 +105,9 @@ class Enclosure:
         return float(self.radius.max(initial=0.0))
 
 
-def enclose(system: System, start: Start, controls: Floats, duration: float) -> Enclosure:
+def enclose(
+    system: System, start: Start, controls: Floats, duration: float, bounds: Uncertainty | None = None
+) -> Enclosure:
     """The enclosure of all members under piecewise constant controls.
 
     Parameters
@@ -109,6 +117,8 @@ def enclose(system: System, start: Start, controls: Floats, duration: float) -> 
     controls : ndarray, shape (steps, n_u)
     duration : float
         Seconds of all steps together.
+    bounds : Uncertainty, optional
+        Errors of the model; none if not given.
 
     Raises
     ------
@@ -126,6 +136,7 @@ def enclose(system: System, start: Start, controls: Floats, duration: float) -> 
     basis = Basis(TIMES, (DEGREES.get(len(wide), FEWEST),) * len(wide))
     pieces = Pieces(system, start, np.asarray(controls, dtype=float), duration, basis, wide, np.ones(len(wide), int), 1)
     best: Enclosure | None = None
+    chosen = pieces
     reason: Unenclosed | None = None
     spent = 0.0
     while pieces.work <= WORK and pieces.parts <= MOST_PARTS:
@@ -139,7 +150,7 @@ def enclose(system: System, start: Start, controls: Floats, duration: float) -> 
         else:
             relative = float((found.radius / pieces.scale(found.c)).max(initial=0.0))
             if best is None or found.largest < best.largest:
-                best = found
+                best, chosen = found, pieces
         last = pieces.basis.doubled.spent - before
         spent += last
         if relative <= WANTED or spent + 2 * last > (SPENT if best is None else BETTER):
@@ -147,7 +158,7 @@ def enclose(system: System, start: Start, controls: Floats, duration: float) -> 
         pieces = pieces.finer()
     if best is None:
         raise reason or Unenclosed(f"{pieces.work:.0e} operations would be needed, more than the {WORK:.0e} allowed")
-    return best
+    return disturbed(chosen, best, bounds) if bounds else best
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +221,7 @@ class Pieces:
         names = ", ".join(self.system.states[k] for k in error.states)
         ends = zip(self.start.names, centre[cell] - half[cell], centre[cell] + half[cell], strict=True)
         members = ", ".join(f"{name} {low:.6g}..{high:.6g}" for name, low, high in ends)
-        begin, end = piece * self._step, (piece + 1) * self._step
+        begin, end = piece * self.step, (piece + 1) * self.step
         depends = f" (it depends on {names})" if names else ""
         return f"{depends} at t = {begin:.4g}..{end:.4g} s" + (f" for {members}" if members else "")
 
@@ -218,17 +229,17 @@ class Pieces:
         """The same for these cells."""
         # proof_systems.md, theorem: |e| <= r < R on every piece, for one of the assumed radii R
         c = self._polynomials(centre, half)
-        self._jacobian(c, 0 * self.scale(c), centre, half)  # what it refuses, it names
-        defect, jump = self._defect(c, centre, half), self._jump(c, centre, half)
+        jacobian(self, c, 0 * self.scale(c), centre, half)  # what it refuses, it names
+        defect, jump = self.defect(c, centre, half), self.jump(c, centre, half)
         if not (np.isfinite(defect).all() and np.isfinite(jump).all()):
             raise Unenclosed("the right-hand side is not a finite number everywhere on the way")
-        step, scale = self._step * UP, self.scale(c)
+        step, scale = self.step * UP, self.scale(c)
         worst: tuple[int, int, int] = (0, 0, 0)
         reason: Unenclosed | None = None
         for assumed in ASSUMED:
             tube = assumed * scale
             try:
-                found = radii(self._jacobian(c, tube, centre, half), _by_cell(defect), _by_cell(jump), step)
+                found = radii(jacobian(self, c, tube, centre, half)[0], by_cell(defect), by_cell(jump), step)
             except NotSmooth:
                 raise
             except Unenclosed as error:
@@ -236,7 +247,7 @@ class Pieces:
                 continue
             radius = found.transpose(0, 2, 1)
             if (radius < tube).all():
-                return Enclosure(self.basis, c, radius, centre, half, self.parts, self.wide)
+                return Enclosure(self.basis, c, radius, centre, half, self.parts, self.wide, radius)
             k, state, cell = np.argwhere(~(radius < tube))[0].tolist()
             worst, reason = (k, state, cell), None
         if reason is not None:
@@ -251,7 +262,7 @@ class Pieces:
         return np.asarray(np.maximum(1.0, size)[None, :, None])
 
     @property
-    def _step(self) -> float:
+    def step(self) -> float:
         """Seconds of a piece."""
         return self.duration / (len(self.controls) * self.parts)
 
@@ -280,7 +291,7 @@ class Pieces:
         psi = {name: np.broadcast_to(np.asarray(psi[name], dtype=float), shape) for name in self.system.parameters}
         controls = np.repeat(self.controls, self.parts, axis=0)
         try:
-            return approximate(self.system, self.basis, self._origin(centre, half), psi, controls, self._step)
+            return approximate(self.system, self.basis, self._origin(centre, half), psi, controls, self.step)
         except Unenclosed:
             raise
         except ERRORS as error:
@@ -302,17 +313,17 @@ class Pieces:
                     found[state, :, self.basis.line(int(np.flatnonzero(self.wide == k)[0]))] += half[:, k]
         return found
 
-    def _defect(self, c: Floats, centre: Floats, half: Floats) -> Floats:
+    def defect(self, c: Floats, centre: Floats, half: Floats) -> Floats:
         """Bounds of ``|x~' - f(x~, u, psi)|``, shape (pieces of time, states, cells)."""
         count, states, cells = c.shape[:3]
         # x~, u and psi as models; pieces of time and cells together are one axis
         flat = c.transpose(1, 0, 2, 3, 4).reshape(states, count * cells, *self.basis.shape)
         x = [Model(self.basis, rows, np.zeros(count * cells)) for rows in flat]
-        rates = self._right_side(
-            x, [Model.of(self.basis, u) for u in self._commands(cells)], self._models(c, centre, half)
+        rates = self.right_side(
+            x, [Model.of(self.basis, u) for u in self.commands(cells)], self._models(c, centre, half)
         )
         found = np.empty((states, count * cells))
-        speed = 2.0 / self._step
+        speed = 2.0 / self.step
         for row, rate, coefficients in zip(found, rates, flat, strict=True):
             # the derivative of the polynomial: whole numbers times coefficients, each right to times + 6 roundings
             slope = np.einsum("jk,bks->bjs", self.basis.derivative, coefficients) * speed
@@ -321,7 +332,7 @@ class Pieces:
             row[:] = (own - rate).size()
         return found.reshape(states, count, cells).transpose(1, 0, 2)
 
-    def _jump(self, c: Floats, centre: Floats, half: Floats) -> Floats:
+    def jump(self, c: Floats, centre: Floats, half: Floats) -> Floats:
         """Bounds of the jumps at the beginnings of all pieces, the first one from the true start; same shape."""
         # T_j(-1) = (-1)^j and T_j(1) = 1: polynomials in s at the beginning and at the end of each piece
         sign = (-1.0) ** np.arange(self.basis.times)
@@ -333,31 +344,7 @@ class Pieces:
         earlier = np.concatenate([np.abs(origin).sum(axis=2)[None], size[:-1]])
         return np.asarray((np.abs(starts - before).sum(axis=3) + (self.basis.times + 8) * UNIT * (size + earlier)) * UP)
 
-    def _jacobian(self, c: Floats, tube: Floats, centre: Floats, half: Floats) -> Jacobian:
-        """Bounds of the Jacobian on every piece over the tube around its polynomial."""
-        count, states, cells = c.shape[:3]
-        # boxes that hold x~(tau, s) +- R: c_00 +- (sum' |c| + R), rounded outwards
-        middle = c[..., 0, 0]
-        away = (np.abs(c).sum(axis=(3, 4)) - np.abs(middle)) * UP + np.abs(middle) * 1e-12 + tube
-        low, high = (a.transpose(1, 0, 2).reshape(states, -1) for a in (down(middle - away), up(middle + away)))
-        x = [Gradient.of(low[i], high[i], states, i) for i in range(states)]
-        commands = [Gradient.of(u, u, states) for u in self._commands(cells)]
-        ends = down(centre - half), up(centre + half)
-        psi = {
-            name: Gradient.of(np.tile(ends[0][:, k], count), np.tile(ends[1][:, k], count), states)
-            for k, name in enumerate(self.start.names)
-        }
-        rates = self._right_side(x, commands, {**self._numbers(x[0]), **psi})
-        # [J_low, J_high]: rows are the derivatives of each rate by all states
-        matrices = [np.empty((count, cells, states, states)) for _ in range(2)]
-        for i, rate in enumerate(rates):
-            for matrix, by in zip(matrices, (rate.low_by, rate.high_by), strict=True):
-                matrix[..., i, :] = by.reshape(states, count, cells).transpose(1, 2, 0)
-        if not all(np.isfinite(matrix).all() for matrix in matrices):
-            raise Unenclosed("the derivative of the right-hand side is not bounded near the way")
-        return Jacobian(*matrices)
-
-    def _commands(self, cells: int) -> list[Floats]:
+    def commands(self, cells: int) -> list[Floats]:
         """Each command on all pieces, shape (pieces of time times cells,)."""
         return [np.repeat(u, self.parts * cells) for u in self.controls.T]
 
@@ -366,7 +353,7 @@ class Pieces:
         # psi_k = c_k + H_k s_k: the constant term and the term that is s_k, without remainder
         count = len(c)
         one = Model.of(self.basis, np.ones(count * len(centre)))
-        found = self._numbers(one)
+        found = self.numbers(one)
         for k, name in enumerate(self.start.names):
             model = one * np.tile(centre[:, k], count)
             if k in self.wide:
@@ -374,11 +361,11 @@ class Pieces:
             found[name] = Model(self.basis, model.c, np.zeros(len(model.c)))
         return found
 
-    def _numbers(self, like: Any) -> dict[str, Any]:
+    def numbers(self, like: Any) -> dict[str, Any]:
         """The parameters that all members share, as numbers of the kind of `like`."""
         return {name: like._constant(value) for name, value in self._fixed().items()}
 
-    def _right_side(self, x: Sequence[Any], u: Sequence[Any], psi: Mapping[str, Any]) -> list[Any]:
+    def right_side(self, x: Sequence[Any], u: Sequence[Any], psi: Mapping[str, Any]) -> list[Any]:
         """The system's own right-hand side on numbers of any kind."""
         known = {name: psi[name] for name in self.system.parameters}
         take_refusal()
@@ -395,6 +382,6 @@ class Pieces:
         return [rate if isinstance(rate, kind) else x[0] * 0.0 + rate for rate in rates]
 
 
-def _by_cell(values: Floats) -> Floats:
+def by_cell(values: Floats) -> Floats:
     """(pieces of time, states, cells) to (pieces of time, cells, states)."""
     return np.ascontiguousarray(values.transpose(0, 2, 1))

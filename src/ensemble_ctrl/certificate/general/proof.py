@@ -59,7 +59,8 @@ class GeneralProof:
     @cached_property
     def enclosure(self) -> Enclosure:
         """Where every member is at every instant."""
-        return enclose(self.problem.fleet.system, self._start, self.controls, self.problem.duration)
+        fleet = self.problem.fleet
+        return enclose(fleet.system, self._start, self.controls, self.problem.duration, fleet.uncertainty)
 
     @cached_property
     def _start(self) -> Start:

@@ -22,8 +22,10 @@ from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.fields import Model
 from ensemble_ctrl.files.config.joint_samples import JointSamples, read_joint_samples
 from ensemble_ctrl.files.config.samples import Columns
+from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection, read_bounds, uncertainty_data
 from ensemble_ctrl.moments import Distribution, Samples
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.uncertainty import NONE, Uncertainty
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
 Data = dict[str, Any]
@@ -108,7 +110,10 @@ class FleetSection(Model):
     """Largest change of each command per second, from each step to the next."""
     radius: f.Margin = 0.0
     """Radius of a robot; what `avoid(...)` names grows by it."""
+    uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
+    """What robots may do beside the model; without it, they follow it exactly."""
     _robots: Columns = PrivateAttr(default_factory=dict)
+    _bounds: Uncertainty = PrivateAttr(default=NONE)
 
     @model_validator(mode="after")
     def _read_joint_samples(self, info: ValidationInfo) -> Self:
@@ -150,6 +155,7 @@ class FleetSection(Model):
             raise FieldError(
                 f"expected a wheelbase for the bicycle only, got one for the {self.model}", path=("wheelbase",)
             )
+        self._bounds = read_bounds(self.uncertainty, system())
         return self
 
     def fleet(self) -> Fleet:
@@ -171,6 +177,7 @@ class FleetSection(Model):
             input_lower=bounds[:, 0],
             input_upper=bounds[:, 1],
             radius=self.radius,
+            uncertainty=self._bounds,
         )
 
 
@@ -220,6 +227,7 @@ def arc_fleet_data(fleet: Fleet) -> Data:
         "input_bounds": dict(zip(system.controls, bounds, strict=True)),
         **({} if fleet.rate_bounds is None else {"rate_bounds": _rate_data(fleet)}),
         "radius": float(fleet.radius),
+        **uncertainty_data(fleet.uncertainty),
     }
 
 

@@ -14,10 +14,12 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.distributions import PlainSection, distribution_data, distribution_of
 from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
+from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection, read_bounds, uncertainty_data
 from ensemble_ctrl.files.config.user_system import BY_ODE, system_class
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import Finding
 from ensemble_ctrl.problem.fleet import START_PREFIX, Fleet
+from ensemble_ctrl.problem.uncertainty import NONE, Uncertainty
 from ensemble_ctrl.systems import SYSTEMS, System
 
 Data = dict[str, Any]
@@ -66,7 +68,10 @@ class SystemFleetSection(f.Model):
     """Largest change of each command per second, from each step to the next."""
     radius: f.Margin = 0.0
     """Radius of a robot; what `avoid(...)` names grows by it."""
+    uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
+    """What robots may do beside the model; without it, they follow it exactly."""
     _system: System = PrivateAttr()
+    _bounds: Uncertainty = PrivateAttr(default=NONE)
 
     @model_validator(mode="after")
     def _of_its_model(self) -> Self:
@@ -84,6 +89,7 @@ class SystemFleetSection(f.Model):
         for name, value in self.start.items():
             if isinstance(value, list) and name != POSITION:
                 raise FieldError(f"expected a number, got {show(value)}", path=("start", name))
+        self._bounds = read_bounds(self.uncertainty, system)
         return self
 
     def fleet(self) -> Fleet:
@@ -109,6 +115,7 @@ class SystemFleetSection(f.Model):
                 radius=self.radius,
                 rate_bounds=np.array(rates) if self.rate_bounds else None,
                 start=self._start_states(),
+                uncertainty=self._bounds,
             )
         except ProblemError as error:
             raise _placed(error, self.parameters) from None
@@ -183,6 +190,7 @@ def system_fleet_data(fleet: Fleet) -> Data:
         "input_bounds": dict(zip(system.controls, bounds, strict=True)),
         **({"rate_bounds": finite} if finite else {}),
         "radius": float(fleet.radius),
+        **uncertainty_data(fleet.uncertainty),
     }
 
 

@@ -52,8 +52,8 @@ def areas(problem: Problem, controls: Floats) -> list[Area]:
 
     Notes
     -----
-    *Guarantee*: every member of the exact model, with any parameters in the fleet's ranges, has its middle in the area
-    of a step, between its heights, at every instant of it; rounding included.
+    *Guarantee*: every member with any parameters in the fleet's ranges, under every disturbance within its bounds, has
+    its middle in the area of a step, between its heights, at every instant of it; rounding included.
     """
     import shapely
 
@@ -88,13 +88,14 @@ def to_geojson(problem: Problem, controls: Floats) -> dict[str, Any]:
     heights = np.array([area.heights for area in steps])
     all_ = Area(whole, (float(heights[:, 0].min()), float(heights[:, 1].max())) if len(places) == 3 else ())
     where = "area" if len(places) < 3 else f"area, {places[2]} between its ends,"
+    follows = "is disturbed within the bounds" if problem.fleet.uncertainty else "follows the model"
     facts = {
         "parameters": {
             name: [distribution.lower, distribution.upper] for name, distribution in problem.fleet.parameters.items()
         },
         "radius": problem.fleet.radius,
         "axes": list(places[:2]),
-        "meaning": f"the middle of every robot that follows the model is in this {where} from t_begin to t_end; metres",
+        "meaning": f"the middle of every robot that {follows} is in this {where} from t_begin to t_end; metres",
     }
     ends = problem.times.tolist()
     features = [_feature("fleet", all_, places, {"t_begin": 0.0, "t_end": problem.duration, **facts})]

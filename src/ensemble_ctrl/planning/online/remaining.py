@@ -57,6 +57,9 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
     if reads_fleet(problem.task):
         message = f"a loop drives one robot, and this speaks of the whole fleet: {problem.task}"
         yield Finding(("task",), message, "say what the robot has to do")
+    if problem.fleet.uncertainty:
+        message = "the proofs of a loop do not count these errors"
+        yield Finding(("fleet", "uncertainty"), message, "what a loop counts of them is said under online")
     if problem.least_duration is not None:
         yield Finding(("horizon", "duration"), "a free duration is not for a loop", "give one, 16 s say")
     if problem.objective.earliest is not None:

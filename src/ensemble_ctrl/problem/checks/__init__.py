@@ -26,6 +26,7 @@ from ensemble_ctrl.problem.checks.reach import reach_findings
 from ensemble_ctrl.problem.checks.support import dimension_findings, support_findings
 from ensemble_ctrl.problem.checks.target import place_findings, target_findings
 from ensemble_ctrl.problem.checks.task import STATES, task_findings, unused_findings
+from ensemble_ctrl.problem.checks.uncertainty import uncertainty_findings
 from ensemble_ctrl.problem.checks.work import building_seconds, spoken, work_findings
 
 if TYPE_CHECKING:
@@ -96,6 +97,7 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
         motion_findings,
         start_findings,
         place_findings,
+        uncertainty_findings,
         reach_findings,
         unused_findings,
         coverage_findings,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, Signals, member_robustness, reads_fleet
 from ensemble_ctrl.problem.evaluation.approach import Approach, Closest
+from ensemble_ctrl.problem.evaluation.disturbed import disturbed, drawn
 from ensemble_ctrl.problem.evaluation.groups import Group, Grouping, StatesGroup, ordered
 from ensemble_ctrl.problem.evaluation.interpolated import ArcCurves
 from ensemble_ctrl.problem.problem import Problem
@@ -57,10 +59,20 @@ class Judge:
         Samples per step, of the distances and of every part of the task.
     members : ndarray, shape (members, parameters), optional
         Whom it will be asked about, if they need not be in the fleet's ranges.
+    dice : int, optional
+        Seed of what disturbs each member within the fleet's bounds; members follow their model if not given.
     """
 
-    def __init__(self, problem: Problem, controls: Floats, substeps: int, members: Floats | None = None) -> None:
-        self.problem, self.fine = problem, np.repeat(np.asarray(controls, dtype=float), substeps, axis=0)
+    def __init__(
+        self,
+        problem: Problem,
+        controls: Floats,
+        substeps: int,
+        members: Floats | None = None,
+        dice: int | None = None,
+    ) -> None:
+        self.problem, self.controls, self.substeps, self.dice = problem, np.asarray(controls, float), substeps, dice
+        self.fine = np.repeat(self.controls, substeps, axis=0)
         self.times = np.linspace(0.0, problem.duration, len(self.fine) + 1)
         specification = problem.specification
         self.approach = Approach(specification.avoid, self.times)
@@ -69,7 +81,7 @@ class Judge:
         self.everyone = [k for k, part in enumerate(specification.parts) if id(part) not in self.chances]
         self.together = any(reads_fleet(part.written) for part in specification.rest)
         self.curves = None
-        if problem.fleet.system.on_arcs and not self.together:
+        if problem.fleet.system.on_arcs and not self.together and dice is None:
             corners = problem.fleet.corners if members is None else members
             self.curves = ArcCurves.of(problem.fleet, self.fine, problem.duration / len(self.fine), corners)
 
@@ -91,7 +103,7 @@ class Judge:
         parts = np.empty((len(self.problem.specification.parts), len(members)))
         grouping = self._grouping(members)
         groups = [np.arange(len(members))] if self.together else list(ordered(members, self.size))
-        if len(groups) > 1 and closest:
+        if len(groups) > 1 and closest and self.dice is None:
             self._probe(members, groups, grouping, closest)
         for here in groups:
             group = grouping(members[here])
@@ -116,6 +128,11 @@ class Judge:
     def _states(self, members: Floats) -> Group:
         """A group of which every state is computed."""
         problem = self.problem
+        if self.dice is not None:
+            # settings of a group follow from its members, whatever the order of the groups
+            seed = [self.dice, crc32(members.tobytes())]
+            settings = drawn(problem.fleet, len(members), len(self.controls), seed)
+            return StatesGroup(problem, disturbed(problem, self.controls, members, settings, self.substeps))
         states = problem.fleet.trajectories(self.fine, members, problem.duration / len(self.fine))
         return StatesGroup(problem, states)
 

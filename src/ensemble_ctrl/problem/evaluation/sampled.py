@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from ensemble_ctrl.constraints.stl import Share
 from ensemble_ctrl.core.values import expect, whole
 from ensemble_ctrl.problem.evaluation.clearance import Clearance
+from ensemble_ctrl.problem.evaluation.disturbed import channels
 from ensemble_ctrl.problem.evaluation.interval import wilson
 from ensemble_ctrl.problem.evaluation.judge import Judge, Judged
 from ensemble_ctrl.problem.fleet import Member
@@ -85,6 +86,8 @@ class Replay:
         How many of the first members are corners of the ranges, or were given; the others were drawn at random.
     shares : tuple of ShareSeen
         One for each part ``share(p, f)`` of the task.
+    disturbed : bool
+        Whether each member was disturbed within the fleet's bounds, by samples of what may disturb it.
     """
 
     parameters: Floats
@@ -96,6 +99,7 @@ class Replay:
     seconds: float
     corners: int = 0
     shares: tuple[ShareSeen, ...] = ()
+    disturbed: bool = False
 
     @property
     def members(self) -> int:
@@ -183,7 +187,9 @@ def replay(
 
     Notes
     -----
-    *Guarantee*: exact for the members and times sampled, and for no others. Memory is bounded, except for a task
+    *Guarantee*: exact for the members and times sampled, and for no others. Members that are drawn are disturbed as
+    `ensemble_ctrl.problem.evaluation.disturbed` draws it, each once: that finds few of the worst disturbances. Members
+    that are given follow their model. Memory is bounded, except for a task
     that reads the fleet as a whole (``mean``, ``share``), for which all members are held at once.
     """
     began = time.perf_counter()
@@ -192,7 +198,9 @@ def replay(
     substeps = whole("substeps", substeps, 1)
     controls = problem.fleet.checked_controls(controls)
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
-    judge = Judge(problem, controls, substeps, drawn)
+    off = parameters is None and bool(channels(problem.fleet))
+    dice = (problem.solve.seed if seed is None else seed) if off else None
+    judge = Judge(problem, controls, substeps, drawn, dice)
     # blocks of bounded memory, but all members at once where mean(f) or share(p, f) is inside of the task
     size = len(drawn) if judge.together else max(1, BLOCK * 160 // (len(controls) * substeps))
     blocks = (drawn[i : i + size] for i in range(0, len(drawn), size))
@@ -213,7 +221,8 @@ def replay(
         np.minimum(robustness, fleet, out=robustness)
         shares.append(_seen(chance.share, random, corners < len(each)))
     seconds, names = time.perf_counter() - began, problem.fleet.names
-    return Replay(drawn, names, robustness, clearances, robustness < 0, substeps, seconds, corners, tuple(shares))
+    violating, shown = robustness < 0, tuple(shares)
+    return Replay(drawn, names, robustness, clearances, violating, substeps, seconds, corners, shown, off)
 
 
 def _seen(part: Share, robustness: Floats, drawn: bool) -> ShareSeen:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.core.values import expect, whole
+from ensemble_ctrl.problem.evaluation.disturbed import channels
 from ensemble_ctrl.problem.evaluation.histogram import Histogram
 from ensemble_ctrl.problem.evaluation.judge import Judge, Judged
 from ensemble_ctrl.problem.evaluation.summary import WORST, ShareCount, Summary, WorstMember
@@ -72,7 +73,8 @@ class Blocks:
         self.problem = problem
         self.seed = whole("seed", problem.solve.seed if seed is None else seed, 0)
         self.substeps = whole("substeps", problem.verify.substeps if substeps is None else substeps, 1)
-        self.judge = Judge(problem, problem.fleet.checked_controls(controls), self.substeps)
+        dice = self.seed if channels(problem.fleet) else None
+        self.judge = Judge(problem, problem.fleet.checked_controls(controls), self.substeps, dice=dice)
         if self.judge.together:
             wanted = "a task that is read for each member, to replay it block by block"
             raise UnsupportedError(f"task: expected {wanted}, got {problem.task}")

@@ -1,0 +1,31 @@
+"""Errors of the model that a problem can't have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ensemble_ctrl.problem.checks.finding import Finding
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.problem.problem import Problem
+
+
+def uncertainty_findings(problem: Problem) -> Iterator[Finding]:
+    """Commands that change places, and commands with their errors beyond what the model is for."""
+    fleet, bounds = problem.fleet, problem.fleet.uncertainty
+    path = ("fleet", "uncertainty")
+    if bounds.jitter > problem.step / 2:
+        message = f"expected at most half a step, {problem.step / 2:g} s, got {bounds.jitter:g} s"
+        yield Finding((*path, "jitter"), message)
+    if not fleet.system.on_arcs or not fleet.arcs.monotone:
+        return
+    ends = np.stack([fleet.input_lower, fleet.input_upper])
+    spread = bounds.command_errors(fleet.system.controls, ends).max(axis=0)
+    for k, (name, (low, high)) in enumerate(zip(fleet.system.controls, fleet.arcs.monotone, strict=True)):
+        if spread[k] and not (low <= ends[0, k] - spread[k] and ends[1, k] + spread[k] <= high):
+            wanted = f"expected {name} with its error within {low:g} to {high:g}"
+            got = f"got {ends[0, k] - spread[k]:g} to {ends[1, k] + spread[k]:g}"
+            yield Finding((*path, "actuators"), f"{wanted}, {got}", "narrow its input_bounds")
