@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem.fleet import Fleet
     from ensemble_ctrl.problem.risk import Risk
     from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget
+    from ensemble_ctrl.problem.uncertainty import Uncertainty
     from ensemble_ctrl.systems import Bicycle, DoubleIntegrator, OdeSystem, Quadrotor, Unicycle
 
 _HOMES = {
@@ -71,6 +72,7 @@ _HOMES = {
     "SolveOptions": "problem",
     "SpreadTarget": "problem.target",
     "TruncatedNormal": "moments",
+    "Uncertainty": "problem.uncertainty",
     "Unicycle": "systems",
     "VerifyOptions": "problem",
     "certify": "certificate",
@@ -122,6 +124,7 @@ __all__ = [
     "SolveOptions",
     "SpreadTarget",
     "TruncatedNormal",
+    "Uncertainty",
     "Unicycle",
     "UnsupportedError",
     "VerifyOptions",
