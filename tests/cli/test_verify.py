@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ensemble_ctrl.api.widening import _Search
 from ensemble_ctrl.files.config import load_text
+from ensemble_ctrl.planning.ranges import Oracle, widened
 
 from .conftest import Command
 from .tools import FAST, SMALL
@@ -228,9 +228,9 @@ def test_compare_prints_one_row_a_guarantee(command: Command, place: Path) -> No
 
 def test_a_range_that_the_checks_refuse_has_no_plan() -> None:
     reported: list[bool] = []
-    search = _Search(load_text(SMALL), lambda _, good: reported.append(good), "traction")
-    assert not search.certified(0.95), "the slowest robot can't be there in time"
-    assert (reported, search.tried, search.failed) == ([False], 1, None)
+    oracle, fleet = Oracle(load_text(SMALL), tell=lambda _, good: reported.append(good)), load_text(SMALL).fleet
+    assert oracle.certified(widened(fleet, {"traction": 0.95})) is None, "the slowest robot can't be there in time"
+    assert (reported, oracle.tried, oracle.failed) == ([False], 1, [])
 
 
 def test_compare_leaves_out_what_is_not_for_the_problem(command: Command, place: Path) -> None:

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from ensemble_ctrl.api.planning import plan
+from ensemble_ctrl.api.planning import judged
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect
 from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.planning.ranges import Oracle, Scaled, furthest, widened
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.evaluation.conflicts import Conflict
+from ensemble_ctrl.problem.evaluation.conflicts import Conflict, conflicts
+from ensemble_ctrl.problem.fleet import Fleet
 
 Tell = Callable[[Interval, bool], None]
 """Called after each range tried, with whether it was certified."""
-
-GROWTH = 1.5
-"""Factor by which the range grows until it is too wide."""
-NARROWEST = 0.05
-"""Smallest factor considered, as a share of the nominal one."""
-FURTHEST = 3.0
-"""Largest offset of a start considered, metres or radians."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,86 +72,36 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
     if not names or parameter not in (None, *names):
         known = ", ".join(names) or "none: all members are equal"
         raise ProblemError(f"parameter: expected one of the fleet's ({known}), got {parameter!r}")
-    search = _Search(problem, tell, parameter or names[0])
-    distribution = search.distribution_of(problem)
-    limit = distribution.center * (1 - NARROWEST) if search.name in problem.fleet.system.parameters else FURTHEST
-    # half widths: certified up to `good`, refused at `bad`
-    good, bad = 0.0, limit
-    half = min(max(distribution.half_width, tolerance), limit)
-    # bracket: halved until one is certified, or grown by GROWTH until one is not
-    if not search.certified(half):
-        bad, half = half, half / 2
-        while half > tolerance / 2 and not search.certified(half):
-            bad, half = half, half / 2
-        good = half if search.best is not None else 0.0
-    else:
-        good = half
-        while good < limit and search.certified(min(good * GROWTH, limit)):
-            good = min(good * GROWTH, limit)
-        bad = min(good * GROWTH, limit)
-    # bisection to the tolerance
-    while search.best is not None and bad - good > tolerance and good < limit:
-        middle = (good + bad) / 2
-        good, bad = (middle, bad) if search.certified(middle) else (good, middle)
-    return search.answer()
+    name = parameter or names[0]
+    own = problem.fleet.parameters[name]
 
-
-@dataclass(eq=False)
-class _Search:
-    """The ranges tried so far: the best plan, and the narrowest failure."""
-
-    problem: Problem
-    tell: Tell | None
-    name: str
-    best: Plan | None = None
-    failed: Plan | None = None
-    tried: int = 0
-
-    def distribution_of(self, problem: Problem) -> Interval:
-        """The range of the parameter that is widened."""
-        distribution = problem.fleet.parameters[self.name]
-        return Interval(distribution.lower, distribution.upper)
-
-    def certified(self, half: float) -> bool:
-        """Whether a certified plan is found for the nominal value give or take `half`."""
+    def fleet(half: float) -> Fleet:
         # the uniform distribution on [nominal - half, nominal + half]
-        nominal, fleet = self.distribution_of(self.problem).center, self.problem.fleet
-        distribution = Interval(nominal - half, nominal + half)
-        try:
-            problem = self.problem.with_(
-                fleet=replace(fleet, parameters={**fleet.parameters, self.name: distribution}),
-                verify=replace(self.problem.verify, certificate=True, members=1000),
-            )
-        except ProblemError:  # so wide that the checks refuse it: there is certainly no plan
-            self.tried += 1
-            if self.tell:
-                self.tell(distribution, False)
-            return False
-        found = self._plan(problem)
-        good = found.certificate is not None and found.certificate.proven == "yes"
-        self.tried += 1
-        if good:
-            self.best = found
-        elif self.failed is None or half < self.distribution_of(self.failed.problem).half_width:
-            self.failed = found
-        if self.tell:
-            self.tell(distribution, good)
-        return good
+        return widened(problem.fleet, {name: half})
 
-    def _plan(self, problem: Problem) -> Plan:
-        """From the last good plan; where that fails, from routes."""
-        if self.best is not None:
-            found = plan(problem, guess=self.best, check=False)
-            if found.certificate is not None and found.certificate.proven == "yes":
-                return found
-        return plan(problem, check=False)
+    def telling(tried: Fleet, good: bool) -> None:
+        if tell is not None:
+            tell(_range(tried, name), good)
 
-    def answer(self) -> Widest:
-        """What was found."""
-        return Widest(
-            self.distribution_of(self.best.problem) if self.best else None,
-            self.best,
-            self.failed.conflicts() if self.failed else (),
-            self.distribution_of(self.failed.problem) if self.failed else None,
-            self.tried,
-        )
+    search = Scaled(Oracle(problem, tell=telling), fleet)
+    limit = furthest(problem.fleet, name)
+    search.run(min(max(own.half_width, tolerance), limit), limit, tolerance)
+    return _answer(search, name)
+
+
+def _answer(search: Scaled, name: str) -> Widest:
+    """What was found."""
+    best, failed = search.best, None if search.failed is None else search.failed[1].solution
+    return Widest(
+        None if best is None else _range(best.solution.problem.fleet, name),
+        None if best is None else judged(best.solution, best.shortest),
+        () if failed is None else conflicts(failed.problem, failed.controls),
+        None if failed is None else _range(failed.problem.fleet, name),
+        search.oracle.tried,
+    )
+
+
+def _range(fleet: Fleet, name: str) -> Interval:
+    """The range of a parameter."""
+    own = fleet.parameters[name]
+    return Interval(own.lower, own.upper)

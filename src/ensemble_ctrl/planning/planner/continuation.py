@@ -31,7 +31,7 @@ ITERATIONS = 80
 """Iterations of each solve: one that succeeds takes 15 to 65."""
 STEPS = 64
 """The grid has at least this many steps: on coarser ones too much happens between them."""
-HOPELESS = 0.3
+HOPELESS = 0.2
 """Metres that the controls may be short of a proof for another round to be worth while."""
 PROGRESS = 0.7
 """Part of what was missing to a proof that may still be missing after another round."""

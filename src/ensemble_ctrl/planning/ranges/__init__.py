@@ -5,7 +5,8 @@ Each range is a problem of its own, and has a plan if that is certified for ever
 
 from ensemble_ctrl.planning.ranges.cover import Cover
 from ensemble_ctrl.planning.ranges.oracle import Found, Oracle, Tell
-from ensemble_ctrl.planning.ranges.parts import part, places, robots
+from ensemble_ctrl.planning.ranges.parts import furthest, part, places, robots, widened
+from ensemble_ctrl.planning.ranges.scaled import Scaled
 from ensemble_ctrl.planning.ranges.search import largest
 
-__all__ = ["Cover", "Found", "Oracle", "Tell", "largest", "part", "places", "robots"]
+__all__ = ["Cover", "Found", "Oracle", "Scaled", "Tell", "furthest", "largest", "part", "places", "robots", "widened"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,11 @@ from ensemble_ctrl.moments import Distribution, Interval, Samples
 from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
+
+NARROWEST = 0.05
+"""Smallest value of a parameter of the system considered, as a share of the nominal one."""
+FURTHEST = 3.0
+"""Largest offset of a start considered, metres or radians."""
 
 
 def places(fleet: Fleet, name: str, ticks: int) -> Floats:
@@ -59,3 +65,15 @@ def robots(fleet: Fleet) -> int | None:
         if distribution.measured is not None and not counts
     ]
     return counts[0] if counts else None
+
+
+def widened(fleet: Fleet, halves: Mapping[str, float]) -> Fleet:
+    """The same fleet with uniform distributions of some parameters, of these half widths around their middles."""
+    middles = {name: fleet.parameters[name].center for name in halves}
+    own = {name: Interval(middles[name] - half, middles[name] + half) for name, half in halves.items()}
+    return fleet.with_distributions({**fleet.parameters, **own})
+
+
+def furthest(fleet: Fleet, name: str) -> float:
+    """The largest half width of a parameter that is considered, in its own unit."""
+    return fleet.parameters[name].center * (1 - NARROWEST) if name in fleet.system.parameters else FURTHEST
