@@ -28,7 +28,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "problem.fleet",
         "problem.checks, problem.drawing, problem.specification",
         "problem.problem",
-        "problem.renamed",
+        "problem.renamed, problem.plain",
         "problem.bounds",
         "problem.evaluation",
         "ocp",

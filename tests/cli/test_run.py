@@ -19,7 +19,10 @@ from ensemble_ctrl.cli.app import invoke
 from .conftest import Command
 from .tools import SMALL, environment, process
 
-DATA = {"certificate.json", "controls.csv", "plan.npz", "problem.yaml", "provenance.json", "solver.log", "summary.json"}
+DATA = {
+    *("certificate.json", "controls.csv", "plan.npz", "problem.yaml", "proof_input.json", "provenance.json"),
+    *("solver.log", "summary.json"),
+}
 FIGURES = {"trajectories.png", "controls.png", "routes.png"}
 
 

@@ -16,11 +16,12 @@ from ensemble_ctrl.certificate import as_data, claim
 from ensemble_ctrl.core.plain import to_json as to_json
 from ensemble_ctrl.core.storage import put_file, read_regular
 from ensemble_ctrl.core.version import __version__
-from ensemble_ctrl.files.config import dump
+from ensemble_ctrl.files.config import dump, to_data
 from ensemble_ctrl.files.config.system_section import source_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task
 from ensemble_ctrl.problem.evaluation.sampled import Replay
+from ensemble_ctrl.problem.plain import proven_part
 
 SCHEMA = 1
 """Version of ``summary.json`` and of the JSON that the command prints."""
@@ -38,8 +39,16 @@ def write_results(plan: Plan, folder: Path, command: Sequence[str]) -> None:
         put_file(folder / source.name, source.read_bytes())
     if plan.certificate is not None:
         _write_json(folder / "certificate.json", claim(plan.certificate))
+        put_file(folder / "proof_input.json", to_json(proof_input(plan)) + "\n")
     _write_json(folder / "summary.json", summary(plan))
     _write_json(folder / "provenance.json", provenance(plan, command))
+
+
+def proof_input(plan: Plan) -> dict[str, Any]:
+    """What the certificate is about, for `python -m ensemble_ctrl.certificate`."""
+    part = proven_part(to_data(plan.problem))
+    part["horizon"] = {"duration": float(plan.problem.duration), "steps": int(plan.problem.steps)}
+    return {"problem": part, "controls": plan.controls.tolist()}
 
 
 def write_report(plan: Plan, path: Path, folder: Path) -> Path:

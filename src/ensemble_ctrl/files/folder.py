@@ -27,6 +27,7 @@ WRITTEN = frozenset(
         "outcome.json",
         "routes.png",
         "plan.npz",
+        "proof_input.json",
         "problem.yaml",
         "provenance.json",
         "report.html",

@@ -1,0 +1,169 @@
+"""From the plain data of a problem file to what a proof is about: with NumPy and the standard library alone.
+
+`ensemble_ctrl.files.config` reads what people write, with units, defaults and messages. This reads only what
+`ensemble_ctrl.files.config.dump` wrote, for `python -m ensemble_ctrl.certificate`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
+from ensemble_ctrl.constraints.motion import Motion
+from ensemble_ctrl.constraints.stl import Predicate, parse
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.moments import DISTRIBUTIONS, Distribution, Mixture, Samples
+from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.problem import Problem
+from ensemble_ctrl.systems import SYSTEMS, System
+
+Floats = NDArray[np.float64]
+Data = Mapping[str, Any]
+
+SECTIONS = ("name", "fleet", "horizon", "regions", "obstacles", "motions", "task")
+"""What a proof is about; the rest of a problem says how to plan, and how to check."""
+FLEET = ("model", "settings", "wheelbase", "parameters", "samples", "start", "input_bounds", "rate_bounds", "radius")
+"""The keys of a fleet's section that are read here; one with others says more than is proven."""
+
+
+def proven_part(data: Data) -> dict[str, Any]:
+    """The sections of a problem's data that a proof is about."""
+    return {name: data[name] for name in SECTIONS if name in data}
+
+
+def problem_of(data: Data) -> Problem:
+    """A problem without objective and options.
+
+    Parameters
+    ----------
+    data : mapping
+        As `proven_part` gives it.
+
+    Raises
+    ------
+    ProblemError
+        If a section is not of the form that is written, or the model is a system of one's own.
+    """
+    try:
+        fleet = _fleet(data["fleet"])
+        horizon, places = data["horizon"], fleet.places
+        return Problem(
+            name=data["name"],
+            fleet=fleet,
+            duration=float(horizon["duration"]),
+            steps=int(horizon["steps"]),
+            task=parse(data["task"]),
+            regions={name: _region(shape, places) for name, shape in data["regions"].items()},
+            obstacles={name: _obstacle(shapes, places) for name, shapes in data["obstacles"].items()},
+            motions={name: _motion(motion["path"]) for name, motion in data["motions"].items()},
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, ProblemError):
+            raise
+        what = f"{type(error).__name__}: {error}"
+        raise ProblemError(f"expected a problem as it is written beside a certificate, got another ({what})") from None
+
+
+def _fleet(data: Data) -> Fleet:
+    """The fleet of either form of the section."""
+    for name in data:
+        if name not in FLEET:
+            raise ProblemError(f"fleet: expected the keys {', '.join(FLEET)}, got {name!r}")
+    model = data["model"]
+    if not isinstance(model, str) or model not in SYSTEMS:
+        raise ProblemError(f"fleet.model: expected one of {', '.join(SYSTEMS)}, got {model!r}")
+    kind = SYSTEMS[model]
+    start, samples = dict(data["start"]), data.get("samples", {})
+    settings = {name: data[name] for name in ("wheelbase",) if name in data} | dict(data.get("settings", {}))
+    given: dict[str, Any] = {"start": start}
+    if "heading_from" in start:
+        settings["heading_from"] = start["heading_from"]
+        given = _on_arcs(start)
+    make: Callable[..., System] = kind
+    system = make(**settings)
+    bounds = np.array([_unbounded(*data["input_bounds"][name]) for name in system.controls])
+    rates = [data.get("rate_bounds", {}).get(name, math.inf) for name in system.controls]
+    columns = {name: np.array(column, dtype=float) for name, column in samples.items()}
+    return Fleet(
+        system,
+        {name: _distribution(one) for name, one in data["parameters"].items()}
+        | {name: Samples(column) for name, column in columns.items()},
+        input_lower=bounds[:, 0],
+        input_upper=bounds[:, 1],
+        radius=float(data["radius"]),
+        samples=columns or None,
+        rate_bounds=np.array(rates) if "rate_bounds" in data else None,
+        **given,
+    )
+
+
+def _unbounded(low: float | None, high: float | None) -> tuple[float, float]:
+    """Bounds; JSON has null for what is infinite."""
+    return -math.inf if low is None else low, math.inf if high is None else high
+
+
+def _on_arcs(start: Data) -> dict[str, Any]:
+    """Position and heading; the latter counts from +x, counter-clockwise."""
+    own = float(start["heading"])
+    heading = own if start["heading_from"] == "x" else math.pi / 2 - own
+    return {"position": np.array(start["position"]), "heading": heading}
+
+
+def _distribution(data: Data) -> Distribution:
+    """One distribution."""
+    if "mixture" in data:
+        return Mixture(*((_distribution(part), float(part["weight"])) for part in data["mixture"]))
+    if "samples" in data:
+        return Samples(data["samples"])
+    kind = DISTRIBUTIONS[data.get("distribution", "uniform")]
+    make: Callable[..., Distribution] = kind
+    given = {**data, **data.get("numbers", {})}
+    return make(*data["range"], *(given[name] for name in kind.numbers))
+
+
+def _region(shape: Data, places: Sequence[str]) -> Polyhedron:
+    """A region from its one form."""
+    if "box" in shape:
+        return Polyhedron.box(shape["box"])
+    if "polygon" in shape:
+        return Polyhedron.polygon(np.array(shape["polygon"]))
+    A, lower = _rows(shape["halfspaces"], places)
+    return Polyhedron(A, lower, np.full(len(lower), np.inf))
+
+
+def _obstacle(shapes: Data | Sequence[Data], places: Sequence[str]) -> tuple[Obstacle, ...]:
+    """An obstacle's convex pieces."""
+    listed = [shapes] if isinstance(shapes, Mapping) else shapes
+    return tuple(_piece(shape, places) for shape in listed)
+
+
+def _piece(shape: Data, places: Sequence[str]) -> Obstacle:
+    """One convex piece from its one form."""
+    kind = Solid if len(places) == 3 else Obstacle
+    if "box" in shape:
+        return kind.box(shape["box"])
+    if "polygon" in shape:
+        return Obstacle.polygon(np.array(shape["polygon"]))
+    return kind(*_rows(shape["halfspaces"], places))
+
+
+def _rows(texts: Sequence[str], places: Sequence[str]) -> tuple[Floats, Floats]:
+    """Inequalities as ``A x >= b``."""
+    parsed = [parse(text) for text in texts]
+    halfspaces = [one for one in parsed if isinstance(one, Predicate)]
+    if len(halfspaces) < len(parsed):
+        raise ProblemError("expected inequalities in the coordinates")
+    coefficients = [dict(one.coefficients) for one in halfspaces]
+    A = np.array([[row.get(state, 0.0) for state in places] for row in coefficients])
+    return A, np.array([0.0 - one.offset for one in halfspaces])
+
+
+def _motion(path: Sequence[Sequence[Any]]) -> Motion:
+    """A displacement over time."""
+    times, offsets = zip(*path, strict=True)
+    return Motion(np.array(times, dtype=float), np.array(offsets, dtype=float))
