@@ -111,7 +111,7 @@ def test_a_certificate_that_claims_more_is_found(saved: Path, tmp_path: Path) ->
 def test_a_fleet_that_says_more_is_refused() -> None:
     data = data_of(ec.load_text(TASK, "task"))
     data["fleet"]["wind"] = 3
-    with pytest.raises(ProblemError, match="^fleet: expected the keys model, .*, got 'wind'$"):
+    with pytest.raises(ProblemError, match=r"^fleet: expected the keys model, .*, got 'wind'$"):
         problem_of(data)
 
 
