@@ -269,7 +269,7 @@ def test_a_proven_guess_is_the_plan_where_nothing_better_is_found(
 ) -> None:
     proven = solve(small()).controls
 
-    def astray(problem: Problem, controls: Floats, truncation: Truncation, *_: object) -> Attempt:
+    def astray(problem: Problem, controls: Floats, truncation: Truncation, *_: object, **__: object) -> Attempt:
         return start(problem, 0 * controls, truncation)
 
     monkeypatch.setattr(coarse_fine, "improve", astray)
@@ -354,16 +354,34 @@ def test_all_routes_are_never_worse_than_one(problem: Callable[[], Problem]) -> 
     assert refined == sorted(r.cost for r in every.routes if r.feasible)[:FINALISTS]
 
 
+def test_only_the_best_route_goes_through_all_coarse_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_workers(monkeypatch, 0)
+    solved: list[tuple[int, int, bool]] = []
+
+    def counting(
+        problem: Problem, controls: Floats, truncation: Truncation, rounds: int, *rest: Any, **more: Any
+    ) -> Any:
+        found = improve(problem, controls, truncation, rounds, *rest, **more)
+        solved.append((len(controls), rounds, found.pending))
+        return found
+
+    monkeypatch.setattr(coarse_fine, "improve", counting)
+    solution = solve(small())
+    check_good(solution, members=101)
+    assert [rounds for _, rounds, _ in solved] == [2, 2, 1, 1]  # both routes, the rest of the best, and the fine solve
+    assert [pending for _, _, pending in solved] == [True, True, False, False]
+
+
 def test_a_process_that_dies_is_a_route_that_failed(monkeypatch: pytest.MonkeyPatch) -> None:
     with_workers(monkeypatch, 2)
     whole = solve(small())
     best = [route.outcome for route in whole.routes].index("kept")
     parent, begun = os.getpid(), [seed.controls for seed in roadmap_guesses(small(), coarse_steps(small()), 2)]
 
-    def dying(problem: Problem, controls: Floats, *rest: Any) -> Any:
+    def dying(problem: Problem, controls: Floats, *rest: Any, **more: Any) -> Any:
         if os.getpid() != parent and np.array_equal(controls, begun[best]):
             os.kill(os.getpid(), signal.SIGKILL)
-        return improve(problem, controls, *rest)
+        return improve(problem, controls, *rest, **more)
 
     monkeypatch.setattr(coarse_fine, "improve", dying)
     solution = solve(small())

@@ -26,7 +26,10 @@ TIGHT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """Controls with what they are worth, to the middle member alone if that is known, and what it took to find them."""
+    """Controls with what they are worth, to the middle member alone if that is known, and what it took to find them.
+
+    `pending` says that another round is expected to lower the cost, and left to whoever chooses between attempts.
+    """
 
     controls: Floats
     value: Value
@@ -38,6 +41,7 @@ class Attempt:
     solve_seconds: float
     pairs: int
     middle: Value | None = None
+    pending: bool = False
 
 
 def improve(
@@ -47,8 +51,10 @@ def improve(
     rounds: int,
     options: SolverOptions,
     watch: Watch | None = None,
+    *,
+    more: bool = False,
 ) -> Attempt:
-    """Solve up to `rounds` times from `controls`, each time around the last solution."""
+    """Solve up to `rounds` times from `controls`, each time around the last solution; `more` rounds may follow."""
     attempt = start(problem, controls, truncation)
     for _ in range(rounds):
         better = _round(problem, attempt, options, watch)
@@ -56,8 +62,8 @@ def improve(
         worse = attempt.value.keeps(0.0) and not (better.value.keeps(0.0) and better.value.cost <= attempt.value.cost)
         attempt = with_work(attempt if worse else better, attempt, better)
         if (finished and attempt.value.keeps(0.0)) or options.left <= 0:
-            break
-    return attempt
+            return attempt
+    return replace(attempt, pending=more)
 
 
 def start(problem: Problem, controls: Floats, truncation: Truncation) -> Attempt:

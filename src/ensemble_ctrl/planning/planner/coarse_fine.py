@@ -21,6 +21,8 @@ from ensemble_ctrl.problem import Problem
 Floats = NDArray[np.float64]
 
 COARSE_ROUNDS, FINE_ROUNDS = 3, 1
+RANKED_AFTER = 2
+"""Coarse rounds after which guesses that keep their constraints are compared: only the best goes through the rest."""
 FINALISTS = 3
 """Coarse solutions that are refined and certified where every route is tried."""
 TAIL_LIMIT = 1e-3
@@ -60,9 +62,19 @@ def _for_fleet(problem: Problem, middle: Attempt, truncation: Truncation) -> Att
 
 
 def _solved(own: Search, controls: Floats, truncation: Truncation) -> Attempt:
-    """A few rounds of the coarse program."""
+    """Rounds of the coarse program: all of them, or those that tell which attempts are worth more."""
     options, watch = own.options(1e-2, 1e-3), own.watch("coarse solve")
-    return improve(own.problem, controls, truncation, COARSE_ROUNDS, options, watch)
+    begun = improve(own.problem, controls, truncation, RANKED_AFTER, options, watch, more=True)
+    return begun if begun.value.keeps(0.0) else completed(own, begun)
+
+
+def completed(own: Search, begun: Attempt) -> Attempt:
+    """The rounds of the coarse program that are pending."""
+    if not begun.pending or own.over():
+        return begun
+    options, watch, rounds = own.options(1e-2, 1e-3), own.watch("coarse solve"), COARSE_ROUNDS - RANKED_AFTER
+    after = improve(own.problem, begun.controls, begun.truncation, rounds, options, watch)
+    return with_work(after, begun, after)
 
 
 def finalists(problem: Problem, solved: list[Attempt]) -> list[int]:
@@ -121,6 +133,7 @@ def fine(search: Search, found: Attempt, problem: Problem) -> Attempt:
 
 def _on_own_grid(found: Attempt, problem: Problem, search: Search) -> Attempt:
     """The problem's own grid and order, started from what was found before on that grid."""
+    found = completed(search, found)
     controls = refined(found.controls, problem.steps)
     # one more moment while the truncated curve is further than TAIL_LIMIT from the true one
     truncation = replace(choose(problem, controls), within=found.truncation.within)
