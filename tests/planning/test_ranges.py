@@ -19,6 +19,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.moments import Interval, Samples
 from ensemble_ctrl.planning.ranges import Cover, Oracle, largest, part, places, robots
+from ensemble_ctrl.planning.ranges.bound import _arcs, _meetings, apart
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
@@ -210,3 +211,50 @@ def test_a_part_that_the_checks_refuse_has_no_plan_and_is_not_solved() -> None:
     slow = whole.fleet.with_distributions({"traction": Interval(0.01, 0.02)})
     assert oracle.certified(slow) is None
     assert oracle.failed == []
+
+
+def test_members_that_can_not_share_a_control_bound_the_channels_from_below() -> None:
+    found = gate()
+    assert found.lower_bound == 2 == len(found.channels)
+    first, second = (member["mass"] for member in found.apart)
+    assert second / first > 2.3 / 1.7  # the goal, seen from the start
+    wide = load_text(GATE.replace("[1.0, 1.7]", "[1.0, 4.0]"))
+    assert len(apart(wide)) == 1 + int(np.log(4.0) / np.log(2.3 / 1.7))
+
+
+def test_nothing_is_proven_where_members_may_come_one_after_the_other_or_turn_freely() -> None:
+    assert len(apart(load_text(GATE.replace("G[3.5, 4]", "F[3.5, 4]")))) == 1
+    assert len(apart(problem(traction=Interval(0.5, 1.7)))) == 1
+
+
+SLOW_TURNS = UNICYCLES.replace("horizon", "  input_bounds: {v: [0, 2], omega: [-0.05, 0.05]}\nhorizon")
+SLOW_TURNS = SLOW_TURNS.replace("[1.0, 1.7]", "[0.5, 1.5]")
+
+
+@given(st.integers(0, 10**6))
+@examples(40)
+def test_no_random_control_brings_two_members_closer_than_the_bound_says(seed: int) -> None:
+    whole, rng = load_text(SLOW_TURNS), np.random.default_rng(seed)
+    fleet = whole.fleet
+    controls = rng.uniform(fleet.input_lower, fleet.input_upper, (whole.steps, 2))
+    pair = np.sort(rng.uniform(0.5, 1.5, (2, 1)), axis=0)
+    meeting = next(iter(_meetings(whole)))
+    relation = _arcs(whole, meeting, pair)
+    assert relation is not None
+    factor, start, image, error = relation
+    at = round(meeting.begin / whole.step)
+    one, other = fleet.trajectories(controls, pair, whole.step)[:, at, :2]
+    assert np.linalg.norm(other - image - factor * (one - start)) <= error + 1e-12
+
+
+def test_robots_that_turn_slowly_can_not_share_a_control() -> None:
+    members = apart(load_text(SLOW_TURNS))
+    assert len(members) >= 2
+    ratio = members[1]["traction"] / members[0]["traction"]
+    assert ratio > 2.3 / 1.7
+
+
+def test_measured_members_are_compared_as_they_are() -> None:
+    whole = load_text(GATE)
+    rows = whole.with_(fleet=whole.fleet.with_distributions({"mass": Samples([1.0, 1.2, 2.0, 2.1])}))
+    assert [member["mass"] for member in apart(rows)] == [1.0, 2.0]

@@ -59,13 +59,22 @@ class Channels:
     missed : dict of str to Interval, or None
         Where it could not be covered, a part of the fleet that no plan was found for or that is left over when no more
         channels are allowed.
+    apart : tuple of dict of str to float
+        Members of which no two can share a control, proven from how far one control can take them
+        (`ensemble_ctrl.planning.ranges.bound`); one where nothing is proven.
     tried : int
         Parts of the fleet that a plan was searched for.
     """
 
     channels: tuple[Channel, ...]
     missed: dict[str, Interval] | None
+    apart: tuple[dict[str, float], ...]
     tried: int
+
+    @property
+    def lower_bound(self) -> int:
+        """No fewer channels are enough, however the fleet is grouped."""
+        return len(self.apart)
 
     @property
     def clearance(self) -> float:
@@ -110,8 +119,8 @@ def channels(
 
     Notes
     -----
-    *Guarantee*: every plan is certified for all members of its group, and every member is in a group. That no fewer
-    channels are enough is not proven.
+    *Guarantee*: every plan is certified for all members of its group, and every member is in a group. No fewer
+    than `Channels.lower_bound` channels are enough; between that and the number found, nothing is proven.
 
     The distribution within a group of a range is uniform; measured robots stay as they are.
 
@@ -133,7 +142,7 @@ def channels(
     missed = None if found.missed is None else _ranges(found.missed)
     groups = found.groups if missed is None else ()
     plans = (judged(group.solution, group.shortest, progress=progress) for group in groups)
-    return Channels(tuple(Channel(plan) for plan in plans), missed, found.tried)
+    return Channels(tuple(Channel(plan) for plan in plans), missed, found.apart, found.tried)
 
 
 def _ranges(fleet: Fleet) -> dict[str, Interval]:

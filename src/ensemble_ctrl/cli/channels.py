@@ -18,6 +18,7 @@ from ensemble_ctrl.files.folder import ResultsFolder
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.report.text import member_text
 
 ENDS = "stopping; nothing is kept"
 """What a signal does."""
@@ -107,9 +108,20 @@ def _lines(problem: Problem, found: Channels, placed: Path | None) -> Iterator[s
         count = len(found.channels)
         yield f"{problem.name}: {count} broadcast channel{'s' * (count != 1)}, each certified for its group"
         yield from (_line(k, channel) for k, channel in enumerate(found.channels))
-    yield f"  tried      {found.tried} groups; that no fewer channels are enough is not proven"
+    yield f"  bound      {_bound_text(found)}"
+    yield f"  tried      {found.tried} groups"
     if placed is not None:
         yield f"  files      {placed}/{name_of(0)} ..: a plan for each, to verify by itself"
+
+
+def _bound_text(found: Channels) -> str:
+    """What is proven of how many channels are needed."""
+    least = found.lower_bound
+    if least == 1:
+        return "that no fewer channels are enough is not proven"
+    members = "; ".join(member_text(member) for member in found.apart)
+    ending = ", so no fewer are enough" if least == len(found.channels) else ""
+    return f"at least {least} channels are needed{ending}: no two of these members can share one: {members}"
 
 
 def _line(k: int, channel: Channel) -> str:
@@ -160,4 +172,5 @@ def _as_data(problem: Problem, found: Channels) -> dict[str, object]:
         for k, channel in enumerate(found.channels)
     ]
     missed = None if found.missed is None else _ends(found.missed)
-    return {"schema": SCHEMA, "name": problem.name, "channels": rows, "missed": missed, "tried": found.tried}
+    bound = {"lower_bound": found.lower_bound, "apart": list(found.apart)}
+    return {"schema": SCHEMA, "name": problem.name, "channels": rows, "missed": missed, **bound, "tried": found.tried}

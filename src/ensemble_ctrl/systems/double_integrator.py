@@ -42,6 +42,10 @@ class DoubleIntegrator(System):
         half = step * step / 2
         return [px + step * vx + half * ax, py + step * vy + half * ay, vx + step * ax, vy + step * ay]
 
+    def gain(self, psi: Mapping[str, float]) -> float:
+        """Forces move a mass by their double integral over it."""
+        return 1.0 / psi["mass"]
+
     def check(self, psi: Mapping[str, float]) -> None:
         """The mass is positive."""
         if psi["mass"] <= 0:

@@ -152,6 +152,13 @@ class System:
         """The command that costs no effort, such as the thrust of a hover; zero unless a subclass changes it."""
         return [0.0] * len(self.controls)
 
+    def gain(self, psi: Mapping[str, float]) -> float | None:
+        """The member's factor k, not 0, where commands move it by k times what they move every other one; None here.
+
+        That is, the position is the free motion, under zero commands, plus k c(t) with the same c for all members.
+        """
+        return None
+
     def start(self) -> Mapping[str, float]:
         """States that do not start at zero unless a fleet sets them, such as the scalar part of a quaternion."""
         return {}

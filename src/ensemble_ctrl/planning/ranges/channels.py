@@ -9,6 +9,7 @@ from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.constraints.stl.rewrite import reads_fleet
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.planner import Progress
+from ensemble_ctrl.planning.ranges.bound import apart
 from ensemble_ctrl.planning.ranges.cover import Cover
 from ensemble_ctrl.planning.ranges.oracle import Found, Oracle, Tell
 from ensemble_ctrl.problem import Problem
@@ -25,12 +26,15 @@ class Grouped:
         A certified plan for each, in the order of the parameters; together they are the fleet, if it is covered.
     missed : Fleet or None
         A part of the fleet that no plan was found for, or that more groups would be needed for than allowed.
+    apart : tuple of dict of str to float
+        Members of which no two can share a control: at least as many groups are needed.
     tried : int
         Parts of the fleet tried.
     """
 
     groups: tuple[Found, ...]
     missed: Fleet | None
+    apart: tuple[dict[str, float], ...]
     tried: int
 
 
@@ -55,12 +59,15 @@ def fewest(
     fleet = problem.fleet
     if clearance > 0:  # with radii grown by it, a clearance of 0 is enough
         problem = problem.with_(fleet=fleet.with_(radius=fleet.radius + clearance))
+    members = apart(problem)
+    if len(members) > most:
+        return Grouped((), fleet, members, 0)
     oracle = Oracle(problem, progress, tell)
     cover = Cover(oracle, ticks, most).run()
     groups, missed = tuple(cover.parts), cover.missed
-    if len(_wide(fleet)) == 1 and missed is None and len(groups) > 1 and not oracle.stopped:
+    if len(_wide(fleet)) == 1 and missed is None and len(groups) > len(members) and not oracle.stopped:
         groups = _reduced(oracle, fleet, groups, ticks)
-    return Grouped(tuple(_of(fleet, group) for group in groups), missed, oracle.tried)
+    return Grouped(tuple(_of(fleet, group) for group in groups), missed, members, oracle.tried)
 
 
 def _reduced(oracle: Oracle, fleet: Fleet, groups: tuple[Found, ...], ticks: int) -> tuple[Found, ...]:
