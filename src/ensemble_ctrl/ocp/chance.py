@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.disturbance import growth
 from ensemble_ctrl.ocp.hyperplanes import Hyperplanes, separate
 from ensemble_ctrl.ocp.truncation import Range, Truncation
 from ensemble_ctrl.problem import Problem
@@ -112,8 +113,16 @@ def map_size(problem: Problem, curve: Floats) -> float:
     return float(np.ptp(np.concatenate(corners), axis=0).max())
 
 
-def all_hyperplanes(problem: Problem, truncation: Truncation, curve: Floats, near: float = np.inf) -> Hyperplanes:
-    """Separating hyperplanes for what the fleet, and a share of it, avoids; beyond `near` metres any will do."""
+def all_hyperplanes(
+    problem: Problem, truncation: Truncation, curve: Floats, near: float = np.inf, controls: Floats | None = None
+) -> Hyperplanes:
+    """Separating hyperplanes for what the fleet, and a share of it, avoids; beyond `near` metres any will do.
+
+    Errors of the model under `controls` are in their supports and gaps.
+    """
+    errors = None if controls is None else growth(problem, controls)
+    if errors is not None:
+        return all_hyperplanes(problem, truncation, curve, near + float(errors.within.max())).grown(errors.within)
     shift = problem.fleet.shift
     found = separate(curve, problem.specification.avoid, problem.duration, shift, truncation.parts, near)
     if truncation.within is None:

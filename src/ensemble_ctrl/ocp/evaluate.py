@@ -12,6 +12,7 @@ from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, r
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
 from ensemble_ctrl.ocp.chance import all_hyperplanes, map_size, members_within, required_parts
 from ensemble_ctrl.ocp.cost import CommandCost, Scale, cost
+from ensemble_ctrl.ocp.disturbance import growth, lowered
 from ensemble_ctrl.ocp.hyperplanes import REACH, separate
 from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
@@ -72,14 +73,16 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
         signals = StateSignals(average[None], ("x", "y"), step)
     else:
         signals = _worst(problem, controls, order, None)
+    errors = None if in_moments else growth(problem, controls)
+    signals = lowered(signals, errors)
     formulas, fewer = required_parts(problem, truncation.within)
     of_fleet = not in_moments and any(reads_fleet(part.written) for part in formulas)
-    whole = _fleet(problem, controls) if of_fleet else signals
+    whole = lowered(_fleet(problem, controls), errors) if of_fleet else signals
     values = [
         float(robustness(part.formula, whole if reads_fleet(part.written) else signals, ops)) for part in formulas
     ]
     if fewer:
-        within = _worst(problem, controls, order, truncation.within)
+        within = lowered(_worst(problem, controls, order, truncation.within), errors)
         values += [float(robustness(part.formula, within, ops)) for part in fewer]
     worst = min(values, default=0.0)
     terminal = terminal_cost(problem, controls, order)
@@ -91,7 +94,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
         hyperplanes = separate(mean, avoid, problem.duration, near=near)
     else:
         curve = points(problem, controls, truncation)
-        hyperplanes = all_hyperplanes(problem, truncation, curve, REACH * map_size(problem, curve))
+        hyperplanes = all_hyperplanes(problem, truncation, curve, REACH * map_size(problem, curve), controls)
     # clearance of the hull from separating hyperplanes, a lower bound; the largest change of a command
     gap, excess = float(hyperplanes.gap.min(initial=np.inf)), rate_excess(fleet.rate_bounds, controls, step)
     return Value(cost(aim, effort, terminal, worst, risk), worst, terminal, effort, gap, excess, risk)

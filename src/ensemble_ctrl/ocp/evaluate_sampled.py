@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.ocp.cost import CommandCost, cost
+from ensemble_ctrl.ocp.disturbance import Growth, growth, lowered
 from ensemble_ctrl.ocp.evaluate import Value, rate_excess
 from ensemble_ctrl.ocp.risk import MEMBERS as MEMBERS_AT_RISK
 from ensemble_ctrl.ocp.risk import risk_of
@@ -50,11 +51,13 @@ def with_middle(problem: Problem, controls: Floats) -> tuple[Value, Value]:
     terminal = _terminal(problem, controls) if np.isfinite(states[-1]).all() else 0.0
     risk = _risk(problem, controls) if np.isfinite(states).all() else 0.0
 
+    errors = growth(problem, controls)
+
     def value(seen: Floats, draws: bool) -> Value:
         if not np.isfinite(seen).all():
             return Value(INFINITE, -INFINITE, 0.0, effort, -INFINITE, excess)
-        worst = _robustness(problem, seen[:, ::SUBSTEPS], controls, draws)
-        gap = _gap(problem, seen[..., fleet.place_columns])
+        worst = _robustness(problem, seen[:, ::SUBSTEPS], controls, draws, errors)
+        gap = _gap(problem, seen[..., fleet.place_columns], errors)
         whole = cost(problem.objective, effort, terminal, worst, risk)
         return Value(whole, worst, terminal, effort, gap, excess, risk)
 
@@ -80,24 +83,26 @@ def _spread(parameters: int) -> Floats:
     return np.array(list(product(*[axis] * parameters)), dtype=float).reshape(len(axis) ** parameters, parameters)
 
 
-def _robustness(problem: Problem, states: Floats, controls: Floats, draws: bool) -> float:
+def _robustness(problem: Problem, states: Floats, controls: Floats, draws: bool, errors: Growth | None) -> float:
     """Exact robustness of the task's other parts than avoidance, worst of the members at the grid times."""
     fleet, step = problem.fleet, problem.duration / len(controls)
     formulas = [part.formula for part in problem.specification.parts]
-    signals, ops = StateSignals(states, fleet.states, step), ExactOps()
+    signals, ops = lowered(StateSignals(states, fleet.states, step), errors), ExactOps()
     whole = signals
     if draws and any(map(reads_fleet, formulas)):
         # what speaks of the fleet as a whole is read on members drawn from the distributions
         drawn = fleet.integrated(controls, fleet.sample(FLEET, seed=0), step, 1)
-        whole = StateSignals(drawn, fleet.states, step)
+        whole = lowered(StateSignals(drawn, fleet.states, step), errors)
     values = [float(robustness(part, whole if reads_fleet(part) else signals, ops)) for part in formulas]
     return min(values, default=0.0)
 
 
-def _gap(problem: Problem, paths: Floats) -> float:
+def _gap(problem: Problem, paths: Floats, errors: Growth | None) -> float:
     """Smallest distance, beyond the radius, of any member from what it is to keep out of at the sampled times."""
     times = np.linspace(0.0, problem.duration, paths.shape[1])
-    found = (avoid.distances(paths, times).min(initial=np.inf) for avoid in problem.specification.avoid)
+    # each sample less the growth of its step
+    away = np.zeros(len(times)) if errors is None else np.append(np.repeat(errors.within, SUBSTEPS), errors.within[-1:])
+    found = ((avoid.distances(paths, times) - away).min(initial=np.inf) for avoid in problem.specification.avoid)
     return min(map(float, found), default=np.inf)
 
 

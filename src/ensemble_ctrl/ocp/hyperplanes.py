@@ -12,7 +12,7 @@ they overlap, along the facet that is left soonest.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,10 @@ class Hyperplanes:
         names = ("radius", "active", "normal", "support", "drift", "gap")
         rest = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in names]
         return Hyperplanes(self.parts + other.parts, cell, *rest)
+
+    def grown(self, within: Floats) -> Hyperplanes:
+        """The same for a fleet that grows by so much in each step, metres."""
+        return replace(self, support=self.support + within, gap=self.gap - within)
 
     def nearest(self, points: Floats) -> Floats:
         """Smallest ``n . p`` over a cell's points, relative to the piece, at both ends of each step, (sides, steps)."""

@@ -78,7 +78,7 @@ def _round(problem: Problem, attempt: Attempt, options: SolverOptions, watch: Wa
     curve = points(problem, guess, truncation)
     # rows for pairs within reach, with the truncation error of the guess as margin
     reach = REACH * map_size(problem, curve)
-    hyperplanes = all_hyperplanes(problem, truncation, curve, reach)
+    hyperplanes = all_hyperplanes(problem, truncation, curve, reach, guess)
     missed = tail(problem, guess, truncation) if truncation.hull else 0.0
     in_moments = problem.solve.guarantee == "moment"
     pairs = (hyperplanes.gap < reach) & (not in_moments)

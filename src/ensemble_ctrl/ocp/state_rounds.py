@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.ocp.disturbance import growth
 from ensemble_ctrl.ocp.evaluate_sampled import INFINITE, with_middle
 from ensemble_ctrl.ocp.guesses.registry import Guess
 from ensemble_ctrl.ocp.guesses.restarts import Restart
@@ -75,6 +76,8 @@ class Stage:
             points, self.problem.specification.avoid, self.problem.duration, parts=self.truncation.parts
         )
         in_moments = self.problem.solve.guarantee == "moment"
+        errors = growth(self.problem, iterate.controls)
+        hyperplanes = hyperplanes if errors is None else hyperplanes.grown(errors.within)
         return Avoiding(hyperplanes, hyperplanes.active & (not in_moments))
 
     def alike(self, controls: Floats, states: Floats) -> Iterate:

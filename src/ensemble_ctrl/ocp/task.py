@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Formula, Ops, Predicate, Share, Signals, robustness
 from ensemble_ctrl.core.errors import UnsupportedError
+from ensemble_ctrl.ocp.disturbance import Growth
 from ensemble_ctrl.ocp.program import Block, Build
 
 Floats = NDArray[np.float64]
@@ -130,6 +131,7 @@ class PointSignals:
     of: Reading = "all"
     members: int = 1
     states: tuple[str, ...] = ("x", "y")
+    errors: Growth | None = None
 
     def leaf(self, predicate: Predicate, first: int, last: int) -> Values:
         """One row for each time, shape (1, last - first + 1)."""
@@ -147,7 +149,9 @@ class PointSignals:
         if self.of != "mean":
             # the box of starts takes sum_i |c_i| shift_i from every row but the mean's
             offset -= sum(abs(value) * self.shift[i] for i, value in zip(used, values, strict=True))
-        return _matrix([(Row(k, used, values, offset, self.of),) for k in range(first, last + 1)])
+        # errors of the model take |c| r(t_k) from the row of each time
+        lost = np.zeros(self.steps + 1) if self.errors is None else self.errors.lost(predicate)
+        return _matrix([(Row(k, used, values, offset - float(lost[k]), self.of),) for k in range(first, last + 1)])
 
     def mean(self) -> Signals:
         """The same for the mean member."""
@@ -237,6 +241,7 @@ def task_rows(
     states: tuple[str, ...] = ("x", "y"),
     places: Floats | None = None,
     some: tuple[Sequence[Formula], Floats] | None = None,
+    errors: Growth | None = None,
 ) -> TaskRows:
     """Rows that keep `level` at or below the robustness of every part.
 
@@ -262,13 +267,15 @@ def task_rows(
         Combinations of the points at which rows have to hold; the points themselves if not given.
     some : pair of sequence of Formula and ndarray, optional
         Ground formulas for some members alone, and the matrix from the points to theirs.
+    errors : Growth, optional
+        Errors of the model, which take from every row.
     """
     # for each reading the matrix from variables to the places at which its rows hold
     everybody = np.eye(layout.count) if places is None else places
     readings: dict[Reading, Floats] = {"all": everybody, "mean": mean[None, :]}
     fewer, readings["some"] = ((), everybody) if some is None else some
     guess = GuessValues(curve, readings)
-    signals = PointSignals(layout.steps, step, tuple(shift.tolist()), states=states)
+    signals = PointSignals(layout.steps, step, tuple(shift.tolist()), states=states, errors=errors)
     ops = LevelOps(layout, guess)
     read = [(part, signals) for part in parts] + [(part, replace(signals, of="some")) for part in fewer]
     # the walk over the formula: rows and levels whose minimum is the whole task's robustness

@@ -27,6 +27,7 @@ from ensemble_ctrl.constraints.stl import Mean
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.ocp.chance import required_parts
 from ensemble_ctrl.ocp.cost import CommandCost
+from ensemble_ctrl.ocp.disturbance import growth
 from ensemble_ctrl.ocp.facet_binaries import Choice, binary_blocks
 from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.layout import Numbers
@@ -119,7 +120,7 @@ def transcribe(
     # the level of the whole task, its slack, and a slack for each pair of a side and a step
     level, short = layout.level(), layout.slack(1)
     slack = layout.slack(avoiding.slacks)
-    task, rated = _task(problem, truncation, model, level, step)
+    task, rated = _task(problem, truncation, model, level, step, guess.controls)
     margin = problem.solve.margin + spare[1] if rated else 0.0
     # rows: dynamics, obstacles, task, rates, and level + slack >= margin
     blocks = [
@@ -152,7 +153,7 @@ def transcribe(
 
 
 def _task(
-    problem: Problem, truncation: Truncation, model: Parametrisation, level: int, step: float
+    problem: Problem, truncation: Truncation, model: Parametrisation, level: int, step: float, controls: Floats
 ) -> tuple[TaskRows, bool]:
     """Rows that keep the level below the task's robustness, and whether the task has one."""
     in_moments = problem.solve.guarantee == "moment"
@@ -173,6 +174,7 @@ def _task(
         model.names,
         places,
         (fewer, truncation.inner @ places) if fewer else None,
+        None if in_moments else growth(problem, controls),
     )
     return task, bool(parts or fewer)
 
