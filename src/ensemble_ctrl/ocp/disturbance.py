@@ -106,16 +106,27 @@ def _on_arcs(problem: Problem, controls: Floats) -> Growth:
     if bounds.heading_hold is None:
         off = wait * bounds.delay + np.cumsum(step * turn, axis=1) + late_turn
     else:
-        off = bounds.heading_hold * np.maximum.accumulate(turn, axis=1) + late_turn[:, -1:] * 0.5
+        off = _held(turn, np.diff(late_turn, prepend=0.0, axis=1), step, bounds.heading_hold)
     swept = np.cumsum(step * a * np.abs(v) * np.minimum(off, 2.0), axis=1)
     if bounds.heading_hold is None and len(controls) <= MOST_CHORDS:
         swept = np.minimum(swept, _by_chords(fleet.trajectories(controls, members, step), turn * step, late_turn))
+    # a command may begin early: that of the next step counts, too
+    late = np.concatenate([late[:, 1:], late[:, -1:]], axis=1)
     off_place = drift * bounds.delay + swept + np.cumsum(step * (speed + drift), axis=1) + late
     within = off_place.max(axis=0)
     # a delay counts where times do: in the task, not beside what stands still
     lag = bounds.delay * float(a.max()) * np.abs(v)
     at = np.concatenate([within[:1], within]) + np.concatenate([lag[:1], lag])
     return Growth(within, np.tile(at[:, None], (1, 2)), ("x", "y"), True)
+
+
+def _held(turn: Floats, jumps: Floats, step: float, hold: float) -> Floats:
+    """``e' = -e / tau + D`` with jumps, at the ends of all steps, shape (members, steps)."""
+    kept, found, off = float(np.exp(-step / hold)), np.empty(jumps.shape), np.zeros(len(jumps))
+    for n in range(jumps.shape[1]):
+        off = kept * (off + jumps[:, n]) + (1 - kept) * hold * turn[:, n]
+        found[:, n] = off + jumps[:, n]
+    return found
 
 
 def _by_chords(paths: Floats, turns: Floats, late: Floats) -> Floats:
