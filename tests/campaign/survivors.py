@@ -55,7 +55,7 @@ REASONS: dict[str, str] = {
     "certificate/certify.py:Certificate.__repr__": TOLD,
     "certificate/certify.py:certify: time.perf_counter() - began": TOLD,
     "certificate/certify.py:unproven": "the ranges told with a proof that was not finished, which claims nothing",
-    "certificate/bound.py:nearest_piece: min((b.sampled for b in found), default=np.inf)": FINER,
+    "certificate/bound.py:nearest_piece: min([enough, *(b.sampled for b in found)])": FINER,
     "certificate/certify.py:part_bound": FINER,
     "certificate/certify.py:_share: found.proven > best.proven": CHOICE,
     "certificate/certify.py:_share: best.proven >= 0 ->": CHOICE,

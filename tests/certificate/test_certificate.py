@@ -229,12 +229,36 @@ def five() -> tuple[Problem, Floats]:
 
 def test_five_obstacles_within_a_millimetre_of_the_sampled_minimum(five: tuple[Problem, Floats]) -> None:
     problem, controls = five
-    certificate = certify(problem, controls)
+    certificate = certify(problem, controls, each=True)
     assert certificate.proven == "yes"
     paths = trajectories(problem, controls, problem.fleet.grid(2001), 20)
     for bound, pieces in zip(certificate.clearances, problem.obstacles.values(), strict=True):
         seen = min(piece.distance(paths).min() for piece in pieces)
         assert seen - 1e-3 <= bound.proven <= seen
+
+
+@pytest.mark.parametrize("grow", [0.0, 0.2])
+def test_far_obstacles_are_not_refined_unless_each_is_wanted(five: tuple[Problem, Floats], grow: float) -> None:
+    problem, controls = five
+    rng = np.random.default_rng(3)
+    low = rng.uniform([-4, -3], [9, 8], (60, 2))
+    low = low[np.linalg.norm(low + 0.1 - problem.fleet.position, axis=1) > 0.8]
+    extra = {f"p{k}": (Obstacle.box(np.column_stack([x, x + 0.2]).tolist()),) for k, x in enumerate(low)}
+    fleet = replace(problem.fleet, radius=grow)
+    wide = problem.with_(obstacles={**problem.obstacles, **extra}, fleet=fleet)
+    quick, whole = certify(wide, controls), certify(wide, controls, each=True)
+    assert (quick.clearance, quick.proven) == (whole.clearance, whole.proven)
+    assert (quick.enough, whole.enough) == (0.5, None)
+    far = 0
+    for one, other in zip(quick.clearances, whole.clearances, strict=True):
+        if other.sampled < 0.5:
+            assert one == other
+            continue
+        assert 0.5 <= one.proven <= other.sampled <= other.proven + 1e-3
+        assert one.sampled >= other.proven
+        far += one.proven < other.proven - 0.1
+    assert far > 5
+    assert quick.boxes < whole.boxes / 2
 
 
 def test_a_plan_made_unsafe_by_a_millimetre_is_rejected(five: tuple[Problem, Floats]) -> None:

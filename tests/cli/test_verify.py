@@ -41,6 +41,26 @@ def test_verify_from_the_table_and_the_problem_alone(command: Command, results: 
     assert outcome.data["replay"]["members"] == 50
 
 
+def test_each_obstacle_is_refined_on_demand_and_in_files_that_claim_it(command: Command, results: Path) -> None:
+    far = SMALL.replace("obstacles:\n", "obstacles:\n  far: {box: [[1, 2], [4, 5]]}\n").replace("block)", "obstacles)")
+    (results.parent / "far.yaml").write_text(far)
+    assert command("far.yaml", "-q", "--no-plots", "-o", "far").code == 0
+    quick, each = command("verify", "far", "--json"), command("verify", "far", "--each", "--json")
+    assert (quick.code, each.code) == (0, 0)
+    loose, tight = (one.data["certificate"]["clearances"][0]["proven"] for one in (quick, each))
+    assert 0.5 <= loose < tight < 4
+    claim = json.loads((results.parent / "far/certificate.json").read_text())
+    assert claim["enough"] == 0.5
+    (results.parent / "far/summary.json").unlink()
+    # as releases before wrote it: every obstacle refined, and no word of it
+    old = {name: value for name, value in each.data["certificate"].items() if name in claim and name != "enough"}
+    (results.parent / "far/certificate.json").write_text(json.dumps(old))
+    assert command("verify", "far").code == 0
+    old["clearances"][0]["proven"] += 0.01
+    (results.parent / "far/certificate.json").write_text(json.dumps(old))
+    assert "certificate.json: it says clearances[0].proven" in command("verify", "far").err
+
+
 def test_another_range(command: Command, results: Path) -> None:
     wide = command("verify", "results", "--range", "traction=0.5:1.5")
     assert wide.code == 4

@@ -142,7 +142,7 @@ def test_what_controls_are_worth_is_what_a_replay_finds() -> None:
     given = problem("G avoid(obstacles) and F[5, 6] in(goal) and G vx <= 1.2")
     controls = np.random.default_rng(1).uniform(-0.5, 1, (20, 2))
     value = evaluate(given, controls)
-    run = replay(given, controls, parameters=given.fleet.grid(101), substeps=4)
+    run = replay(given, controls, parameters=given.fleet.grid(101))
     assert value.gap == pytest.approx(min(c.distance for c in run.clearances), abs=0.02)
     assert min(value.gap, value.robustness) == pytest.approx(run.worst[0], abs=0.02)
 

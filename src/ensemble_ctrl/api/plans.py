@@ -131,9 +131,12 @@ class Plan(ReadOnlyArrays):
         draw = Draw(members, seed, substeps, size)
         return replay_on(self.problem, self.controls, draw, cluster or "local", checkpoint=checkpoint, watch=watch)
 
-    def certify(self, ranges: Mapping[str, Distribution] | None = None) -> Certificate:
-        """Prove the plan for every member, or for one of other ranges; see `ensemble_ctrl.certificate`."""
-        return certify(self.problem, self.controls, ranges)
+    def certify(self, ranges: Mapping[str, Distribution] | None = None, *, each: bool = False) -> Certificate:
+        """Prove the plan for every member, or for one of other ranges; see `ensemble_ctrl.certificate`.
+
+        With `each` the bound of every obstacle is refined, and not of the near ones alone.
+        """
+        return certify(self.problem, self.controls, ranges, each=each)
 
     def conflicts(self) -> tuple[Conflict, ...]:
         """What fails, by how much, when and for whom; empty for a good plan."""
@@ -156,7 +159,7 @@ class Plan(ReadOnlyArrays):
         Parameters
         ----------
         kind : {"trajectories", "controls", "moments", "robustness", "clearance", "spread", "certificate"}
-            What to draw. For a certificate the plan is certified if it is not yet.
+            What to draw. For a certificate the plan is certified, each obstacle of its own, if it is not yet.
         ax : matplotlib Axes, optional
             Where to; without it a new figure of pyplot's.
 
@@ -167,8 +170,9 @@ class Plan(ReadOnlyArrays):
         """
         from ensemble_ctrl.report.plot import draw
 
-        needs = expect("kind", kind, str, "a kind of picture") == "certificate" and self.certificate is None
-        return draw(replace(self, certificate=self.certify()) if needs else self, kind, ax)
+        known = self.certificate is not None and self.certificate.enough is None
+        needs = expect("kind", kind, str, "a kind of picture") == "certificate" and not known
+        return draw(replace(self, certificate=self.certify(each=True)) if needs else self, kind, ax)
 
     def animate(self, path: str | Path, seconds: float = 6.0) -> Path:
         """Write the fleet on its way as ``.gif``, or as ``.mp4`` where the program ffmpeg is installed.

@@ -66,12 +66,17 @@ class Search(Protocol):
         """Proven and sampled clearance; what is proven to be further away than `enough` isn't looked at closely."""
 
 
-def nearest_piece(search: Search, avoid: AvoidConstraint, spans: Spans) -> Bound:
+def nearness(search: Search, avoid: AvoidConstraint, spans: Spans) -> float:
+    """About the smallest distance from what is avoided, metres."""
+    return min(search.nearness(piece, spans, avoid.motion) for piece in avoid.pieces) - avoid.radius
+
+
+def nearest_piece(search: Search, avoid: AvoidConstraint, spans: Spans, enough: float = np.inf) -> Bound:
     """The worst piece; those that look nearest come first, so that the others need only be far enough."""
     found: list[Bound] = []
     for piece in sorted(avoid.pieces, key=lambda piece: search.nearness(piece, spans, avoid.motion)):
         # further pieces need a bound above the distance already seen, no tighter one
-        enough = min((b.sampled for b in found), default=np.inf)
+        enough = min([enough, *(b.sampled for b in found)])
         found.append(search.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, enough=enough))
     worst = min(found, key=lambda b: b.sampled)
     return replace(worst, proven=min(b.proven for b in found))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.bound import Bound, nearest_piece
+from ensemble_ctrl.certificate.bound import Bound, nearest_piece, nearness
 from ensemble_ctrl.certificate.clearance import Prover
 from ensemble_ctrl.certificate.enclosure import Flow, Ranged
 from ensemble_ctrl.certificate.errors import Unenclosed
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 SPLITS = (1, 4, 16)
 """Parts into which each step is cut, in turn, until a part of the task is proven or refuted."""
+ENOUGH = 0.5
+"""Metres of clearance beyond which an obstacle's bound is not refined, if another one is nearer."""
 Verdict = Literal["yes", "no", "undecided"]
 
 
@@ -90,6 +92,8 @@ class Certificate:
         Why nothing can be said of any part, in words; empty where there are bounds.
     uncertainty : dict
         Bounds of the errors of the model that the claim is for, as plain data; empty for robots that follow it.
+    enough : float or None
+        Metres: a clearance that is proven to be larger, and larger than the least, is not refined. None if each is.
 
     Notes
     -----
@@ -108,6 +112,7 @@ class Certificate:
     inputs: str
     reason: str = ""
     uncertainty: Mapping[str, Any] = field(default_factory=dict)
+    enough: float | None = None
 
     @property
     def clearance(self) -> float:
@@ -142,7 +147,9 @@ class Certificate:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what overflows proves nothing
-def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Distribution] | None = None) -> Certificate:
+def certify(
+    problem: Problem, controls: Floats, ranges: Mapping[str, Distribution] | None = None, *, each: bool = False
+) -> Certificate:
     """Prove, refute or leave undecided that `controls` are good for every member.
 
     Parameters
@@ -153,6 +160,9 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Distributio
         Broadcast commands.
     ranges : mapping of str to Distribution, optional
         Other ranges than the fleet's for some of its parameters.
+    each : bool
+        Whether to refine the clearance of each obstacle; without it, of one that is proven to be further away than
+        `ENOUGH` and than the nearest one, no more is claimed than that.
 
     Raises
     ------
@@ -173,7 +183,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Distributio
     specification = problem.specification
     chances = {id(chance.part): chance for chance in specification.chance}
     try:
-        clearances = tuple(proof.clearance(avoid) for avoid in specification.avoid)
+        clearances = _clearances(proof, specification.avoid, np.inf if each else ENOUGH)
         parts = tuple(
             proof.share(chances[id(part)]) if id(part) in chances else proof.part(part) for part in specification.parts
         )
@@ -195,6 +205,7 @@ def certify(problem: Problem, controls: Floats, ranges: Mapping[str, Distributio
         fingerprint(problem, controls, distributions),
         reason,
         problem.fleet.uncertainty.data(),
+        None if each or len(clearances) < 2 else ENOUGH,
     )
 
 
@@ -225,8 +236,11 @@ class Proof(Protocol):
     def boxes(self) -> int:
         """Boxes looked at for clearances so far."""
 
-    def clearance(self, avoid: AvoidConstraint) -> Bound:
-        """The clearance from one obstacle or region."""
+    def nearness(self, avoid: AvoidConstraint) -> float:
+        """About the clearance from one obstacle or region, metres."""
+
+    def clearance(self, avoid: AvoidConstraint, enough: float = np.inf) -> Bound:
+        """The clearance from one obstacle or region; one proven to be above `enough` is not refined."""
 
     def part(self, part: TaskPart) -> TaskBound:
         """The robustness of one part of the task."""
@@ -258,9 +272,13 @@ class ArcsProof:
         """Boxes looked at for clearances so far."""
         return self._prover.boxes
 
-    def clearance(self, avoid: AvoidConstraint) -> Bound:
-        """The clearance from one obstacle or region."""
-        return _clearance(self._prover, self.problem, avoid)
+    def nearness(self, avoid: AvoidConstraint) -> float:
+        """About the clearance from one obstacle or region, metres."""
+        return nearness(self._prover, avoid, _spans(self._prover, self.problem, avoid))
+
+    def clearance(self, avoid: AvoidConstraint, enough: float = np.inf) -> Bound:
+        """The clearance from one obstacle or region; one proven to be above `enough` is not refined."""
+        return nearest_piece(self._prover, avoid, _spans(self._prover, self.problem, avoid), enough)
 
     def part(self, part: TaskPart) -> TaskBound:
         """The robustness of one part of the task."""
@@ -282,11 +300,22 @@ PROOFS: dict[str, Callable[[Any, Floats, Mapping[str, Distribution]], Proof]] = 
 """Where bounds come from, by the name of a fleet's enclosure."""
 
 
-def _clearance(prover: Prover, problem: Problem, avoid: AvoidConstraint) -> Bound:
-    """The worst piece of what is avoided."""
+def _clearances(proof: Proof, avoid: Sequence[AvoidConstraint], enough: float) -> tuple[Bound, ...]:
+    """The clearance from each obstacle and region, the nearest first: the others need only be far enough."""
+    near = [proof.nearness(one) for one in avoid]
+    found: dict[int, Bound] = {}
+    for k in np.argsort(near, kind="stable").tolist():
+        # above the least distance seen so far, a bound changes nothing; up to `enough` it is wanted all the same
+        least = min((b.sampled for b in found.values()), default=np.inf)
+        found[k] = proof.clearance(avoid[k], max(least, enough))
+    return tuple(found[k] for k in range(len(avoid)))
+
+
+def _spans(prover: Prover, problem: Problem, avoid: AvoidConstraint) -> Spans:
+    """When something is avoided."""
     # who is late by up to a delay is where others were that long before
     begin = max(0.0, avoid.begin - prover.flow.delay * (1 + 1e-9))
-    return nearest_piece(prover, avoid, Spans.of(begin, avoid.end, problem.duration, prover.flow.steps))
+    return Spans.of(begin, avoid.end, problem.duration, prover.flow.steps)
 
 
 def part_bound(
@@ -322,7 +351,7 @@ def _share(
     for box, mass in boxes(problem, controls, fleet, chance):
         prover = Prover(Flow.of(problem, controls, box), problem.fleet.names, early=True)
         # f for every member of the box, as for a fleet of its own: its mass is a lower bound of the share
-        bounds = [_clearance(prover, problem, avoid).proven for avoid in chance.avoid]
+        bounds = [nearest_piece(prover, avoid, _spans(prover, problem, avoid)).proven for avoid in chance.avoid]
         bounds += [part_bound(problem, controls, box, part, fleet).proven for part in chance.rest]
         found = TaskBound(str(chance.part), min(bounds, default=np.inf), np.inf, {}, share=mass)
         if best is None or found.proven > best.proven:

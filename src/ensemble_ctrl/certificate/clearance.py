@@ -102,6 +102,7 @@ class Prover:
     error: float = field(init=False)
     signs: Floats = field(init=False)
     growth: Floats = field(init=False)
+    _known: dict[bytes, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.flow, self.shift = self.whole.bent(), self.whole.shift()
@@ -322,11 +323,19 @@ class Prover:
         # rounded up, so that both halves cover the box
         half[rows, k] = half[rows, k] * (1 + 1e-12) + UNIT * np.abs(c[rows, k])
         new, index = np.unique(np.concatenate([c - move, c + move]), axis=0, return_inverse=True)
-        index = index.ravel() + len(self.centres)
-        self.centres = np.concatenate([self.centres, new])
-        self.track = self.track.joined(Track.of(self.flow, new))
+        index = self._tracked(new)[index.ravel()]
         twice = [np.concatenate([part, part]) for part in (half, boxes.step, boxes.begin, boxes.end)]
         return Boxes(index, *twice)
+
+    def _tracked(self, centres: Floats) -> Ints:
+        """Indices of centres in the track; those that no obstacle has needed before join it."""
+        keys = [centre.tobytes() for centre in centres]
+        fresh = [k for k, key in enumerate(keys) if key not in self._known]
+        if fresh:
+            self._known.update((keys[k], len(self.centres) + i) for i, k in enumerate(fresh))
+            self.centres = np.concatenate([self.centres, centres[fresh]])
+            self.track = self.track.joined(Track.of(self.flow, centres[fresh]))
+        return np.array([self._known[key] for key in keys], dtype=np.int64)
 
 
 def _moved(motion: Motion | None, times: Floats) -> Floats:

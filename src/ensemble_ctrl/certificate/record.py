@@ -35,6 +35,7 @@ def claim(certificate: Certificate) -> dict[str, Any]:
         "clearance": certificate.clearance,
         "robustness": certificate.robustness,
         "clearances": [asdict(b) for b in certificate.clearances],
+        "enough": certificate.enough,
         "parts": [asdict(b) for b in certificate.parts],
         "reason": certificate.reason,
         "counter_example": None if certificate.counter_example is None else asdict(certificate.counter_example),

@@ -305,13 +305,14 @@ def verify(
     ignore_bounds: Annotated[
         bool, typer.Option("--ignore-bounds", help="Accept commands beyond the input or rate bounds.")
     ] = False,
+    each: Annotated[bool, typer.Option("--each", help="Refine the clearance from every obstacle.")] = False,
     json: Json = False,
     trust: Trust = False,
 ) -> None:
     """Prove a saved plan again from its files alone."""
     from ensemble_ctrl.cli.verify import verify_plan
 
-    raise typer.Exit(verify_plan(plan, parameter_range or [], members, json, ignore_bounds))
+    raise typer.Exit(verify_plan(plan, parameter_range or [], members, json, ignore_bounds, each))
 
 
 @app.command(

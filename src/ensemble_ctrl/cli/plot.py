@@ -35,7 +35,7 @@ def plot_plan(
     for file in files.values():
         require_free(file, overwrite)
     if any(KINDS[kind].proof for kind in wanted):
-        plan = replace(plan, certificate=plan.certify())
+        plan = replace(plan, certificate=plan.certify(each=True))
     if "trajectories" in wanted and plan.problem.report.baseline:
         plan = with_baseline(plan)
     for kind, file in files.items():

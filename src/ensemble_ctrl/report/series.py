@@ -128,8 +128,8 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
     for avoid in problem.specification.avoid:
         closest = least(avoid.distances(paths, times).min(axis=1, initial=np.inf))
         clearances[avoid.name] = np.minimum(clearances.get(avoid.name, np.inf), closest)
-    # rho of each part for every member, at grid times
-    signals = StateSignals(whole[:, ::SUBSTEPS], fleet.states, problem.step)
+    # rho of each part for every member
+    signals = StateSignals(whole, fleet.states, problem.step / SUBSTEPS)
     parts = {
         str(part): least(np.asarray(member_robustness(part.formula, signals, ExactOps()))[:, 0])
         for part in problem.specification.parts

@@ -48,7 +48,7 @@ def test_both_enclosures_hold_each_other(name: str) -> None:
     rng = np.random.default_rng(len(name))
     t = np.linspace(0, 1, problem.steps)
     controls = np.column_stack([0.4 + 0.2 * np.sin(5 * t + rng.random()), 0.3 * np.cos(7 * t + rng.random())])
-    arcs, general = ec.certify(problem, controls), ec.certify(twin(problem), controls)
+    arcs, general = (ec.certify(one, controls, each=True) for one in (problem, twin(problem)))
     assert general.reason == ""
     assert len(arcs.clearances) == len(general.clearances) > 0
     pairs = [(b.proven, b.sampled) for b in arcs.clearances] + [(b.proven, b.sampled) for b in arcs.parts]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.bound import Bound, nearest_piece
+from ensemble_ctrl.certificate.bound import Bound, nearest_piece, nearness
 from ensemble_ctrl.certificate.general.clearance import Prover
 from ensemble_ctrl.certificate.general.enclosure import Enclosure, enclose
 from ensemble_ctrl.certificate.general.start import Start
@@ -90,10 +90,17 @@ class GeneralProof:
         """Boxes looked at for clearances so far."""
         return self._prover.boxes
 
-    def clearance(self, avoid: AvoidConstraint) -> Bound:
-        """The worst piece of what is avoided."""
-        spans = Spans.of(avoid.begin, avoid.end, self.problem.duration, len(self.controls))
-        return nearest_piece(self._prover, avoid, spans)
+    def nearness(self, avoid: AvoidConstraint) -> float:
+        """About the clearance from one obstacle or region, metres."""
+        return nearness(self._prover, avoid, self._spans(avoid))
+
+    def clearance(self, avoid: AvoidConstraint, enough: float = np.inf) -> Bound:
+        """The worst piece of what is avoided; one proven to be further away than `enough` is not refined."""
+        return nearest_piece(self._prover, avoid, self._spans(avoid), enough)
+
+    def _spans(self, avoid: AvoidConstraint) -> Spans:
+        """When something is avoided."""
+        return Spans.of(avoid.begin, avoid.end, self.problem.duration, len(self.controls))
 
     def part(self, part: TaskPart) -> TaskBound:
         """The bound of one part of the task, on finer time where the pieces' bounds stand in the way."""
