@@ -164,7 +164,7 @@ def show(
         "ensemble-plan replay plans/problem",
         "ensemble-plan replay plans/problem --members 1e8 -o replay.json",
         "ensemble-plan replay plans/problem --members 1e7 --substeps 4 --seed 3",
-        "ensemble-plan replay plans/problem --members 1e9 --cluster local --checkpoint blocks.jsonl",
+        "ensemble-plan replay plans/problem --cluster local --checkpoint run.jsonl",
     )
 )
 def replay(
