@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ensemble_ctrl.certificate import Certificate, certify, differences
+from ensemble_ctrl.certificate.record import claims_each
 from ensemble_ctrl.core.errors import EnsembleError, ProblemError
 from ensemble_ctrl.core.storage import read_regular
 from ensemble_ctrl.core.values import numbers
@@ -51,7 +52,8 @@ def checked(folder: Path) -> tuple[Certificate, Any]:
     if not isinstance(given, dict) or not {"problem", "controls"} <= given.keys():
         raise ProblemError(f"{folder / 'proof_input.json'}: expected an object with problem and controls")
     problem = problem_of(given["problem"])
-    return certify(problem, problem.fleet.checked_controls(numbers("controls", given["controls"]))), claimed
+    controls = problem.fleet.checked_controls(numbers("controls", given["controls"]))
+    return certify(problem, controls, each=claims_each(claimed)), claimed
 
 
 def _read(path: Path) -> Any:

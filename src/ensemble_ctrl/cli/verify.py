@@ -14,6 +14,7 @@ import numpy as np
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import SCHEMA, controls_csv, planned, replay_summary, to_json
 from ensemble_ctrl.certificate import EFFORT, Certificate, as_data, differences
+from ensemble_ctrl.certificate.record import claims_each
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.core.errors import ProblemError, RunawayError
@@ -62,15 +63,16 @@ def verify_plan(
     """Print what is proven; returns 0 if all is well, else 4."""
     plan = read_plan(path)
     ranges = dict(_range(text, plan) for text in requested)
-    claims_each = _claims_each(path)
-    certificate = plan.certify(ranges, each=each or claims_each)
+    claim = (path if path.is_dir() else path.parent) / "certificate.json"
+    refined = claim.exists() and claims_each(_read_json(claim))
+    certificate = plan.certify(ranges, each=each or refined)
     run, runaway = None, ""
     try:
         run = _replayed(plan, ranges, members) if members else None
     except RunawayError as error:
         runaway = error.what
     # a file is compared with bounds as refined as its own
-    compared = certificate if claims_each or not each else plan.certify(ranges)
+    compared = certificate if refined or not each else plan.certify(ranges)
     tampered = () if requested else tuple(_disagreements(path, plan, compared))
     beyond = beyond_bounds(plan.problem, plan.controls)
     found = Verified(plan, certificate, run, tampered, bool(requested), beyond, ignore_bounds, runaway)
@@ -141,13 +143,6 @@ def _disagreements(path: Path, plan: Plan, certificate: Certificate) -> list[str
     if (facts := folder / "summary.json").exists():
         found += [f"summary.json: {text}" for text in _of_summary(_read_json(facts), plan, certificate)]
     return found
-
-
-def _claims_each(path: Path) -> bool:
-    """Whether a certificate beside the plan refines the bound of each obstacle, as those of earlier releases do."""
-    file = (path if path.is_dir() else path.parent) / "certificate.json"
-    claimed = _read_json(file) if file.exists() else None
-    return isinstance(claimed, dict) and claimed.get("enough") is None
 
 
 def _cells(table: str) -> list[list[str]]:
