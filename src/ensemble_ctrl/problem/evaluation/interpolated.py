@@ -13,9 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints.stl import Predicate, Signals
-from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.problem.evaluation.chebyshev import coefficients, interpolation_error, points, polynomials
+from ensemble_ctrl.problem.evaluation.group_signals import GroupSignals
 from ensemble_ctrl.problem.evaluation.groups import ROUNDING
 from ensemble_ctrl.problem.fleet import Fleet
 
@@ -90,6 +89,11 @@ class ArcCurves:
         apart = np.abs(self.fleet.coefficients(members)[:, 1] - self.middle)
         return bool((apart <= self.half + 4 * UNIT * abs(self.middle)).all())
 
+    @property
+    def steps(self) -> int:
+        """How many steps there are between the times."""
+        return len(self.table[0, 0]) - 1
+
     @cached_property
     def sizes(self) -> Floats:
         """Length of every coefficient, shape (count, times), metres."""
@@ -157,9 +161,9 @@ class ArcGroup:
         return np.asarray((bent + chord * from_start + moved) * (1 + ROUNDING) + ROUNDING)
 
     @property
-    def signals(self) -> Signals:
+    def signals(self) -> GroupSignals:
         """Coordinates at the times that a formula reads."""
-        return ArcSignals(self)
+        return GroupSignals(self.during, self.curves.fleet.states, self.curves.step, len(self.turn), self.curves.steps)
 
     def places(self, when: Ints) -> Floats:
         """Positions at some of the times."""
@@ -177,47 +181,6 @@ class ArcGroup:
             cos, sin = np.cos(self.turn[0]), np.sin(self.turn[0])
         x, y = curves
         return np.stack([cos * x - sin * y, sin * x + cos * y]) + self.start[:, :, None]
-
-
-class ArcSignals:
-    """Signals of a group of robots on arcs."""
-
-    def __init__(self, group: ArcGroup) -> None:
-        self.group = group
-        self.step = group.curves.step
-        self._places: dict[tuple[int, int], Floats] = {}
-
-    @property
-    def members(self) -> int:
-        """How many members."""
-        return len(self.group.turn)
-
-    @property
-    def steps(self) -> int:
-        """How many steps."""
-        return len(self.group.curves.table[0, 0]) - 1
-
-    def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
-        """Robustness of a predicate at the times first..last, shape (members, last - first + 1)."""
-        terms, offset = predicate.normalised()
-        columns, names = self._during(first, last), self.group.curves.fleet.places
-        result = np.full(columns.shape[1:], float(offset))
-        # rho = c x + offset with |c| = 1
-        for name, value in terms:
-            if name not in names:
-                raise ProblemError(f"formula: expected one of the states {', '.join(names)}, got {name!r}")
-            result += value * columns[names.index(name)]
-        return result
-
-    def mean(self) -> Signals:
-        """A mean is of all members, and not of a group."""
-        raise ProblemError("formula: expected a task that is read for each member, got one with a mean")
-
-    def _during(self, first: int, last: int) -> Floats:
-        """Positions at the times first..last, computed once for all faces of a region."""
-        if (first, last) not in self._places:
-            self._places[first, last] = self.group.during(first, last)
-        return self._places[first, last]
 
 
 def _count(turn: float) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from zlib import crc32
 
 import numpy as np
@@ -14,6 +15,7 @@ from ensemble_ctrl.problem.evaluation.approach import Approach, Closest
 from ensemble_ctrl.problem.evaluation.disturbed import disturbed, drawn
 from ensemble_ctrl.problem.evaluation.groups import Group, Grouping, StatesGroup, ordered
 from ensemble_ctrl.problem.evaluation.interpolated import ArcCurves
+from ensemble_ctrl.problem.evaluation.parametric import ParameterCurves
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.specification import TaskPart
 
@@ -22,6 +24,8 @@ Ints = NDArray[np.int64]
 
 GROUP = 164_000
 """Members times sampled times in one group: its arrays stay in the processor's cache."""
+MANY = 1000
+"""Members from which on polynomials are made of the states of systems that an ODE defines."""
 PROBES = 17
 """Members that are looked at first, for distances that the others need not be compared with."""
 
@@ -80,10 +84,15 @@ class Judge:
         self.approaches = {key: Approach(chance.avoid, self.times) for key, chance in self.chances.items()}
         self.everyone = [k for k, part in enumerate(specification.parts) if id(part) not in self.chances]
         self.together = any(reads_fleet(part.written) for part in specification.rest)
-        self.curves = None
-        if problem.fleet.system.on_arcs and not self.together and dice is None:
-            corners = problem.fleet.corners if members is None else members
-            self.curves = ArcCurves.of(problem.fleet, self.fine, problem.duration / len(self.fine), corners)
+        self.covered = problem.fleet.corners if members is None else members
+
+    @cached_property
+    def curves(self) -> ArcCurves | ParameterCurves | None:
+        """Polynomials that give every member's states, where there are some."""
+        if self.together or self.dice is not None:
+            return None
+        kind = ArcCurves if self.problem.fleet.system.on_arcs else ParameterCurves
+        return kind.of(self.problem.fleet, self.fine, self.problem.duration / len(self.fine), self.covered)
 
     @property
     def size(self) -> int:
@@ -96,7 +105,8 @@ class Judge:
         Notes
         -----
         *Guarantee*: as if every position of every member had been computed, to the error of the positions
-        (`ArcCurves.error` for robots on arcs, `ensemble_ctrl.problem.integrated.ACCURACY` for others).
+        (`ArcCurves.error` for robots on arcs; for others `ensemble_ctrl.problem.integrated.ACCURACY`, and
+        `ensemble_ctrl.problem.evaluation.parametric.ERROR`).
         """
         closest = tuple(Closest() for _ in self.approach.avoid)
         robustness = np.empty(len(members))
@@ -114,8 +124,10 @@ class Judge:
         return Judged(robustness, parts, closest)
 
     def _grouping(self, members: Floats) -> Grouping:
-        """Polynomials where there are some for all of these members, else all states."""
-        return self.curves.group if self.curves is not None and self.curves.covers(members) else self._states
+        """Polynomials where there are some for all of these members and they pay, else all states."""
+        pays = self.problem.fleet.system.on_arcs or len(members) >= MANY
+        curves = self.curves if pays else None
+        return self._states if curves is None or not curves.covers(members) else curves.group
 
     def _probe(self, members: Floats, groups: Sequence[Ints], grouping: Grouping, closest: Sequence[Closest]) -> None:
         """The distances of a few members, both ends of their order among them; who is inside is counted later."""
