@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,7 +65,7 @@ class Stick(ec.OdeSystem):
 
     name, states, positions = "stick", ("x", "v"), ("x",)
     controls, control_units, input_bounds = ("force",), ("N",), ((-5.0, 5.0),)
-    parameters: ClassVar = {"mass": 1.0}
+    parameters = {"mass": 1.0}  # noqa: RUF012
 
     def xdot(self, x: Any, u: Any, psi: Any) -> Sequence[Any]:
         return [x[1], u[0] / psi["mass"] - 0.5 * abs(x[1] - 0.3)]
