@@ -64,7 +64,7 @@ class Broadcast:
                 # a clock that is a millionth of a step early reads the next command, not the last
                 k = int(np.floor((now - begin) / self.step + 1e-6))
                 if 0 <= k < len(rows):
-                    return rows[k]
+                    return np.asarray(rows[k])
         return self.rest
 
     @property
