@@ -42,6 +42,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "api.plans",
         "api.planning",
         "api.channels, api.comparison, api.widening, api.paper, api.results, api.portable",
+        "api.paper_study",
         "api.planned",
         "api.many, api.sweep",
         "cli",

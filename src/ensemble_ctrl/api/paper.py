@@ -52,7 +52,7 @@ class Reproduced:
     status : str
         How the search ended.
     seconds : float
-        Of the search, without replay.
+        Until the plan was found and certified, without replay, and without a run of Bonmin that found nothing.
     iterations : int
         Of IPOPT.
     cost : float
@@ -63,6 +63,8 @@ class Reproduced:
         By how much the worst member fails, metres; 0 if none does.
     proven : str
         The certificate's verdict on the plan, for every member and instant.
+    truncation : float
+        The largest distance between a member and the curve that moments up to the problem's order stand for, metres.
     facets : str
         Where the facets of the published form come from: ``Bonmin``, ``HiGHS``, or nothing where there are none.
     bonmin : str
@@ -85,6 +87,7 @@ class Reproduced:
     violating: int
     depth: float
     proven: str
+    truncation: float
     facets: str = ""
     bonmin: str = ""
     nodes: int = 0
@@ -177,7 +180,7 @@ def reproduce(
         name, robot, form = work[k]
         problem = experiment(name, robot)
         asked = as_published(problem, bonmin_limit) if form == "published" else problem
-        return _reproduced(problem, asked, work[k], members, partial(_heard, watch))
+        return reproduced(problem, asked, work[k], members, partial(_heard, watch))
 
     def tell(k: int, iteration: Iteration) -> bool:
         return progress is not None and progress(" ".join(work[k]), iteration)
@@ -190,12 +193,27 @@ def _heard(watch: Any, phase: str, iteration: Any) -> bool:
     return iteration is not None and bool(watch(iteration))
 
 
-def _reproduced(
+def reproduced(
     problem: Problem, asked: Problem, what: tuple[str, Robot, Form], members: int, progress: Progress
 ) -> Reproduced:
-    """One row: the plan of `asked`, judged by `problem`."""
+    """One row: the plan of `asked`, judged by `problem`.
+
+    Parameters
+    ----------
+    problem : Problem
+        What the plan is judged by.
+    asked : Problem
+        The same in the form that is planned.
+    what : tuple
+        Experiment, robot and form.
+    members : int
+        Replayed.
+    progress : callable
+        As for `ensemble_ctrl.plan`.
+    """
     from ensemble_ctrl.ocp.evaluate import evaluate
-    from ensemble_ctrl.ocp.truncation import choose
+    from ensemble_ctrl.ocp.published.program import DEFAULT_ORDER
+    from ensemble_ctrl.ocp.truncation import choose, plain, tail
 
     asked = asked.with_(verify=replace(asked.verify, members=members, substeps=SUBSTEPS))
     found = plan(asked, progress=progress, check=False)
@@ -206,15 +224,22 @@ def _reproduced(
         *what,
         found.controls,
         found.status,
-        sum(found.details["seconds"].values()),
+        sum(found.details["seconds"].values()) - _fruitless(found),
         found.details["iterations"],
         evaluate(problem, found.controls, choose(problem, found.controls)).cost,
         run.members,
         int(run.violating.sum()),
         max(0.0, -shortest),
         (found.certificate or certify(problem, found.controls)).proven,
+        tail(problem, found.controls, plain((problem.order or DEFAULT_ORDER,), hull=False)),
         **_bonmin(found),
     )
+
+
+def _fruitless(found: Plan) -> float:
+    """Seconds of rounds from which the plan does not come."""
+    rounds = found.details.get("minlp", {}).get("rounds", ())
+    return float(sum(one["seconds"] for one in rounds if not one["kept"]))
 
 
 def _bonmin(found: Plan) -> dict[str, Any]:
@@ -259,5 +284,6 @@ __all__ = [
     "as_published",
     "experiment",
     "reproduce",
+    "reproduced",
     "table",
 ]

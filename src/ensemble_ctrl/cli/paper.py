@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ensemble_ctrl.api.paper import Reproduced, Robot, as_data, experiment, reproduce, table
 from ensemble_ctrl.api.results import SCHEMA, to_json
@@ -28,6 +29,7 @@ class PaperRun:
     quiet: bool
     plots: bool
     overwrite: bool
+    study: bool
 
 
 def run_paper(asked: PaperRun) -> int:
@@ -39,6 +41,8 @@ def run_paper(asked: PaperRun) -> int:
     folder = ResultsFolder(asked.output, "paper", asked.overwrite)
     try:
         with stoppable(progress, folder.discard, "stopping"):
+            if asked.study:
+                return run_study(asked, progress, folder)
             rows = reproduce(asked.experiments, asked.robots, asked.members, asked.bonmin_limit, progress)
             if progress.stop_signal is not None:
                 return codes.INTERRUPTED
@@ -52,6 +56,42 @@ def run_paper(asked: PaperRun) -> int:
     progress.finish()
     say(to_json(data) if asked.json else "\n".join([*table(rows), f"written to {placed}"]), str(placed))
     return codes.OK
+
+
+def run_study(asked: PaperRun, progress: Progress, folder: ResultsFolder) -> int:
+    """Study the order, print what was found, and write it with a figure."""
+    from ensemble_ctrl.api.paper_study import study, study_data
+
+    found = study(members=asked.members, progress=progress)
+    if progress.stop_signal is not None:
+        return codes.INTERRUPTED
+    rows = study_data(found)
+    put_file(folder.working / "study.json", to_json({"schema": SCHEMA, "rows": rows}, indent=1) + "\n")
+    if asked.plots:
+        from ensemble_ctrl.report.canvas import save
+        from ensemble_ctrl.report.orders import draw_orders
+
+        save(draw_orders(rows), folder.working / "study.png")
+    placed = folder.commit()
+    progress.finish()
+    lines = [*study_table(rows), f"written to {placed}"]
+    say(to_json({"schema": SCHEMA, "rows": rows}) if asked.json else "\n".join(lines), str(placed))
+    return codes.OK
+
+
+def study_table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The study as text: a line for each order."""
+    lines = [f"{'order':<7}{'published: cost':>17}{'violating':>11}{'ours: cost':>13}{'violating':>11}{'reach':>8}"]
+    reach = {row["order"]: row["value"] for row in rows if row["kind"] == "reach"}
+    plans = {(row["form"], row["order"]): row for row in rows if row["kind"] == "plan"}
+    for order, value in reach.items():
+        cells = []
+        for form, width in (("published", 17), ("ours", 13)):
+            row = plans.get((form, order))
+            share = "-" if row is None else f"{100 * row['violating'] / row['members']:.1f} %"
+            cells.append(f"{'-' if row is None else format(row['cost'], '.4f'):>{width}}{share:>11}")
+        lines.append(f"{order:<7}{''.join(cells)}{value:>8.1f}")
+    return lines
 
 
 def draw_experiments(rows: Sequence[Reproduced], folder: Path) -> None:

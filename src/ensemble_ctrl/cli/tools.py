@@ -179,6 +179,7 @@ def sweep(
         "ensemble-plan paper                  all of it: about 10 min on 2 cores",
         "ensemble-plan paper box five_obstacles --robot unicycle",
         "ensemble-plan paper box --members 1000 --json",
+        "ensemble-plan paper --study --members 10000",
     )
 )
 def paper(
@@ -203,6 +204,7 @@ def paper(
     quiet: Quiet = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
     overwrite: Overwrite = False,
+    study: Annotated[bool, typer.Option("--study", help="Instead, study truncation orders 1 to 16.")] = False,
 ) -> None:
     """Plan the paper's experiments as published, and beside them."""
     require_memory()
@@ -210,7 +212,7 @@ def paper(
     from ensemble_ctrl.cli.paper import PaperRun, run_paper
 
     names, kinds = tuple(experiments or EXPERIMENTS), tuple(robots or ROBOTS)
-    asked = PaperRun(names, kinds, members, bonmin_limit, output, json, quiet, not no_plots, overwrite)  # type: ignore[arg-type]
+    asked = PaperRun(names, kinds, members, bonmin_limit, output, json, quiet, not no_plots, overwrite, study)  # type: ignore[arg-type]
     raise typer.Exit(run_paper(asked))
 
 
