@@ -161,6 +161,40 @@ def test_without_a_scheduler() -> None:
         list(outcomes(units("square", 2), Cluster.parse("tcp://127.0.0.1:9")))
 
 
+SCHEDULER = """
+import time
+from distributed import LocalCluster
+if __name__ == "__main__":
+    options = {"processes": True, "dashboard_address": None, "silence_logs": 50, "host": "127.0.0.1"}
+    with LocalCluster(n_workers=2, threads_per_worker=1, **options) as cluster:
+        print(cluster.scheduler_address, flush=True)
+        time.sleep(600)
+"""
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_ends_loses_nothing(dask: Cluster, tmp_path: Path) -> None:
+    path, marks = tmp_path / "rows.jsonl", tmp_path / "marks"
+    marks.mkdir()
+    (tmp_path / "cluster.py").write_text(SCHEDULER)
+    command = [sys.executable, str(tmp_path / "cluster.py")]
+    environment = {**os.environ, "PYTHONPATH": f"{SOURCES}:{SOURCES.parent}"}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, env=environment, start_new_session=True
+    ) as running:
+        assert running.stdout is not None
+        there = Cluster.parse(running.stdout.readline().strip())
+        with pytest.raises(WorkerError, match="scheduler does not answer any more"), Checkpoint(path) as kept:  # noqa: PT012
+            for count, _ in enumerate(outcomes(units("counted", 500, marks), there, kept)):
+                if count == 20:
+                    os.killpg(running.pid, signal.SIGKILL)
+    before = len(path.read_text().splitlines())
+    assert 20 < before < 500
+    with Checkpoint(path) as kept:
+        found = [outcome.result for outcome in outcomes(units("counted", 60, marks), dask, kept)]
+    assert sorted(found) == list(range(60))
+
+
 @pytest.mark.parametrize("text", ["local:0", "local:x", "remote", "tcp://host", "local:2:3", "http://host:1"])
 def test_an_address_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ProblemError, match=r"cluster: expected local, local:N or tcp://HOST:PORT, got"):

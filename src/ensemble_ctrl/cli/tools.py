@@ -135,9 +135,9 @@ def online(
 @app.command(
     epilog=examples_of(
         "ensemble-plan sweep problem.yaml",
-        "ensemble-plan sweep problem.yaml --axis 'fleet.radius={from: 0, to: 0.4, count: 9}'",
+        "ensemble-plan sweep problem.yaml --axis 'solve.seed={seeds: 20}'",
         "ensemble-plan sweep configs/*.yaml --cluster local:4 -o all",
-        "ensemble-plan sweep problem.yaml --cluster tcp://10.0.0.7:8786 --format parquet",
+        "ensemble-plan sweep problem.yaml --cluster tcp://10.0.0.7:8786",
         more="Run it again after an end of any kind: rows that are there are kept.",
     )
 )

@@ -10,6 +10,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -67,6 +68,15 @@ def content(text: str) -> str:
     return text
 
 
+@contextmanager
+def _connected() -> Iterator[None]:
+    """Within: the end of the scheduler is an error of ours."""
+    try:
+        yield
+    except (OSError, CancelledError) as error:
+        raise WorkerError(f"the Dask scheduler does not answer any more ({type(error).__name__})") from None
+
+
 @dataclass(eq=False)
 class Dask:
     """A Dask cluster.
@@ -122,13 +132,11 @@ class Dask:
         import distributed
 
         library: Any = distributed
-        try:
-            with self.client.as_current():
+        with _connected(), self.client.as_current():
+            try:
                 return set(library.wait(list(self._sent), timeout=WAIT, return_when="FIRST_COMPLETED").done)
-        except TimeoutError:
-            return set()
-        except (OSError, CancelledError) as error:
-            raise WorkerError(f"the Dask scheduler does not answer any more ({type(error).__name__})") from None
+            except TimeoutError:
+                return set()
 
     def _feed(self, units: Iterator[Unit], most: int) -> None:
         """Send units: first those whose worker ended."""
@@ -163,7 +171,8 @@ class Dask:
         if future.status != "finished":
             yield self._lost(unit, future)
             return
-        answer = future.result()
+        with _connected():
+            answer = future.result()
         if "died" not in answer:
             yield Outcome(unit, **answer)
         elif deaths + 1 < DEATHS:
