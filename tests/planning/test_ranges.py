@@ -18,8 +18,10 @@ from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.moments import Interval, Samples
-from ensemble_ctrl.planning.ranges import Cover, Oracle, largest, part, places, robots
+from ensemble_ctrl.planning.ranges import Cover, Found, Oracle, largest, part, places, robots
+from ensemble_ctrl.planning.ranges import curve as curves
 from ensemble_ctrl.planning.ranges.bound import _arcs, _meetings, apart
+from ensemble_ctrl.planning.ranges.channels import Grouped
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Unicycle
@@ -258,3 +260,26 @@ def test_measured_members_are_compared_as_they_are() -> None:
     whole = load_text(GATE)
     rows = whole.with_(fleet=whole.fleet.with_distributions({"mass": Samples([1.0, 1.2, 2.0, 2.1])}))
     assert [member["mass"] for member in apart(rows)] == [1.0, 2.0]
+
+
+def test_the_curve_climbs_as_far_as_the_channels_allow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A world where k channels keep 0.1 k metres, and what is proven is a little more than what was required."""
+    asked: list[float] = []
+
+    def groups(count: int, clearance: float) -> Grouped:
+        solution = SimpleNamespace(certificate=SimpleNamespace(clearance=clearance))
+        return Grouped((cast(Found, SimpleNamespace(solution=solution)),) * count, None, ({},), 1)
+
+    def fewest(problem: Problem, most: int, ticks: int, clearance: float, **_: Any) -> Grouped:
+        asked.append(clearance)
+        needed = max(2, int(np.ceil(10 * clearance)))
+        return groups(needed, clearance + 0.001) if needed <= most else Grouped((), problem.fleet, ({},), 1)
+
+    monkeypatch.setattr(curves, "fewest", fewest)
+    walled = load_text(UNICYCLES + "obstacles: {wall: {box: [[-9, -5], [1, 2]]}}\n")
+    found = curves.curve(walled, groups(2, 0.03), 5)
+    assert [len(point.groups) for point in found] == [2, 3, 5]
+    assert all(point.clearance <= 0.1 * len(point.groups) + 0.001 for point in found)
+    assert found[-1].clearance > 0.4
+    assert max(asked) < 1.0
+    assert [len(point.groups) for point in curves.curve(walled, groups(2, 0.03), 2)] == [2]

@@ -12,6 +12,7 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.planner import Progress
 from ensemble_ctrl.planning.ranges import Tell, robots
 from ensemble_ctrl.planning.ranges.channels import fewest
+from ensemble_ctrl.planning.ranges.curve import curve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
 
@@ -48,6 +49,21 @@ class Channel:
         return float("-inf") if certificate is None else certificate.clearance
 
 
+@dataclass(frozen=True)
+class Point:
+    """One point of the curve of clearance against channels.
+
+    Attributes
+    ----------
+    channels : int
+    clearance : float
+        Proven of every channel, metres.
+    """
+
+    channels: int
+    clearance: float
+
+
 @dataclass(frozen=True, eq=False)
 class Channels:
     """The answer.
@@ -64,12 +80,16 @@ class Channels:
         (`ensemble_ctrl.planning.ranges.bound`); one where nothing is proven.
     tried : int
         Parts of the fleet that a plan was searched for.
+    curve : tuple of Point
+        Numbers of channels with the largest clearance found for each, where a number of channels is allowed; else only
+        those of `channels`. Empty where the fleet could not be covered.
     """
 
     channels: tuple[Channel, ...]
     missed: dict[str, Interval] | None
     apart: tuple[dict[str, float], ...]
     tried: int
+    curve: tuple[Point, ...] = ()
 
     @property
     def lower_bound(self) -> int:
@@ -84,7 +104,7 @@ class Channels:
 
 def channels(
     problem: Problem,
-    at_most: int = MOST,
+    at_most: int | None = None,
     *,
     clearance: float = 0.0,
     tolerance: float = 0.01,
@@ -97,8 +117,9 @@ def channels(
     ----------
     problem : Problem
         Any system; with one parameter or several, given as ranges or as measured robots.
-    at_most : int
-        Channels allowed.
+    at_most : int, optional
+        Channels allowed; 16 if not given. With it, the largest clearance is searched for that each number of channels
+        up to it keeps: `Channels.curve`.
     clearance : float
         What every channel has to keep of every obstacle beyond the robots' radius, metres.
     tolerance : float
@@ -137,12 +158,15 @@ def channels(
     2
     """
     expect("problem", problem, Problem)
-    most, ticks = whole("at_most", at_most, 1), ceil(1 / min(1.0, max(1e-4, number("tolerance", tolerance))))
+    most = MOST if at_most is None else whole("at_most", at_most, 1)
+    ticks = ceil(1 / min(1.0, max(1e-4, number("tolerance", tolerance))))
     found = fewest(problem, most, ticks, max(0.0, number("clearance", clearance)), progress=progress, tell=tell)
-    missed = None if found.missed is None else _ranges(found.missed)
-    groups = found.groups if missed is None else ()
-    plans = (judged(group.solution, group.shortest, progress=progress) for group in groups)
-    return Channels(tuple(Channel(plan) for plan in plans), missed, found.apart, found.tried)
+    if found.missed is not None:
+        return Channels((), _ranges(found.missed), found.apart, found.tried)
+    first, *more = (found,) if at_most is None else curve(problem, found, most, progress=progress, tell=tell)
+    plans = (judged(group.solution, group.shortest, progress=progress) for group in first.groups)
+    points = tuple(Point(len(one.groups), one.clearance) for one in (first, *more))
+    return Channels(tuple(Channel(plan) for plan in plans), None, found.apart, found.tried, points)
 
 
 def _ranges(fleet: Fleet) -> dict[str, Interval]:

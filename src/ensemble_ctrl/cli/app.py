@@ -11,14 +11,14 @@ from difflib import get_close_matches
 
 import typer
 
-from ensemble_ctrl.cli import codes, plans, tools
+from ensemble_ctrl.cli import codes, plans, ranges, tools
 from ensemble_ctrl.cli.memory import MemoryLimitError
 from ensemble_ctrl.cli.root import NAME, UsageError, app
 from ensemble_ctrl.cli.streams import OutputError, complain, fail, fail_with, keep_standard_streams, silence
 from ensemble_ctrl.cli.watcher import forget_after_one
 from ensemble_ctrl.core.errors import EnsembleError, WorkerError
 
-__all__ = ["NAME", "app", "invoke", "main", "plans", "tools", "with_command"]
+__all__ = ["NAME", "app", "invoke", "main", "plans", "ranges", "tools", "with_command"]
 
 COMPLETING = "_ENSEMBLE_PLAN_COMPLETE"
 """Set by a shell's completion script."""

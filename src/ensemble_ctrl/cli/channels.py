@@ -31,7 +31,7 @@ class ChannelOptions:
     config: str
     output: Path | None = None
     overrides: tuple[str, ...] = ()
-    at_most: int = 16
+    at_most: int | None = None
     clearance: float = 0.0
     tolerance: float = 0.01
     json: bool = False
@@ -87,10 +87,13 @@ def _write(problem: Problem, found: Channels, folder: ResultsFolder, options: Ch
     put_file(folder.working / "channels.json", to_json(_as_data(problem, found), indent=2) + "\n")
     if options.plots:
         from ensemble_ctrl.report.canvas import save
-        from ensemble_ctrl.report.channels import draw_channels
+        from ensemble_ctrl.report.channels import draw_channels, draw_curve
 
         groups = [(channel.plan.problem, channel.plan.controls) for channel in found.channels]
         save(draw_channels(problem, groups), folder.working / "channels.png")
+        if len(found.curve) > 1:
+            points = [(point.channels, point.clearance) for point in found.curve]
+            save(draw_curve(problem, points, found.lower_bound), folder.working / "curve.png")
     return folder.commit()
 
 
@@ -110,6 +113,8 @@ def _lines(problem: Problem, found: Channels, placed: Path | None) -> Iterator[s
         yield from (_line(k, channel) for k, channel in enumerate(found.channels))
     yield f"  bound      {_bound_text(found)}"
     yield f"  tried      {found.tried} groups"
+    for point in found.curve[1:]:
+        yield f"  or         {point.channels} channels: clearance >= {at_least(point.clearance)} m"
     if placed is not None:
         yield f"  files      {placed}/{name_of(0)} ..: a plan for each, to verify by itself"
 
@@ -172,5 +177,7 @@ def _as_data(problem: Problem, found: Channels) -> dict[str, object]:
         for k, channel in enumerate(found.channels)
     ]
     missed = None if found.missed is None else _ends(found.missed)
+    curve = [{"channels": point.channels, "clearance": point.clearance} for point in found.curve]
     bound = {"lower_bound": found.lower_bound, "apart": list(found.apart)}
-    return {"schema": SCHEMA, "name": problem.name, "channels": rows, "missed": missed, **bound, "tried": found.tried}
+    facts = {"missed": missed, **bound, "tried": found.tried, "curve": curve}
+    return {"schema": SCHEMA, "name": problem.name, "channels": rows, **facts}

@@ -13,6 +13,7 @@ from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes
 from ensemble_ctrl.report.figures import MARGINS, POINTS, VIEW_MARGINS, draw_map, line_style, map_size, on_map
 from ensemble_ctrl.report.map_content import map_contents
+from ensemble_ctrl.report.palette import GRID, LINES, OBSTACLE
 from ensemble_ctrl.report.projections import draw_shapes, sheet
 from ensemble_ctrl.report.text import literal, ranges_text
 
@@ -76,3 +77,32 @@ def _draw_group(ax: Axes, k: int, paths: Floats, name: str) -> None:
     for i, path in enumerate(paths):
         ax.plot(path[:, 0], path[:, 1], linewidth=0.9, alpha=0.9, zorder=2, label=None if i else literal(name), **style)
     ax.scatter(paths[:, -1, 0], paths[:, -1, 1], color=style["color"], s=9, zorder=4)
+
+
+def draw_curve(problem: Problem, points: Sequence[tuple[int, float]], least: int) -> Figure:
+    """The clearance that is proven of every channel against the number of channels.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of the whole fleet.
+    points : sequence of (int, float)
+        Channels, and metres.
+    least : int
+        No fewer channels are enough.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    figure = new_figure((5.0, 3.2))
+    ax = placed_axes(figure, 0.75, 0.25, 0.55, 0.4)
+    counts, clearances = zip(*points, strict=True)
+    ax.step(counts, clearances, where="post", color=LINES[0], linewidth=1.2)
+    ax.plot(counts, clearances, "o", color=LINES[0], label="found, proven")
+    if least > 1:
+        ax.axvspan(0.5, least - 0.5, color=OBSTACLE, alpha=0.3, linewidth=0, label="proven to be too few")
+    ax.set(xlabel="broadcast channels", ylabel="least clearance [m]", xlim=(0.5, max(counts) + 0.5), ylim=(0, None))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.grid(color=GRID)
+    ax.legend(loc="upper left", fontsize="small", frameon=False)
+    ax.set_title(literal(f"{problem.name}: what more channels buy"), y=1.0)
+    return figure

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.constraints.stl.rewrite import reads_fleet
 from ensemble_ctrl.core.errors import ProblemError
@@ -37,6 +39,12 @@ class Grouped:
     apart: tuple[dict[str, float], ...]
     tried: int
 
+    @property
+    def clearance(self) -> float:
+        """The least clearance proven of any group, metres; minus infinity without groups."""
+        proofs = [group.solution.certificate for group in self.groups]
+        return min((-np.inf if proof is None else proof.clearance for proof in proofs), default=-np.inf)
+
 
 def fewest(
     problem: Problem,
@@ -44,10 +52,23 @@ def fewest(
     ticks: int,
     clearance: float = 0.0,
     *,
+    both_ends: bool = True,
     progress: Progress | None = None,
     tell: Tell | None = None,
 ) -> Grouped:
     """As few groups as the search finds; see `ensemble_ctrl.api.channels.channels`.
+
+    Parameters
+    ----------
+    problem : Problem
+    most : int
+        Groups allowed.
+    ticks : int
+        Even steps of each range between which it may be cut.
+    clearance : float
+        What every group keeps of every obstacle beyond the radius, metres.
+    both_ends : bool
+        Whether a range is covered from its high end, too.
 
     Raises
     ------
@@ -56,16 +77,17 @@ def fewest(
     """
     if reads_fleet(problem.task):
         raise ProblemError("task: expected one of every member by itself, got mean() or share(), which groups change")
-    fleet = problem.fleet
-    if clearance > 0:  # with radii grown by it, a clearance of 0 is enough
-        problem = problem.with_(fleet=fleet.with_(radius=fleet.radius + clearance))
-    members = apart(problem)
+    fleet, members = problem.fleet, apart(problem)
+    try:  # with radii grown by it, a clearance of 0 is enough
+        grown = problem.with_(fleet=fleet.with_(radius=fleet.radius + clearance)) if clearance > 0 else problem
+    except ProblemError:  # the checks refuse it: no plan keeps so much
+        return Grouped((), fleet, members, 0)
     if len(members) > most:
         return Grouped((), fleet, members, 0)
-    oracle = Oracle(problem, progress, tell)
+    oracle = Oracle(grown, progress, tell)
     cover = Cover(oracle, ticks, most).run()
     groups, missed = tuple(cover.parts), cover.missed
-    if len(_wide(fleet)) == 1 and missed is None and len(groups) > len(members) and not oracle.stopped:
+    if len(_wide(fleet)) == 1 and both_ends and missed is None and len(groups) > len(members) and not oracle.stopped:
         groups = _reduced(oracle, fleet, groups, ticks)
     return Grouped(tuple(_of(fleet, group) for group in groups), missed, members, oracle.tried)
 

@@ -1,0 +1,79 @@
+"""Subcommands that search over ranges of a fleet's parameters; each does its work elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ensemble_ctrl.cli.memory import require_memory
+from ensemble_ctrl.cli.root import NAME, Config, Json, Overrides, Overwrite, Quiet, Trust, app, examples_of
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan widest problem.yaml",
+        "ensemble-plan widest problem.yaml --parameter traction --tolerance 0.001",
+    )
+)
+def widest(
+    config: Config,
+    overrides: Overrides = None,
+    tolerance: Annotated[float, typer.Option(help="Find the half width to within this.", metavar="X", min=1e-4)] = 0.01,
+    parameter: Annotated[
+        str | None, typer.Option(help="The parameter to widen; the fleet's first otherwise.", metavar="NAME")
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    trust: Trust = False,
+) -> None:
+    """Find the widest parameter range with a certified plan."""
+    require_memory()
+    from ensemble_ctrl.cli.widest import find_widest
+
+    raise typer.Exit(find_widest(config, overrides or [], tolerance, parameter, json, quiet))
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan channels problem.yaml",
+        "ensemble-plan channels problem.yaml --at-most 3 -o channels",
+        "ensemble-plan verify plans/problem-channels/channel-1",
+    )
+)
+def channels(
+    context: typer.Context,
+    config: Config,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder for the plans [default: plans/NAME-channels].", metavar="DIR"),
+    ] = None,
+    overrides: Overrides = None,
+    at_most: Annotated[
+        int | None,
+        typer.Option(
+            "--at-most",
+            help="Channels allowed; find what clearance each number keeps.",
+            metavar="K",
+            min=1,
+        ),
+    ] = None,
+    clearance: Annotated[
+        float, typer.Option(help="Metres that every channel keeps of obstacles, at least.", metavar="X", min=0.0)
+    ] = 0.0,
+    tolerance: Annotated[
+        float, typer.Option(help="Cut ranges to within this share of them.", metavar="X", min=1e-3, max=1.0)
+    ] = 0.01,
+    json: Json = False,
+    quiet: Quiet = False,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    overwrite: Overwrite = False,
+    trust: Trust = False,
+) -> None:
+    """Find the fewest broadcast channels for a fleet."""
+    require_memory()
+    from ensemble_ctrl.cli.channels import ChannelOptions, find_channels
+
+    given = (output, tuple(overrides or ()), at_most, clearance, tolerance, json, quiet, not no_plots, overwrite)
+    raise typer.Exit(find_channels(ChannelOptions(config, *given, command=(NAME, *context.obj))))
