@@ -326,14 +326,15 @@ def part_bound(
     fleet: Fleet,
     wanted: float = 0.0,
     cells: int = 0,
+    enough: float = np.inf,
 ) -> TaskBound:
     """The bound of one part of the task; on finer time where the bulges between grid times stand in the way.
 
-    `wanted` is the robustness in metres that would do, `fleet` and `cells` as for `bound_task`.
+    `wanted` is the robustness in metres that would do; `fleet`, `cells` and `enough` as for `bound_task`.
     """
     # finer time until the bound is good enough, or an upper bound says that it never will be
     for split in SPLITS:
-        bound = bound_task(problem, controls, ranges, part.formula, fleet, split, cells)
+        bound = bound_task(problem, controls, ranges, part.formula, fleet, split, cells, enough)
         if bound.proven >= wanted or bound.sampled < wanted:
             break
     return replace(bound, part=str(part))

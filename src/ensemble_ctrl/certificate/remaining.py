@@ -105,7 +105,7 @@ def certify_set(
     Notes
     -----
     *Guarantee*: with `proven`, every robot of the exact model in the set does the task in dense time. A clearance
-    above `SPARE` is not sharpened further, so the bounds are not tight.
+    or robustness above `SPARE` is not sharpened further, so the bounds are not tight.
     """
     began = time.perf_counter()
     controls = problem.fleet.checked_controls(controls)
@@ -129,7 +129,8 @@ def certify_set(
         if isinstance(part.formula, Known):
             value = part.formula.value
         elif np.isfinite(largest):
-            value = part_bound(problem, controls, fleet.parameters, part, fleet, largest, CELLS).proven - largest
+            parameters, enough = fleet.parameters, largest + SPARE
+            value = part_bound(problem, controls, parameters, part, fleet, largest, CELLS, enough).proven - largest
         robustness, hardest = min((robustness, hardest), (value, str(part)))
     worst = nearest if clearance < robustness else hardest
     proven = clearance >= 0 and robustness >= 0

@@ -191,11 +191,12 @@ def bound_task(
     fleet: Fleet,
     split: int = 1,
     cells: int = 0,
+    enough: float = np.inf,
 ) -> TaskBound:
     """Bound the robustness of a ground formula for every member with parameters in the ranges.
 
     `fleet` has the distributions that shares and means are of. `cells` of each parameter are looked at to begin with, 0
-    for `CELLS`, and `split` parts of each step.
+    for `CELLS`, and `split` parts of each step. A cell of which `enough` is proven is not looked at more closely.
 
     Notes
     -----
@@ -210,9 +211,9 @@ def bound_task(
     # parameters that only move the start enter linearly: their sides stay whole first, halved where that fails
     shifts: NDArray[np.bool_] = np.asarray(~flow.directions[:, :3].any(axis=1))
     wide = reads_fleet(formula)
-    bound = _refined(flow, schedule, fleet, wide, shifts, cells)
+    bound = _refined(flow, schedule, fleet, wide, shifts, (cells, enough))
     if shifts.any() and bound.proven < 0 <= bound.sampled:
-        again = _refined(flow, schedule, fleet, wide, np.zeros_like(shifts), cells)
+        again = _refined(flow, schedule, fleet, wide, np.zeros_like(shifts), (cells, enough))
         bound = again if again.proven > bound.proven else bound
     return replace(bound, part=str(formula))
 
@@ -251,7 +252,7 @@ class Cells(Protocol):
 def refined(cells: Cells, fleet: Ensemble, fleet_wide: bool, most: float, enough: float = np.inf) -> TaskBound:
     """The bound by cells that are halved until each meets the worst member seen, or `most` is spent.
 
-    A formula that reads the fleet is looked at until `enough` is proven of it.
+    A cell, and a formula that reads the fleet, is looked at until `enough` is proven of it.
 
     Notes
     -----
@@ -276,7 +277,7 @@ def refined(cells: Cells, fleet: Ensemble, fleet_wide: bool, most: float, enough
             target = min(target, goal)
             if seen < sampled - ALIKE:
                 sampled, member = seen, worst
-            open_ = low < target - TIGHT
+            open_ = low < min(target - TIGHT, enough)
             proven = min(proven, float(low[~open_].min(initial=np.inf)))
         if spent > most or not open_.any():
             return TaskBound("", whole if fleet_wide else min(proven, float(low.min())), sampled, member)
@@ -327,14 +328,14 @@ class FlowCells:
 
 
 def _refined(
-    flow: Flow, schedule: Schedule, fleet: Fleet, fleet_wide: bool, whole_sides: NDArray[np.bool_], cells: int
+    flow: Flow, schedule: Schedule, fleet: Fleet, wide: bool, whole_sides: NDArray[np.bool_], effort: tuple[int, float]
 ) -> TaskBound:
-    """The bound by cells of the flow's parameters, but for those of `whole_sides`."""
+    """The bound by cells of the flow's parameters, but for those of `whole_sides`; `effort` is `cells` and `enough`."""
     count = int((~whole_sides).sum())
-    each = cells or CELLS.get(count, 2)
+    each = effort[0] or CELLS.get(count, 2)
     centres, half = first_cells(flow.lower, flow.upper, np.where(whole_sides, 1, each))
     first = FlowCells(flow, schedule, fleet.names, whole_sides, centres, half)
-    return refined(first, fleet, fleet_wide, MAX_CELLS.get(count, MANY_CELLS))
+    return refined(first, fleet, wide, MAX_CELLS.get(count, MANY_CELLS), effort[1])
 
 
 def _with_ends(flow: Flow, centres: Floats, value: Floats, whole_sides: NDArray[np.bool_]) -> Floats:

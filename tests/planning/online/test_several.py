@@ -149,7 +149,7 @@ def test_what_is_proven_of_all_is_proven_of_each() -> None:
     each = {name: loop._certified(loop.plan, at, {name: pose}) for name, pose in poses.items()}
     assert all(found.proven for found in each.values())
     assert loop._certified(loop.plan, at, poses).proven
-    astray = {**poses, "green": replace(poses["green"], position=np.array([0.0, -0.35]))}
+    astray = {**poses, "green": replace(poses["green"], position=np.array([0.0, -0.6]))}
     spoilt = loop._certified(loop.plan, at, astray)
     assert not spoilt.proven
     assert spoilt.worst.startswith("green: ")

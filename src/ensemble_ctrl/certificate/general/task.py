@@ -298,7 +298,9 @@ def bound_task(
     *Guarantee*: `proven` is never above the robustness of any member in dense time.
     """
     cells = TubeCells.of(enclosure, states, schedule, elements, fleet)
-    return refined(cells, fleet, fleet_wide, NUMBERS if len(enclosure.wide) else 0, enough=0.0)
+    return refined(
+        cells, fleet, fleet_wide, NUMBERS if len(enclosure.wide) else 0, enough=0.0 if fleet_wide else np.inf
+    )
 
 
 def _ends(fleet: Fleet) -> tuple[Floats, Floats]:

@@ -69,13 +69,7 @@ class Followed:
         return np.array(places).reshape(-1, 2)
 
     def rest(self, begin: int, pose: PoseSet) -> Problem:
-        """What is left from a grid time on, where it is in `pose`; what was not sent is spent standing there.
-
-        Raises
-        ------
-        ProblemError
-            If it can't be done any more.
-        """
+        """What is left from a grid time on, where it is in `pose`, unchecked; what was not sent is spent standing."""
         problem, ranges = self.tracker.problem, self.tracker.ranges
         if self.options.horizon == "receding":
             return read_anew(problem, begin, pose, ranges)

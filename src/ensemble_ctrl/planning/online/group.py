@@ -22,6 +22,7 @@ from ensemble_ctrl.planning.online.step import Work
 from ensemble_ctrl.planning.online.tracker import Tracker
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.checks import require_sound
 from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
@@ -256,6 +257,7 @@ class RobotGroup:
         name = min(poses, key=lambda each: float(np.linalg.norm(poses[each].position - midst)))
         try:
             rest = self.robots[name].rest(self.base + begin, poses[name])
+            require_sound(rest)
             limits = replace(rest.solve, time_limit=0.8 * self.options.recovery)
             found = solve(rest.with_(solve=limits, verify=replace(rest.verify, certificate=False)))
         except ProblemError as error:

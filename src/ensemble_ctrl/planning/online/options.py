@@ -36,7 +36,7 @@ class OnlineOptions:
     order : int
         Truncation order of the plans under way.
     rounds : int
-        Quadratic programs for each plan, at most.
+        Quadratic programs for each plan, at most; each plan starts from the last one, so one is usually enough.
     silence : float
         Seconds without a valid measurement after which the robot is stopped.
     recovery : float
@@ -52,7 +52,7 @@ class OnlineOptions:
     horizon: Horizon = "shrinking"
     run_for: float | None = None
     order: int = 3
-    rounds: int = 3
+    rounds: int = 1
     silence: float = 2.0
     recovery: float = 3.0
     attempts: int = 3

@@ -233,10 +233,9 @@ def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: Pose
         Where the robot is; its middle becomes the start.
     ranges : ndarray, shape (parameters, 2)
 
-    Raises
-    ------
-    ProblemError
-        If it can't be done any more: a region is too far, or the robot is inside an obstacle.
+    Notes
+    -----
+    Unchecked: it may not be possible any more, as where a region is too far, or the robot inside an obstacle.
     """
     gone = begin * problem.step
     past = exact(problem.duration) / problem.steps * begin
@@ -267,10 +266,14 @@ def for_a_while(problem: Problem, steps: int) -> Problem:
 def _placed(
     problem: Problem, pose: PoseSet, ranges: Floats, gone: float, task: Formula, duration: float, steps: int
 ) -> Problem:
-    """Another task from another start and time on, with other ranges."""
+    """Another task from another start and time on, with other ranges; unchecked: a proof refuses what is wrong."""
     fleet = with_ranges(problem.fleet, ranges).with_(position=pose.position, heading=pose.heading)
     motions = {name: Motion(motion.times - gone, motion.offsets) for name, motion in problem.motions.items()}
-    return replace(problem, fleet=fleet, motions=motions, task=task, duration=duration, steps=steps)
+    changed = copy(problem)
+    other = {"fleet": fleet, "motions": MappingProxyType(motions), "task": task, "duration": duration, "steps": steps}
+    for name, value in other.items():
+        object.__setattr__(changed, name, value)
+    return changed
 
 
 def _all_of(parts: Iterable[Formula | None]) -> Formula:

@@ -33,6 +33,8 @@ SPARE = 1.2
 """Factor on a learnt half width: a range is planned for that is a little wider than what was seen."""
 ROUNDS = 12
 """Gauss-Newton steps of a fit, at most."""
+LEAST_PROGRAMS = 3
+"""Quadratic programs for each plan, at least: it is for a range that changes with what was learnt."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +133,8 @@ class Swarm:
             Of a new plan if it came in time and the whole sequence is proven, of the last one otherwise.
         """
         began = self.timer()
-        found = self.program.solve(self._present(), 0.6 * self.options.deadline, self.options.rounds, self.timer)
+        rounds = max(self.options.rounds, LEAST_PROGRAMS)
+        found = self.program.solve(self._present(), 0.6 * self.options.deadline, rounds, self.timer)
         certificate = self._certified(found.controls)
         if certificate.proven and self.timer() - began <= self.options.deadline:
             self.plan, self.certificate = found.controls, certificate

@@ -22,7 +22,9 @@ Floats = NDArray[np.float64]
 
 COARSE_ROUNDS, FINE_ROUNDS = 3, 1
 RANKED_AFTER = 2
-"""Coarse rounds after which guesses that keep their constraints are compared: only the best goes through the rest."""
+"""Coarse rounds after which guesses that keep their constraints are compared: only the best go through the rest."""
+ALIKE = 0.15
+"""Share of the best cost, or of 1 where that is less, by which others may cost more to be among the best then."""
 FINALISTS = 3
 """Coarse solutions that are refined and certified where every route is tried."""
 TAIL_LIMIT = 1e-3
@@ -51,8 +53,21 @@ def coarse_all(search: Search, guesses: list[Floats], *, middle_first: bool = Fa
                 break
         return min(tries, key=rank)
 
-    solved = search.side_by_side("coarse solve", work, len(guesses))
-    return [a or start(problem, controls, truncation) for a, controls in zip(solved, guesses, strict=True)]
+    found = search.side_by_side("coarse solve", work, len(guesses))
+    solved = [a or start(problem, controls, truncation) for a, controls in zip(found, guesses, strict=True)]
+    return _decided(search, solved)
+
+
+def _decided(search: Search, solved: list[Attempt]) -> list[Attempt]:
+    """The attempts, with the pending rounds of those that are about as good as the best, if there are several."""
+    best = min((attempt.value.cost for attempt in solved if attempt.value.keeps(0.0)), default=np.inf)
+    most = best + ALIKE * max(abs(best), 1.0)
+    close = [i for i, attempt in enumerate(solved) if attempt.value.keeps(0.0) and attempt.value.cost <= most]
+    if len(close) > 1 and any(solved[i].pending for i in close):
+        found = search.side_by_side("coarse solve", lambda own, k: completed(own, solved[close[k]]), len(close))
+        for i, attempt in zip(close, found, strict=True):
+            solved[i] = attempt or solved[i]
+    return solved
 
 
 def _for_fleet(problem: Problem, middle: Attempt, truncation: Truncation) -> Attempt:
