@@ -103,8 +103,8 @@ UNFIT = [
     (SMALL + "objective: {earliest: goal}\n", "objective.earliest: the earliest passage is not for a loop"),
     (SMALL.replace("F[3, 4] in(goal)", "share(0.9, F[3, 4] in(goal))"), "task: a loop drives one robot"),
     (
-        "fleet: {model: double_integrator, start: {position: [0, 0]}}\nhorizon: {duration: 1 s}\ntask: F x >= 0\n",
-        "unfit.yaml:1:16: error: fleet.model: online replanning is not for the double_integrator",
+        "fleet: {model: double_integrator, rate_bounds: {fx: 1}}\nhorizon: {duration: 1 s}\ntask: F x >= 0\n",
+        "unfit.yaml:1:48: error: fleet.rate_bounds: bounds on the rates of commands are not for a loop of the double",
     ),
 ]
 

@@ -19,13 +19,14 @@ from ensemble_ctrl.core.storage import put_file
 from ensemble_ctrl.files.config import read
 from ensemble_ctrl.files.folder import ResultsFolder
 from ensemble_ctrl.planning.baseline import unconstrained
-from ensemble_ctrl.planning.online.driver import Outcome, drive
+from ensemble_ctrl.planning.online.begin import loop_for
+from ensemble_ctrl.planning.online.driver import Loop, Outcome, drive
 from ensemble_ctrl.planning.online.log import RunLog
-from ensemble_ctrl.planning.online.loop import Receding
-from ensemble_ctrl.planning.online.published import PublishedLoop, violations
+from ensemble_ctrl.planning.online.published import violations
 from ensemble_ctrl.planning.online.remaining import of_one_robot
 from ensemble_ctrl.planning.online.settings import OnlineSettings
 from ensemble_ctrl.planning.online.simulated import FINE, Fixed, SimulatedFleet
+from ensemble_ctrl.planning.online.simulated_states import SimulatedStates
 from ensemble_ctrl.planning.online.step import Step
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
@@ -74,8 +75,7 @@ def run_online(options: OnlineRun) -> int:
             if first is None or progress.stop_signal is not None:
                 return _without_plan(problem, progress, options)
             first.save(folder.working / "plan.npz")
-            kind = PublishedLoop if problem.solve.as_published else Receding
-            loop = kind(problem, settings.options, first.controls, robots=tuple(fleet.robots))
+            loop = loop_for(problem, settings.options, first.controls, tuple(fleet.robots))
             progress("drive", None)
             try:
                 outcome, reported = _driven(loop, fleet, folder.working / "log.jsonl", progress)
@@ -120,7 +120,7 @@ def _first_plan(problem: Problem, progress: Progress) -> Plan | None:
     return Plan(alone, found.controls, found.status) if published or found.status == "planned" else None
 
 
-def _driven(loop: Receding, fleet: SimulatedFleet, path: Path, progress: Progress) -> tuple[Outcome, list[Reported]]:
+def _driven(loop: Loop, fleet: SimulatedFleet, path: Path, progress: Progress) -> tuple[Outcome, list[Reported]]:
     """Run the loop with its log."""
     reported: list[Reported] = []
     with RunLog(path) as log:
@@ -129,7 +129,7 @@ def _driven(loop: Receding, fleet: SimulatedFleet, path: Path, progress: Progres
         def listen(step: Step, controls: Floats) -> None:
             log.step(loop, step, controls)
             time = step.begin * loop.problem.step
-            paths = {name: loop.predicted(name) for name in loop.robots}
+            paths = {name: loop.predicted(name) for name in loop.trackers}
             reported.append(Reported(time, paths, step.ranges, step.seconds, step.source))
             for event in step.events:
                 progress.note(f"t = {time:.1f} s: {event}")
@@ -145,7 +145,7 @@ def _driven(loop: Receding, fleet: SimulatedFleet, path: Path, progress: Progres
 
 def _draw(
     problem: Problem,
-    loop: Receding,
+    loop: Loop,
     fleet: SimulatedFleet,
     outcome: Outcome,
     reported: list[Reported],
@@ -159,7 +159,8 @@ def _draw(
             found = solve(unconstrained(of_one_robot(problem)))
             baseline = found.controls if found.status == "planned" else None
         began = round(outcome.start / problem.step) * FINE
-        driven = {name: np.array(robot.track)[began:, :2] for name, robot in fleet.robots.items()}
+        places = problem.fleet.place_columns
+        driven = {name: np.array(robot.track)[began:, places] for name, robot in fleet.robots.items()}
         seconds = (len(next(iter(driven.values()))) - 1) * problem.step / FINE
         title = f"{problem.name}: {outcome.ending}, {outcome.reason}"
         run = Run(
@@ -180,11 +181,13 @@ def _draw(
     return ""
 
 
-def _truth(loop: Receding, fleet: SimulatedFleet) -> dict[str, float]:
+def _truth(loop: Loop, fleet: SimulatedFleet) -> dict[str, float]:
     """True parameters, where they stay the same, by the names that a step has for them."""
     truth: dict[str, float] = {}
     for name, robot in fleet.robots.items():
-        if isinstance(robot.factors, Fixed):
+        if isinstance(robot, SimulatedStates):
+            truth |= robot.fleet.named(robot.member)
+        elif isinstance(robot.factors, Fixed):
             speed, turn_rate = robot.factors.speed, robot.factors.turn_rate
             factors = {"traction": speed, "linear_traction": speed, "angular_traction": turn_rate}
             truth |= {loop.label(name, parameter): factors[parameter] for parameter in loop.problem.fleet.names}
@@ -196,13 +199,13 @@ def _violations(problem: Problem, fleet: SimulatedFleet, outcome: Outcome) -> di
     began = round(outcome.start / problem.step) * FINE
     found = {}
     for name, robot in fleet.robots.items():
-        track = np.array(robot.track)[began : began + problem.steps * FINE + 1, :2]
+        track = np.array(robot.track)[began : began + problem.steps * FINE + 1, problem.fleet.place_columns]
         one = violations(of_one_robot(problem), track, FINE)
         found[name] = {key: value if np.isfinite(value) else None for key, value in one.items()}
     return found
 
 
-def _facts(loop: Receding, outcome: Outcome) -> dict[str, object]:
+def _facts(loop: Loop, outcome: Outcome) -> dict[str, object]:
     """How the run ended, as plain data."""
     seconds = outcome.seconds
     last = outcome.steps[-1] if outcome.steps else None

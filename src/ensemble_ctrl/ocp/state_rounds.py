@@ -120,6 +120,12 @@ def second(problem: Problem, controls: Floats, states: Floats, clock: Clock, wat
     return _rounds(stage, iterate, FLEET_ROUNDS, clock, watch, 1e-2)[0]
 
 
+def improved(problem: Problem, controls: Floats, clock: Clock) -> Attempt:
+    """Controls for the whole fleet from some that are nearly good, as good as there is time for."""
+    stage = Stage(problem, whole(problem), _substeps(problem, controls))
+    return _rounds(stage, stage.simulated(controls), FLEET_ROUNDS, clock, None, 1e-3)[0]
+
+
 def again(problem: Problem, restart: Restart, clock: Clock, watch: Watch | None) -> Attempt:
     """Controls for the whole fleet from another start: all node robots have the states of one member at first."""
     stage = Stage(problem, whole(problem, restart.order), RESTART_SUBSTEPS)

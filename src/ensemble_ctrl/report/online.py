@@ -14,8 +14,10 @@ from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save
-from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
+from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size, on_map
+from ensemble_ctrl.report.map_content import MapContent, map_contents
 from ensemble_ctrl.report.palette import CONTRAST, LINES
+from ensemble_ctrl.report.projections import draw_shapes
 from ensemble_ctrl.report.raster import FINE, NARROW, Raster
 from ensemble_ctrl.report.text import literal
 from ensemble_ctrl.report.video import write_gif
@@ -32,6 +34,8 @@ MEMBERS = 15
 """Members drawn under the first plan."""
 FRAMES = 80
 """Frames of the animation at most."""
+VIEW, VIEW_HEIGHT = 6.4, 3.6
+"""Width of a view and its height, inches, for systems that are drawn in views."""
 SIDE = 4.2
 """Inches beside the map."""
 
@@ -102,11 +106,19 @@ class Run:
 def draw_run(run: Run) -> Figure:
     """The map with planned and driven paths, the learnt ranges, and the time that each plan took."""
     left, _, below, above = MARGINS
-    width, height = map_size(run.problem, run.first)
+    views = () if on_map(run.problem) else map_contents(run.problem, _of_fleet(run))
+    width, height = (VIEW, VIEW_HEIGHT * len(views)) if views else map_size(run.problem, run.first)
     height = max(height, 4.4)
     figure = new_figure((width + SIDE, height))
     half = (height - 2 * below - above) / 2
-    _draw_paths(run, placed_axes(figure, left, SIDE + 0.2, below, above))
+    for k, content in enumerate(views):
+        each = (height - above - len(views) * below) / len(views)
+        top = above + k * (each + below)
+        _draw_view(run, content, placed_axes(figure, left, SIDE + 0.2, height - top - each, top))
+    if views:
+        figure.suptitle(literal(run.title), fontsize=10)
+    else:
+        _draw_paths(run, placed_axes(figure, left, SIDE + 0.2, below, above))
     _draw_ranges(run, placed_axes(figure, width + 0.6, 0.2, 2 * below + half, above))
     _draw_seconds(run, placed_axes(figure, width + 0.6, 0.2, below, above + below + half))
     return figure
@@ -115,7 +127,7 @@ def draw_run(run: Run) -> Figure:
 def write_run(run: Run, folder: Path, animated: bool = True) -> list[str]:
     """Write ``online.png`` and, if `animated`, ``online.gif`` into `folder`; returns their names."""
     save(draw_run(run), folder / "online.png")
-    if not animated or min((len(path) for path in _shown(run).values()), default=0) < 2:
+    if not animated or not on_map(run.problem) or min((len(path) for path in _shown(run).values()), default=0) < 2:
         return ["online.png"]
     with whole_file(folder / "online.gif") as file:
         write_gif(_frames(run), file, (*_colours(run).values(), PLANNED))
@@ -157,11 +169,45 @@ def _draw_paths(run: Run, ax: Axes) -> None:
     ax.set_title(literal(run.title), fontsize=10, wrap=True)
 
 
+def _of_fleet(run: Run) -> Floats:
+    """The fleet under the first plan, shape (members, times, d), metres."""
+    return trajectories(run.problem, run.first, run.problem.fleet.spread(MEMBERS), 2)
+
+
+def _draw_view(run: Run, content: MapContent, ax: Axes) -> None:
+    """One view of the same for a system that an ODE defines: two coordinates of the position, or one over time."""
+
+    def seen(path: Floats, begin: float, end: float) -> Floats:
+        if content.view is not None:
+            return path[:, list(content.view)]
+        return np.column_stack([np.linspace(begin, end, len(path)), path[:, 0]])
+
+    draw_shapes(content, ax)
+    end = run.problem.duration
+    for i, path in enumerate(content.paths):
+        ax.plot(*path.T, color=FIRST, linewidth=0.5, label=None if i else "fleet, first plan")
+    for i, step in enumerate(run.reported):
+        for path in step.paths.values():
+            # a plan begins at the newest measurement, and ends with the horizon
+            begin = end - (len(path) - 1) * run.problem.step
+            ax.plot(*seen(path, begin, end).T, color=PLANNED, linewidth=0.7, alpha=0.6, label=None if i else "plans")
+    for path in _shown(run).values():
+        ax.plot(*seen(path, 0.0, run.seconds).T, color=DRIVEN, linewidth=1.8, label="driven")
+    ax.margins(0.06, 0.16)
+    ax.legend(loc="best", fontsize=8)
+
+
 def _draw_ranges(run: Run, ax: Axes) -> None:
     """What is known of each parameter over time."""
     times, alone = [step.time for step in run.reported], len(_shown(run)) == 1
-    for k, name in enumerate(run.reported[0].ranges if run.reported else ()):
-        ends = np.array([step.ranges[name] for step in run.reported])
+    names = list(run.reported[0].ranges) if run.reported else []
+    # parameters of different units: as shares of what was known first
+    shares = len(names) > 1 and not on_map(run.problem)
+    for k, name in enumerate(names):
+        ends, true = np.array([step.ranges[name] for step in run.reported]), run.truth.get(name)
+        if shares:
+            low, width = ends[0, 0], max(float(np.ptp(ends[0])), 1e-12)
+            ends, true = (ends - low) / width, None if true is None else (true - low) / width
         colour = f"C{k}" if alone else LINES[k % len(LINES)]
         ax.fill_between(
             times,
@@ -172,15 +218,16 @@ def _draw_ranges(run: Run, ax: Axes) -> None:
             color=colour,
             label=literal(f"{name}: known range" if alone else name),
         )
-        if name in run.truth:
+        if true is not None:
             ax.axhline(
-                run.truth[name],
+                true,
                 linestyle="--",
                 linewidth=1.0,
                 color=colour,
                 label=literal(f"{name}: true") if alone else None,
             )
-    ax.set(xlabel="t [s]", ylabel="parameter" if alone else "known range, true value")
+    label = "share of the first range" if shares else "parameter" if alone else "known range, true value"
+    ax.set(xlabel="t [s]", ylabel=label)
     ax.grid(alpha=0.3)
     if run.reported and run.reported[0].ranges:
         ax.legend(loc="best", fontsize=8)

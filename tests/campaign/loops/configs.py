@@ -26,7 +26,7 @@ from .scene import Part, Scene
 from .world import Ran, World, world_of
 
 FOLDER = CONFIGS / "online"
-FILES = tuple(sorted(FOLDER.glob("*.yaml")))
+FILES = tuple(path for path in sorted(FOLDER.glob("*.yaml")) if "traction:" in path.read_text(encoding="utf-8"))
 
 
 def scene_of(path: Path, seed: int) -> Scene:

@@ -47,23 +47,17 @@ TIMES = 10
 """Coefficients along time."""
 ASSUMED = (1e-7, 1e-5, 1e-3, 1e-1)
 """Radii of the tube that are assumed in turn, relative to the size of each state where that is above 1."""
+ASSUMED_OF_BOXES = (1e-1, 1.0)
+"""The same where starts are off by more than rounding."""
 WANTED = 2e-7
 """Radius, relative likewise, below which pieces are not made smaller."""
 WORK = 600_000_000
 """Work of all pieces together, about in operations, beyond which they are not tried."""
 SPENT = 1_000_000_000
 """Products of coefficients, about 8 seconds, before the search for an enclosure ends."""
-BETTER = 120_000_000
-"""The same for a better radius than that of an enclosure that was found."""
-ERRORS = (
-    AttributeError,
-    LookupError,
-    NotImplementedError,
-    TypeError,
-    ValueError,
-    FloatingPointError,
-    ZeroDivisionError,
-)
+BETTER, QUICK = 120_000_000, 30_000_000
+"""The same for a better radius than that of an enclosure that was found, and for a box of starts, made on the way."""
+ERRORS = (ArithmeticError, AttributeError, LookupError, NotImplementedError, TypeError, ValueError)
 """What a right-hand side may raise where it can't be evaluated on what it is given."""
 MOST_PARTS = 16
 """Most pieces of time in one step of control."""
@@ -153,7 +147,8 @@ def enclose(
                 best, chosen = found, pieces
         last = pieces.basis.doubled.spent - before
         spent += last
-        if relative <= WANTED or spent + 2 * last > (SPENT if best is None else BETTER):
+        most = QUICK if start.spread is not None else SPENT if best is None else BETTER
+        if relative <= WANTED or (best and start.spread is not None) or spent + 2 * last > most:
             break
         pieces = pieces.finer()
     if best is None:
@@ -236,7 +231,7 @@ class Pieces:
         step, scale = self.step * UP, self.scale(c)
         worst: tuple[int, int, int] = (0, 0, 0)
         reason: Unenclosed | None = None
-        for assumed in ASSUMED:
+        for assumed in ASSUMED if self.start.spread is None else ASSUMED_OF_BOXES:
             tube = assumed * scale
             try:
                 found = radii(jacobian(self, c, tube, centre, half)[0], by_cell(defect), by_cell(jump), step)
@@ -342,7 +337,12 @@ class Pieces:
         # gamma: sum |c| of the difference, and (times + 8) u sum |c| of both sides for rounding
         size = np.abs(c).sum(axis=(3, 4))
         earlier = np.concatenate([np.abs(origin).sum(axis=2)[None], size[:-1]])
-        return np.asarray((np.abs(starts - before).sum(axis=3) + (self.basis.times + 8) * UNIT * (size + earlier)) * UP)
+        found = np.asarray(
+            (np.abs(starts - before).sum(axis=3) + (self.basis.times + 8) * UNIT * (size + earlier)) * UP
+        )
+        if self.start.spread is not None:  # true starts about the first polynomial's: one more jump
+            found[0] = (found[0] + self.start.spread[:, None]) * UP
+        return found
 
     def commands(self, cells: int) -> list[Floats]:
         """Each command on all pieces, shape (pieces of time times cells,)."""

@@ -45,6 +45,8 @@ class GeneralProof:
     controls : ndarray, shape (steps, n_u)
     distributions : mapping of str to Distribution
         The ranges that the claim is about.
+    spread : ndarray, shape (states,), optional
+        By how much each state may start off besides.
 
     Raises
     ------
@@ -55,6 +57,7 @@ class GeneralProof:
     problem: Problem
     controls: Floats
     distributions: Mapping[str, Distribution]
+    spread: Floats | None = None
 
     @cached_property
     def enclosure(self) -> Enclosure:
@@ -74,6 +77,7 @@ class GeneralProof:
             np.array([distribution.upper for distribution in self.distributions.values()], dtype=float),
             np.array([float(given.get(name, 0.0)) for name in fleet.states]),
             np.array(shifts, dtype=np.int64),
+            self.spread,
         )
 
     @cached_property
@@ -108,7 +112,7 @@ class GeneralProof:
         states = tuple(sorted({name for predicate in _predicates(formula) for name, _ in predicate.coefficients}))
         duration, steps, parts = self.problem.duration, len(self.controls), self.enclosure.parts
         bound = TaskBound(str(part), -np.inf, np.inf, {}, covered=False)
-        for split in SPLITS:
+        for split in SPLITS if self.spread is None else SPLITS[:2]:
             # time cut at the ends of the enclosure's pieces, each in `split` parts
             schedule = Schedule.of(formula, duration, np.full(steps, parts * split, dtype=np.int64))
             if schedule is None:

@@ -29,6 +29,8 @@ class Start:
         The start where every offset is zero.
     shifts : ndarray of int, shape (parameters,)
         The state whose start a parameter shifts; -1 for a parameter of the system.
+    spread : ndarray, shape (states,), optional
+        By how much each state of any member may start off besides; zero if not given.
     """
 
     names: tuple[str, ...]
@@ -36,3 +38,4 @@ class Start:
     upper: Floats
     origin: Floats
     shifts: NDArray[np.int64]
+    spread: Floats | None = None

@@ -86,6 +86,8 @@ class PatchSection(Model):
 class RobotSection(Model):
     """The simulated robot; its parameters may lie outside the fleet's ranges."""
 
+    parameters: dict[f.Name, float] = Field(default_factory=dict)
+    """True parameters of a system defined by an ODE, by name; drawn from the ranges if not given."""
     preset: Literal["small_car"] | None = None
     """`small_car`: a car at a tenth of its size; steering ends at 0.36 rad, commands are rounded."""
     traction: f.Positive | None = None
@@ -128,7 +130,7 @@ class RobotSection(Model):
     def settings(self, errors: Errors, place: int = 0) -> RobotSettings:
         """As the loop's simulation takes it; among several, seeds that are not given are those of their places."""
         seed = self.seed if "seed" in self.model_fields_set else place
-        return RobotSettings(self._factors(), self._flaws(errors), seed)
+        return RobotSettings(self._factors(), self._flaws(errors), seed, self.parameters)
 
     def _factors(self) -> Factors | None:
         """The true factors, if any are given."""
@@ -182,6 +184,9 @@ class OnlineSection(Model):
     """Truncation order of the plans."""
     rounds: Annotated[int, BeforeValidator(whole(1, 100))] = OnlineOptions.rounds
     """Largest number of quadratic programs for one plan."""
+    states: dict[f.Name, Rate] = Field(default_factory=dict)
+    """For a system defined by an ODE, all of whose states are measured: assumed bound of each one's error, in its unit;
+    0.01 for states that are not named."""
     silence: f.Duration = OnlineOptions.silence
     """The robot is stopped after this time without a measurement."""
     recovery: f.Duration = OnlineOptions.recovery

@@ -3,18 +3,114 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.robot import Clock, Robot
 from ensemble_ctrl.planning.online.step import Source, Step
+from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
+
+
+class Past(Protocol):
+    """What is known of a robot."""
+
+    @property
+    def last(self) -> Any:
+        """Its newest measurement."""
+
+    @property
+    def past(self) -> Sequence[Any]:
+        """Its sets at the grid times, each with the middle of its places."""
+
+
+class Loop(Protocol):
+    """A loop of any kind of system, as a driver and a log see it."""
+
+    problem: Problem
+    options: OnlineOptions
+    history: list[Step]
+    base: int
+    elapsed: float
+    alarmed: bool
+    stopped: str
+
+    @property
+    def trackers(self) -> Mapping[str, Past]:
+        """The past of each robot, by name."""
+
+    @property
+    def steps(self) -> int:
+        """Control steps of the whole loop."""
+
+    @property
+    def sent(self) -> int:
+        """Control steps whose commands have been returned."""
+
+    @property
+    def time(self) -> float:
+        """Up to which every robot has been measured, seconds."""
+
+    @property
+    def seen(self) -> bool:
+        """Whether every robot has been measured."""
+
+    @property
+    def over(self) -> bool:
+        """Whether all commands have been returned."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing has contradicted what is assumed."""
+
+    @property
+    def proven(self) -> bool:
+        """Whether the rest of the task is proven."""
+
+    @property
+    def given_up(self) -> bool:
+        """Whether no step will let anything move again."""
+
+    def named(self, measurement: Any) -> Mapping[str, Any]:
+        """Measurements by the names of their robots."""
+
+    def label(self, name: str, parameter: str) -> str:
+        """What a step calls a parameter of a robot."""
+
+    def observe(self, measurement: Any) -> None:
+        """Learn from a measurement without planning."""
+
+    def step(self, measurement: Any = None) -> Floats:
+        """Plan, and return the next commands."""
+
+    def planned(self, begin: int, end: int) -> Floats:
+        """The commands of control steps as they are planned now."""
+
+    def recall(self, begin: int) -> None:
+        """Take commands back."""
+
+    def late(self, now: int, ahead: int = 0) -> None:
+        """Commands come too late."""
+
+    def stop(self, reason: str, for_good: bool = False) -> None:
+        """Give out no more commands."""
+
+    def judged(self) -> float:
+        """Robustness along the past."""
+
+    def entered(self) -> str:
+        """Which robot must have been where it must not be."""
+
+    def predicted(self, robot: str | None = None) -> Floats:
+        """Where a robot goes."""
+
+
 Ending = Literal["success", "finished", "failed", "stopped", "interrupted"]
 Listener = Callable[[Step, Floats], None]
 """Called after each step with what it did and its commands."""
@@ -63,7 +159,7 @@ class Outcome:
 
 
 def drive(
-    loop: Receding,
+    loop: Loop,
     robot: Robot,
     clock: Clock,
     *,
@@ -74,7 +170,7 @@ def drive(
 
     Parameters
     ----------
-    loop : Receding
+    loop : Loop
         New.
     robot : Robot
         One, or all robots of the loop, which hear the same commands; what is measured of several comes by name.
@@ -105,7 +201,7 @@ def drive(
         robot.stop()
 
 
-def _first_look(loop: Receding, robot: Robot, clock: Clock) -> float | None:
+def _first_look(loop: Loop, robot: Robot, clock: Clock) -> float | None:
     """Wait for the first measurement; returns when the plan begins."""
     step, began = loop.problem.step, clock.now()
     while clock.now() - began <= loop.options.silence:
@@ -121,7 +217,7 @@ class _Drive:
 
     def __init__(
         self,
-        loop: Receding,
+        loop: Loop,
         robot: Robot,
         clock: Clock,
         start: float,
@@ -163,7 +259,8 @@ class _Drive:
         loop = self.loop
         loop.recall(max(tick + (1 if loop.stopped else lead), 0))
         if loop.stopped and not loop.over:
-            self.robot.send(self.start + loop.sent * loop.problem.step, np.zeros((lead, 2)))
+            begin = self.start + loop.sent * loop.problem.step
+            self.robot.send(begin, loop.planned(loop.sent, loop.sent + lead))
 
     def _look(self) -> None:
         """Take a measurement, on the loop's own time."""
@@ -210,7 +307,7 @@ class _Drive:
     def _ended(self, ending: Ending, reason: str, robustness: float = -np.inf) -> Outcome:
         """The outcome with what the loop knows."""
         paths = {
-            name: np.array([pose.position for pose in tracker.past]).reshape(-1, 2)
+            name: np.array([known.position for known in tracker.past]).reshape(-1, len(self.loop.problem.fleet.places))
             for name, tracker in self.loop.trackers.items()
         }
         return Outcome(ending, reason, robustness, paths, tuple(self.loop.history), self.start)

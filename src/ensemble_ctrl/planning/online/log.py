@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.core.plain import to_json
 from ensemble_ctrl.core.storage import open_new
 from ensemble_ctrl.core.version import __version__
-from ensemble_ctrl.planning.online.driver import Outcome
-from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.driver import Loop, Outcome
 from ensemble_ctrl.planning.online.step import Step
 
 Floats = NDArray[np.float64]
@@ -40,7 +39,7 @@ class RunLog:
     ) -> None:
         self._file.close()
 
-    def start(self, loop: Receding) -> None:
+    def start(self, loop: Loop) -> None:
         """What runs, and how."""
         fleet = loop.problem.fleet
         self._write(
@@ -55,7 +54,7 @@ class RunLog:
             options=asdict(loop.options),
         )
 
-    def step(self, loop: Receding, step: Step, controls: Floats) -> None:
+    def step(self, loop: Loop, step: Step, controls: Floats) -> None:
         """One step, the measurement that it saw last, and its commands."""
         last = {name: None if each.last is None else asdict(each.last) for name, each in loop.trackers.items()}
         seen = {"measurement": next(iter(last.values()))} if len(last) == 1 else {"measurements": last}

@@ -36,5 +36,30 @@ class Measurement:
             return False
 
 
+@dataclass(frozen=True)
+class StateMeasurement:
+    """All states of a robot that follows an ODE, measured.
+
+    Attributes
+    ----------
+    time : float
+        When the states were these, at the end of a control step, in seconds since the plan began.
+    states : tuple of float
+        In the order and the units of the system's states.
+    """
+
+    time: float
+    states: tuple[float, ...]
+
+    @property
+    def finite(self) -> bool:
+        """Whether all of it are numbers."""
+        try:
+            return bool(np.isfinite([self.time, *self.states]).all())
+        except TypeError:
+            return False
+
+
+StateSeen = StateMeasurement | Mapping[str, StateMeasurement]
 Seen = Measurement | Mapping[str, Measurement]
 """Of one robot, or of several by name."""

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.propagation import Errors
+from ensemble_ctrl.problem import Problem
 
 Horizon = Literal["shrinking", "receding"]
+STATE_ERROR = 0.01
+"""Largest error of a measured state, in its unit, unless another is given."""
 MAX_ORDER = 6
 """Largest truncation order of a loop."""
 
@@ -43,6 +50,9 @@ class OnlineOptions:
         Seconds that a standing robot may take to plan anew.
     attempts : int
         How often it may do so.
+    states : mapping of str to float
+        For a system that an ODE defines: the largest error of each state's measurement, in its unit; `STATE_ERROR` for
+        those that are not named.
     """
 
     applied_steps: int = 10
@@ -56,6 +66,7 @@ class OnlineOptions:
     silence: float = 2.0
     recovery: float = 3.0
     attempts: int = 3
+    states: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("applied_steps", "rounds"):
@@ -67,10 +78,26 @@ class OnlineOptions:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ProblemError(f"online.{name}: expected a finite time above 0 s, got {value!r}")
+        for name, value in self.states.items():
+            if not (math.isfinite(value) and value >= 0):
+                raise ProblemError(f"online.states.{name}: expected a finite number >= 0, got {value!r}")
         if self.horizon not in ("shrinking", "receding"):
             raise ProblemError(f"online.horizon: expected 'shrinking' or 'receding', got {self.horizon!r}")
         if (self.horizon == "receding") != (self.run_for is not None):
             raise ProblemError("online.run_for: expected a time with `horizon: receding`, and only with it")
+
+    def errors_of(self, problem: Problem) -> NDArray[np.float64]:
+        """Largest error of each state's measurement, shape (states,).
+
+        Raises
+        ------
+        ProblemError
+            For a name that is none of the system's states.
+        """
+        states = problem.fleet.system.states
+        if strange := [name for name in self.states if name not in states]:
+            raise ProblemError(f"online.states: expected names among {', '.join(states)}, got {strange[0]!r}")
+        return np.array([self.states.get(name, STATE_ERROR) for name in states])
 
     def lead(self, step: float) -> int:
         """Steps before a plan takes over at which the robot is measured for it."""

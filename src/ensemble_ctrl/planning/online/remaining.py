@@ -65,6 +65,31 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
     if problem.objective.earliest is not None:
         message = "the earliest passage is not for a loop"
         yield Finding(("objective", "earliest"), message, "give the visit a window in the task")
+    if not problem.fleet.system.on_arcs:
+        yield from _findings_of_states(problem)
+    elif problem.online is not None and problem.online.options.states:
+        message = f"errors of single states are not for a loop of the {problem.fleet.system.name}"
+        yield Finding(("online", "states"), message, "use noise")
+
+
+def _findings_of_states(problem: Problem) -> Iterator[Finding]:
+    """What is not for the loop of a system that an ODE defines: it knows no standing, and no error of the model."""
+    fleet, settings = problem.fleet, problem.online
+    name = fleet.system.name
+    if fleet.rate_bounds is not None:
+        yield Finding(("fleet", "rate_bounds"), f"bounds on the rates of commands are not for a loop of the {name}")
+    if settings is None:
+        return
+    errors = settings.options.errors
+    if errors.drift or errors.speed or errors.turn_rate:
+        yield Finding(
+            ("online",), f"drift and actuators are not for a loop of the {name}", "its sets know no model error"
+        )
+    if settings.options.horizon == "receding":
+        why = f"a receding horizon is not for a loop of the {name}: its safety is a plan proven to the end"
+        yield Finding(("online", "horizon"), why, "use shrinking")
+    if len(settings.robots) > 1:
+        yield Finding(("online", "robots"), f"several robots are not for a loop of the {name}", "give one robot")
 
 
 def of_one_robot(problem: Problem) -> Problem:
@@ -117,6 +142,33 @@ class _Element:
         return self
 
 
+@dataclass(frozen=True, eq=False)
+class BoxElement:
+    """The same of a robot whose states are in a box throughout."""
+
+    names: tuple[str, ...]
+    low: Floats
+    high: Floats
+    step: float
+    members: int = 1
+    steps: int = 0
+
+    def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
+        """The lowest value in the box, shape (1, 1)."""
+        coefficients, offset = predicate.normalised()
+        row = np.array([dict(coefficients).get(name, 0.0) for name in self.names])
+        used = row != 0  # nothing may be known of the others
+        ends = np.where(row > 0, self.low, self.high)
+        return np.array([[float(row[used] @ ends[used]) + offset]])
+
+    def mean(self) -> Signals:
+        """One robot is its own mean."""
+        return self
+
+
+Element = _Element | BoxElement
+
+
 class Progress:
     """What is left of the parts of a task with a robustness, along a past that is a tube.
 
@@ -151,31 +203,41 @@ class Progress:
             Metres by which it may have left the segment between two places at a grid time and the next.
         """
         for here, there in pairwise(poses):
-            if self.left:
-                self._pass(_Element((here,), 0.0, self.problem.step / 2), 2 * self.at)
-                between = _Element((here, there), bulge(self.at), self.problem.step / 2)
-                self._pass(between, 2 * self.at + 1)
-            self.at += 1
+            half = self.problem.step / 2
+            self.take(_Element((here,), 0.0, half), _Element((here, there), bulge(self.at), half))
+
+    def take(self, here: Element, between: Element) -> None:
+        """One more step is past: what was so at its beginning, and throughout."""
+        if self.left:
+            self._pass(here, 2 * self.at)
+            self._pass(between, 2 * self.at + 1)
+        self.at += 1
+
+    def copied(self) -> Progress:
+        """The same, to be taken further."""
+        later = Progress(self.problem)
+        later.left, later.at = self.left, self.at
+        return later
 
     def after(self, poses: Sequence[PoseSet], bulge: Callable[[int], float]) -> Progress:
         """The progress of a robot that is in these sets of poses at the grid times that come next."""
-        later = Progress(self.problem)
-        later.left, later.at = self.left, self.at
+        later = self.copied()
         later.advance(poses, bulge)
         return later
 
-    def _pass(self, element: _Element, k: int) -> None:
+    def _pass(self, element: Element, k: int) -> None:
         """An element of time, of which there are two a step, is past."""
         # two elements a step: the grid time, and the open interval after it
         left = max(2 * self.problem.steps - k, 0)
         read = partial(self._reading, element)
         self.left = tuple(progressed(part, read, 1, left, element.step) for part in self.left)
 
-    def _reading(self, element: _Element, leaf: Formula, k: int) -> float:
+    def _reading(self, element: Element, leaf: Formula, k: int) -> float:
         """A lower bound of a leaf's robustness throughout an element."""
         problem = self.problem
         plain = negation_normal_form(leaf)
-        formula = ground(plain, problem.regions, problem.obstacles, radius=problem.fleet.radius)
+        places, radius = problem.fleet.places, problem.fleet.radius
+        formula = ground(plain, problem.regions, problem.obstacles, position=places, radius=radius)
         return float(robustness(formula, element, ExactOps()))
 
     def _on_grid(self, part: TaskPart) -> Formula:
@@ -237,16 +299,23 @@ def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: Pose
     -----
     Unchecked: it may not be possible any more, as where a region is too far, or the robot inside an obstacle.
     """
+    fleet = with_ranges(problem.fleet, ranges).with_(position=pose.position, heading=pose.heading)
+    return left_over(problem, begin, parts, fleet)
+
+
+def left_over(problem: Problem, begin: int, parts: Iterable[Formula], fleet: Fleet) -> Problem:
+    """As `remaining`, of a fleet that stands where the robot is."""
     gone = begin * problem.step
     past = exact(problem.duration) / problem.steps * begin
     avoided = [_later(part, past) for part in problem.specification.always]
     task = _all_of([*avoided, *(settled(part) for part in parts)])
-    return _placed(problem, pose, ranges, gone, task, problem.duration - gone, problem.steps - begin)
+    return _placed(problem, fleet, gone, task, problem.duration - gone, problem.steps - begin)
 
 
 def read_anew(problem: Problem, begin: int, pose: PoseSet, ranges: Floats) -> Problem:
     """With a receding horizon, the whole task read at a grid time."""
-    return _placed(problem, pose, ranges, begin * problem.step, problem.task, problem.duration, problem.steps)
+    fleet = with_ranges(problem.fleet, ranges).with_(position=pose.position, heading=pose.heading)
+    return _placed(problem, fleet, begin * problem.step, problem.task, problem.duration, problem.steps)
 
 
 def with_map(problem: Problem, obstacles: Mapping[str, tuple[Obstacle, ...]]) -> Problem:
@@ -263,11 +332,8 @@ def for_a_while(problem: Problem, steps: int) -> Problem:
     return replace(problem, task=task, duration=end, steps=steps)
 
 
-def _placed(
-    problem: Problem, pose: PoseSet, ranges: Floats, gone: float, task: Formula, duration: float, steps: int
-) -> Problem:
-    """Another task from another start and time on, with other ranges; unchecked: a proof refuses what is wrong."""
-    fleet = with_ranges(problem.fleet, ranges).with_(position=pose.position, heading=pose.heading)
+def _placed(problem: Problem, fleet: Fleet, gone: float, task: Formula, duration: float, steps: int) -> Problem:
+    """Another task for another fleet, from another time on; unchecked: a proof refuses what is wrong."""
     motions = {name: Motion(motion.times - gone, motion.offsets) for name, motion in problem.motions.items()}
     changed = copy(problem)
     other = {"fleet": fleet, "motions": MappingProxyType(motions), "task": task, "duration": duration, "steps": steps}

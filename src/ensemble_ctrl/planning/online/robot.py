@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.planning.online.measurement import Seen
+from ensemble_ctrl.planning.online.measurement import Seen, StateSeen
 
 Floats = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ class Robot(Protocol):
     hear, lets it drive further than what it was sent.
     """
 
-    def read(self) -> Seen | None:
+    def read(self) -> Seen | StateSeen | None:
         """The newest pose that was measured, of several robots by name; None if there is nothing new."""
 
     def send(self, begin: float, controls: Floats) -> None:

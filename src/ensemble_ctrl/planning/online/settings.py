@@ -7,8 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.simulated import Factors, Fixed, Flaws, SimulatedFleet, SimulatedRobot
+from ensemble_ctrl.planning.online.simulated_states import SimulatedStates
 from ensemble_ctrl.problem import Problem
 
 
@@ -24,11 +26,14 @@ class RobotSettings:
         What is wrong with it; None for measurements as wrong as is assumed, 0.1 s late.
     seed : int
         Of all that is drawn.
+    parameters : mapping of str to float
+        For a system that an ODE defines: its true parameters; those that are not named are drawn.
     """
 
     factors: Factors | None = None
     flaws: Flaws | None = None
     seed: int = 0
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,21 @@ class OnlineSettings:
 
     def simulated(self, problem: Problem) -> SimulatedFleet:
         """The robots, at the start of a problem's fleet."""
-        return SimulatedFleet({name: self._simulated(problem, robot) for name, robot in self.robots.items()})
+        made = self._simulated if problem.fleet.system.on_arcs else self._by_states
+        return SimulatedFleet({name: made(problem, robot) for name, robot in self.robots.items()})
+
+    def _by_states(self, problem: Problem, robot: RobotSettings) -> SimulatedStates:
+        """One of a system that an ODE defines."""
+        fleet, flaws = problem.fleet, robot.flaws or Flaws()
+        if robot.factors is not None:
+            wanted = f"its parameters by name for the {fleet.system.name}"
+            raise ProblemError(f"online.robot: expected {wanted}, got factors on speed and turn rate")
+        if strange := [name for name in robot.parameters if name not in fleet.names]:
+            known = ", ".join(fleet.names) or "none"
+            raise ProblemError(f"online.robot.parameters: expected names among {known}, got {strange[0]!r}")
+        drawn = {**fleet.named(fleet.sample(1, robot.seed)[0]), **robot.parameters}
+        errors = self.options.errors_of(problem)
+        return SimulatedStates(fleet, problem.step, drawn, errors, flaws.delay, flaws.lost_measurements, robot.seed)
 
     def _simulated(self, problem: Problem, robot: RobotSettings) -> SimulatedRobot:
         """One of them."""

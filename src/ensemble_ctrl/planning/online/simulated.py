@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,23 +232,23 @@ class SimulatedFleet:
 
     Parameters
     ----------
-    robots : mapping of str to SimulatedRobot
+    robots : mapping of str to SimulatedRobot or SimulatedStates
         By name, all with the same control step.
     """
 
-    def __init__(self, robots: Mapping[str, SimulatedRobot]) -> None:
+    def __init__(self, robots: Mapping[str, Any]) -> None:
         self.robots = dict(robots)
 
     def now(self) -> float:
         """Simulated seconds."""
-        return next(iter(self.robots.values())).now()
+        return float(next(iter(self.robots.values())).now())
 
     def wait(self, until: float) -> None:
         """Let the robots drive until a time."""
         for robot in self.robots.values():
             robot.wait(until)
 
-    def read(self) -> dict[str, Measurement]:
+    def read(self) -> dict[str, Any]:
         """The newest measurement of each robot of which one has arrived."""
         seen = {name: robot.read() for name, robot in self.robots.items()}
         return {name: each for name, each in seen.items() if each is not None}

@@ -5,13 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, Protocol
 
 from ensemble_ctrl.ocp.online import Timer
 from ensemble_ctrl.planning.online.evidence import NOTHING, Evidence, Proof
-from ensemble_ctrl.planning.online.propagation import PoseSet
 
 Source = Literal["new", "kept", "stopped", "recovered"]
+
+
+class Known(Protocol):
+    """A set of poses or states."""
+
+    @property
+    def away(self) -> float:
+        """Its radius, metres."""
+
+    @property
+    def turn(self) -> float:
+        """Radians either way."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +102,7 @@ class Work:
         begin: int,
         end: int,
         ranges: dict[str, tuple[float, float]],
-        poses: Mapping[str, PoseSet],
+        poses: Mapping[str, Known],
         events: tuple[str, ...],
     ) -> Step:
         """What was done, for the commands of the control steps ``begin .. end - 1``."""

@@ -75,6 +75,11 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
     )
 
 
+def improve(problem: Problem, controls: Floats) -> Attempt:
+    """Controls from some that are nearly good, within the problem's time limit, in this process, unproven."""
+    return shooting.improved(problem, controls, Search(problem, None, None))
+
+
 def _for_middle(search: Search, problem: Problem, starts: list[Guess]) -> list[tuple[Attempt, Floats]]:
     """Each guess solved for the middle member, with its states; as it is where there was no time for that."""
 
