@@ -34,7 +34,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "ocp",
         "certificate",
         "planning.planner, planning.baseline",
-        "planning.online, planning.minimum_time, planning.suggest, report, files.planfile",
+        "planning.online, planning.tolerance, planning.minimum_time, planning.suggest, report, files.planfile",
         "files.config, planning.ranges",
         "files.folder",
         "files.export, files.examples",

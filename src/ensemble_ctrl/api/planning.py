@@ -23,6 +23,7 @@ from ensemble_ctrl.problem.evaluation.sampled import replay
 if TYPE_CHECKING:
     from ensemble_ctrl.planning.minimum_time import MinimumTime
     from ensemble_ctrl.planning.planner import Progress, Solution
+    from ensemble_ctrl.planning.tolerance import MostTolerant
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ def plan(
     >>> ec.plan(problem).replayed.satisfied
     1.0
     """
-    from ensemble_ctrl.planning.minimum_time import solve
+    from ensemble_ctrl.planning import minimum_time, tolerance
 
     began = perf_counter()
     if not isinstance(problem, Problem):
@@ -83,31 +84,36 @@ def plan(
     file = None if log is None else path_of("log", log)
     if progress is not None:
         called("progress", progress)
-    solution, shortest = solve(problem, progress=progress, guess=controls, log=file)
+    search = minimum_time.solve if problem.objective.tolerance is None else tolerance.solve
+    solution, extreme = search(problem, progress=progress, guess=controls, log=file)
     if progress is not None:
         progress("replay", None)
-    found = judged(solution, shortest, began, progress)
+    found = judged(solution, extreme, began, progress)
     if check and not (found.status == "planned" and found.verified):
         raise SolveError(failure_message(found), found)
     return found
 
 
 def judged(
-    solution: Solution, shortest: MinimumTime | None, began: float | None = None, progress: Progress | None = None
+    solution: Solution,
+    extreme: MinimumTime | MostTolerant | None,
+    began: float | None = None,
+    progress: Progress | None = None,
 ) -> Plan:
     """The plan of a solution, replayed unless states run away under it.
 
     Parameters
     ----------
     solution : Solution
-    shortest : MinimumTime or None
-        What was tried where a time is to be as short as possible.
+    extreme : MinimumTime or MostTolerant or None
+        What was tried where a time is to be as short as possible, or errors as large.
     began : float, optional
         When the search began, by ``perf_counter``: the replay ends with its time limit.
     progress : callable, optional
         As for `plan`.
     """
-    details = _details(solution) | ({} if shortest is None else {"minimum_time": asdict(shortest)})
+    name = "tolerance" if hasattr(extreme, "scale") else "minimum_time"
+    details = _details(solution) | ({} if extreme is None else {name: asdict(extreme)})
     found = Plan(solution.problem, solution.controls, solution.status, details, None, solution.certificate)
     try:
         return _replayed(found, perf_counter() if began is None else began, progress)

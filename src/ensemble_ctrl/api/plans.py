@@ -16,11 +16,12 @@ from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays
 from ensemble_ctrl.core.renamed import renamed_fields
-from ensemble_ctrl.core.values import expect, number, numbers, path_of, whole
+from ensemble_ctrl.core.values import expect, flag, number, numbers, path_of, whole
 from ensemble_ctrl.files import planfile
 from ensemble_ctrl.files.config import dump, load_text
 from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.evaluation.adversary import Attack, attack
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict, conflicts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, replay
 from ensemble_ctrl.problem.evaluation.streaming import SIZE, replay_blocks
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
     from ensemble_ctrl.planning.planner import Progress, Status
     from ensemble_ctrl.planning.suggest import Suggestions
+    from ensemble_ctrl.planning.tolerance import Tolerance
 
 Floats = NDArray[np.float64]
 
@@ -137,6 +139,22 @@ class Plan(ReadOnlyArrays):
         With `each` the bound of every obstacle is refined, and not of the near ones alone.
         """
         return certify(self.problem, self.controls, ranges, each=each)
+
+    def tolerance(self, attacked: bool = False) -> Tolerance:
+        """How much error of the model the plan tolerates, by kind; see `ensemble_ctrl.planning.tolerance.measure`.
+
+        With `attacked` also with which bounds a disturbance is found that breaks it.
+        """
+        from ensemble_ctrl.planning.tolerance import measure
+
+        return measure(self.problem, self.controls, attacked=flag("attacked", attacked))
+
+    def attack(self, seed: int | None = None) -> Attack:
+        """The closest that a disturbance within the fleet's bounds brings a robot to what it avoids, as far as found.
+
+        See `ensemble_ctrl.problem.evaluation.adversary`.
+        """
+        return attack(self.problem, self.controls, self.problem.solve.seed if seed is None else seed)
 
     def conflicts(self) -> tuple[Conflict, ...]:
         """What fails, by how much, when and for whom; empty for a good plan."""

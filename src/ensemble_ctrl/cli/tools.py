@@ -19,11 +19,35 @@ from ensemble_ctrl.cli.root import (
     Overwrite,
     Quiet,
     Replace,
+    Saved,
     Trust,
     app,
     examples_of,
 )
 from ensemble_ctrl.cli.streams import say
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan tolerance plans/five_obstacles",
+        "ensemble-plan tolerance plans/five_obstacles --attack --chart tolerance.png",
+    ),
+)
+def tolerance(
+    plan: Saved,
+    attack: Annotated[
+        bool, typer.Option("--attack", help="Look for disturbances that break the plan, too: takes minutes.")
+    ] = False,
+    chart: Annotated[Path | None, typer.Option(help="Draw bars into FILE (png, svg, pdf).", metavar="FILE")] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    overwrite: Replace = False,
+    trust: Trust = False,
+) -> None:
+    """Measure how much error of the model a saved plan tolerates before its proof is gone."""
+    from ensemble_ctrl.cli.tolerance import measure_plan
+
+    raise typer.Exit(measure_plan(plan, attack, chart, json, quiet, overwrite))
 
 
 @app.command(

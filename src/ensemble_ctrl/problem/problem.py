@@ -22,6 +22,7 @@ from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.risk import Risk
 from ensemble_ctrl.problem.specification import Specification
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
+from ensemble_ctrl.problem.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
     from ensemble_ctrl.planning.online.settings import OnlineSettings
@@ -61,6 +62,9 @@ class Objective(ReadOnlyArrays):
     earliest : str, optional
         A region that every member is to pass as soon as possible, before all else; the task goes on to hold
         (`ensemble_ctrl.planning.minimum_time`).
+    tolerance : Uncertainty, optional
+        Errors of the model of which a plan is to tolerate as large a multiple as can be, before all else
+        (`ensemble_ctrl.planning.tolerance`); the fleet has none of its own.
     """
 
     robustness: float = 1.0
@@ -70,6 +74,7 @@ class Objective(ReadOnlyArrays):
     smoothness: float = 0.0
     cvar: Risk | None = None
     earliest: str | None = None
+    tolerance: Uncertainty | None = None
 
     def __post_init__(self) -> None:
         for name in ("robustness", "terminal", "smoothness"):
@@ -77,6 +82,8 @@ class Objective(ReadOnlyArrays):
             object.__setattr__(self, name, value)
         if self.cvar is not None:
             expect("objective.cvar", self.cvar, Risk)
+        if self.tolerance is not None:
+            expect("objective.tolerance", self.tolerance, Uncertainty)
         if self.earliest is not None:
             expect("objective.earliest", self.earliest, str, "the name of a region")
         if self.target is not None and not isinstance(self.target, Formation | MomentTarget | SpreadTarget):

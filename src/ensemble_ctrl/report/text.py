@@ -17,9 +17,9 @@ from ensemble_ctrl.problem.checks import coverage_text
 from ensemble_ctrl.problem.ensemble import Ensemble
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task, units_of_parts
 from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
-from ensemble_ctrl.problem.fleet import START_COLUMNS, START_PREFIX, Fleet
+from ensemble_ctrl.problem.fleet import START_COLUMNS, START_PREFIX
 from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED
-from ensemble_ctrl.problem.uncertainty import POSITION
+from ensemble_ctrl.report.errors import errors_text, tolerated
 from ensemble_ctrl.report.tried import tried
 
 if TYPE_CHECKING:
@@ -114,6 +114,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         ("task", str(problem.task)),
         *([("obstacles", coverage_text(problem))] if problem.obstacles else []),
         *minimum_time(d.get("minimum_time")),
+        *tolerated(d.get("tolerance")),
         *measured(plan.replayed, unit_of_task(problem)),
     ]
     if plan.replayed is None or plan.replayed.violating.any() or plan.status == "infeasible":
@@ -161,26 +162,6 @@ def _fleet(problem: Problem) -> str:
     place = ", ".join(f"{value:g}" for value in (fleet.position if headed else fleet.start_place))
     turned = f" heading {np.degrees(fleet.heading):.4g} deg" if headed else ""
     return f"{fleet.system.name}, {ranges_text(fleet)}, radius {fleet.radius:g} m, from ({place}){turned}"
-
-
-def errors_text(fleet: Fleet) -> str:
-    """The bounds of the errors of the model."""
-    bounds, system = fleet.uncertainty, fleet.system
-    units = dict(zip(system.controls, system.control_units, strict=True))
-    states = {POSITION: "m", **fleet.state_units, **({system.heading_state: "rad"} if system.heading_state else {})}
-    texts = [f"{name} {value:.4g} {_rate(states.get(name, ''))}".rstrip() for name, value in bounds.disturbance.items()]
-    texts += [f"{name} {value:.4g} {units[name]}" for name, value in bounds.actuators.items()]
-    texts += [f"{name} {100 * share:.4g} %" for name, share in bounds.shares.items()]
-    texts += [f"{name} in steps of {value:.4g} {units[name]}" for name, value in bounds.quantisation.items()]
-    texts += [f"{name} varies by {100 * share:.4g} %" for name, share in bounds.varies.items()]
-    texts += [f"{kind} {value:g} s" for kind in ("delay", "jitter") if (value := getattr(bounds, kind))]
-    held = bounds.heading_hold
-    return ", ".join([*texts, *([] if held is None else [f"heading held within {held:g} s"])])
-
-
-def _rate(unit: str) -> str:
-    """The unit of a rate."""
-    return f"{unit}/s" if unit else ""
 
 
 def ranges_text(fleet: Ensemble) -> str:

@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 
 from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.schema import ObjectiveSection, ProblemFile
+from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection
 from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.problem.checks import Finding
 from ensemble_ctrl.problem.risk import Risk
+from ensemble_ctrl.problem.uncertainty import Uncertainty
+from ensemble_ctrl.systems import System
 
 STEP = 0.1
 """Length of a control step in seconds, unless the file gives a number of steps."""
@@ -25,11 +29,11 @@ def build(file: ProblemFile, name: str) -> Problem:
         If parts of it don't fit together.
     """
     fleet = file.fleet.fleet()
-    return Problem(fleet=fleet, **_rest(file, name, fleet.system.controls))
+    return Problem(fleet=fleet, **_rest(file, name, fleet.system))
 
 
-def _rest(file: ProblemFile, name: str, controls: tuple[str, ...]) -> dict[str, Any]:
-    """Everything but the fleet, which has these commands."""
+def _rest(file: ProblemFile, name: str, system: System) -> dict[str, Any]:
+    """Everything but the fleet, which has this system."""
     horizon = file.horizon
     duration, least = horizon.bounds
     return dict(
@@ -42,7 +46,7 @@ def _rest(file: ProblemFile, name: str, controls: tuple[str, ...]) -> dict[str, 
             name: tuple(piece for shape in shapes for piece in shape.pieces) for name, shapes in file.obstacles.items()
         },
         motions={name: section.motion(duration) for name, section in file.motions.items()},
-        objective=_objective(file.objective, controls),
+        objective=_objective(file.objective, system),
         order=file.moments.order,
         coordinates=file.moments.coordinates,
         integrator=file.moments.integrator,
@@ -55,10 +59,12 @@ def _rest(file: ProblemFile, name: str, controls: tuple[str, ...]) -> dict[str, 
     )
 
 
-def _objective(section: ObjectiveSection, controls: tuple[str, ...]) -> Objective:
+def _objective(section: ObjectiveSection, system: System) -> Objective:
     """What the plan trades off."""
-    terminal = section.terminal
-    weights = {name: getattr(section, name) for name in ("robustness", "effort", "smoothness", "earliest")}
+    terminal, controls = section.terminal, system.controls
+    weights: dict[str, Any] = {
+        name: getattr(section, name) for name in ("robustness", "effort", "smoothness", "earliest")
+    }
     if isinstance(section.effort, dict):
         for name in sorted(set(section.effort) - set(controls)):
             message = f"expected weights of {' and '.join(controls)}, got {name!r}"
@@ -68,7 +74,19 @@ def _objective(section: ObjectiveSection, controls: tuple[str, ...]) -> Objectiv
         weights["effort"] = np.array([section.effort.get(name, 0.0) for name in controls])
     if section.cvar is not None:
         weights["cvar"] = Risk(section.cvar.of, section.cvar.level, section.cvar.weight)
+    if section.tolerance is not None:
+        weights["tolerance"] = _tolerance(section.tolerance, system)
     if terminal is None:
         return Objective(**weights)
     target = np.array(terminal.target) if isinstance(terminal.target, tuple) else terminal.target
     return Objective(target=target, terminal=terminal.weight, **weights)
+
+
+def _tolerance(section: UncertaintySection, system: System) -> Uncertainty:
+    """Errors of the model, of which much is to be tolerated."""
+    try:
+        return section.bounds(system)
+    except FieldError as error:
+        wrong = ProblemError(f"objective.tolerance: {error.message}")
+        wrong.findings = (Finding(("objective", "tolerance", *error.path), error.message, error.hint),)
+        raise wrong from None

@@ -15,6 +15,7 @@ from ensemble_ctrl.constraints.stl import Predicate
 from ensemble_ctrl.files.config.fleets import fleet_data
 from ensemble_ctrl.files.config.targets import target_data
 from ensemble_ctrl.files.config.tree import SCALARS
+from ensemble_ctrl.files.config.uncertainty_section import uncertainty_data
 from ensemble_ctrl.problem import Objective, Problem
 
 Floats = NDArray[np.float64]
@@ -106,6 +107,8 @@ def _objective(objective: Objective, controls: tuple[str, ...]) -> Data:
         data["smoothness"] = float(objective.smoothness)
     if objective.earliest is not None:
         data["earliest"] = objective.earliest
+    if objective.tolerance is not None:
+        data["tolerance"] = uncertainty_data(objective.tolerance).get("uncertainty", {})
     if objective.target is not None:
         data["terminal"] = {"target": target_data(objective.target), "weight": float(objective.terminal)}
     return data

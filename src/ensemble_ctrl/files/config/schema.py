@@ -14,6 +14,7 @@ from ensemble_ctrl.files.config.motions import MotionSection
 from ensemble_ctrl.files.config.online import OnlineSection
 from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.files.config.targets import Terminal as TerminalTarget
+from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection
 from ensemble_ctrl.problem import (
     Coordinates,
     Grid,
@@ -92,6 +93,8 @@ class ObjectiveSection(Model):
     """A penalty on the worst part of the fleet."""
     earliest: f.Name | None = None
     """A region that every member has to reach in minimum time; the other terms come second."""
+    tolerance: UncertaintySection | None = None
+    """Errors of the model, as in `fleet.uncertainty`: the plan tolerates as large a multiple of them as can be."""
 
 
 class Solve(Model):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.problem.checks.finding import Finding
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 def uncertainty_findings(problem: Problem) -> Iterator[Finding]:
     """Commands that change places, and commands with their errors beyond what the model is for."""
     fleet, bounds = problem.fleet, problem.fleet.uncertainty
+    yield from _tolerance_findings(problem)
     path = ("fleet", "uncertainty")
     if bounds.jitter > problem.step / 2:
         message = f"expected at most half a step, {problem.step / 2:g} s, got {bounds.jitter:g} s"
@@ -29,3 +31,23 @@ def uncertainty_findings(problem: Problem) -> Iterator[Finding]:
             wanted = f"expected {name} with its error within {low:g} to {high:g}"
             got = f"got {ends[0, k] - spread[k]:g} to {ends[1, k] + spread[k]:g}"
             yield Finding((*path, "actuators"), f"{wanted}, {got}", "narrow its input_bounds")
+
+
+def _tolerance_findings(problem: Problem) -> Iterator[Finding]:
+    """Errors of which a plan is to tolerate much: some, of what the system has, and nothing else that is extreme."""
+    wanted, path = problem.objective.tolerance, ("objective", "tolerance")
+    if wanted is None:
+        return
+    if not wanted:
+        yield Finding(path, "expected errors of the model, got none", "for example  disturbance: {position: 1 mm/s}")
+    if problem.fleet.uncertainty:
+        message = "expected no fleet.uncertainty beside it, got some"
+        yield Finding(path, message, "the plan's own errors are a multiple of these")
+    if problem.least_duration is not None or problem.objective.earliest is not None:
+        yield Finding(path, "expected no time that is to be as short as possible beside it, got one")
+    if not problem.verify.certificate:
+        yield Finding(path, "expected verify.certificate: true, since what is tolerated is proven, got false")
+    try:
+        wanted.checked(problem.fleet.system)
+    except ProblemError as error:
+        yield Finding(path, str(error))

@@ -1,0 +1,65 @@
+"""Errors of the model in words: their bounds, and what a plan tolerates of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.uncertainty import POSITION
+
+if TYPE_CHECKING:
+    from ensemble_ctrl.planning.tolerance import Tolerance, Tolerated
+
+
+def errors_text(fleet: Fleet) -> str:
+    """The bounds of the errors of the model."""
+    bounds, system = fleet.uncertainty, fleet.system
+    units = dict(zip(system.controls, system.control_units, strict=True))
+    states = {POSITION: "m", **fleet.state_units, **({system.heading_state: "rad"} if system.heading_state else {})}
+    texts = [f"{name} {value:.4g} {_rate(states.get(name, ''))}".rstrip() for name, value in bounds.disturbance.items()]
+    texts += [f"{name} {value:.4g} {units[name]}" for name, value in bounds.actuators.items()]
+    texts += [f"{name} {100 * share:.4g} %" for name, share in bounds.shares.items()]
+    texts += [f"{name} in steps of {value:.4g} {units[name]}" for name, value in bounds.quantisation.items()]
+    texts += [f"{name} varies by {100 * share:.4g} %" for name, share in bounds.varies.items()]
+    texts += [f"{kind} {value:g} s" for kind in ("delay", "jitter") if (value := getattr(bounds, kind))]
+    held = bounds.heading_hold
+    return ", ".join([*texts, *([] if held is None else [f"heading held within {held:g} s"])])
+
+
+def _rate(unit: str) -> str:
+    """The unit of a rate."""
+    return f"{unit}/s" if unit else ""
+
+
+def tolerated(found: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """How large a multiple of errors a plan tolerates that was to tolerate as much as can be."""
+    if found is None:
+        return []
+    missed = "" if found["missed"] is None else f"; none found for {found['missed']:.3g} times"
+    return [("tolerance", f"{found['scale']:.3g} times the errors that were given{missed} ({found['tried']} tried)")]
+
+
+def tolerance_lines(found: Tolerance) -> Iterator[str]:
+    """What a plan tolerates, a line for each kind."""
+    for one in (*found.kinds, found.mix):
+        yield f"  {one.kind:<44}{amount(one.bound, one):>12}  {_ends(one)}"
+
+
+def _ends(one: Tolerated) -> str:
+    """What ends it."""
+    if one.beyond is None:
+        return "and more than that makes no sense"
+    when = "" if one.time is None else f" at t = {one.time:.2f} s"
+    who = ", ".join(f"{name} {value:.4g}" for name, value in one.parameters.items())
+    broken = "" if one.broken is None else f"; broken by an attack with {amount(one.broken, one)}"
+    return f"then {one.ends}{when}{f' ({who})' if who else ''}{broken}"
+
+
+def amount(value: float, one: Tolerated) -> str:
+    """A bound in the unit that reads best: mm/s, mrad/s, ms, a percentage, or as it is."""
+    if one.unit in ("m/s", "rad/s", "s"):
+        return f"{1000 * value:.3g} m{one.unit}"
+    if one.unit:
+        return f"{value:.3g} {one.unit}"
+    return f"{value:.3g}" if "times" in one.kind else f"{100 * value:.3g} %"
