@@ -9,9 +9,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.motion import Motion
+from ensemble_ctrl.files.config import load
+from ensemble_ctrl.ocp.chance import AHEAD, map_size, reach
 from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.problem.specification import AvoidConstraint
 from tests.examples import examples
+from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
 
@@ -76,3 +80,39 @@ def test_nothing_to_keep_out_of() -> None:
     hyperplanes = separate(np.zeros((4, 2, 2)), [], 1.0)
     assert hyperplanes.gap.shape == (0, 3)
     assert hyperplanes.normal.shape == (0, 3, 2)
+
+
+def test_many_pieces_at_once_are_what_each_is_alone() -> None:
+    """With moving ones, a box of starts, and only those within reach refined."""
+    rng = np.random.default_rng(3)
+    pieces = [piece for piece in (random_piece(rng, 0.5) for _ in range(12)) if piece is not None]
+    motion = Motion.steady([0.4, -0.2], 3.0)
+    moved = [
+        AvoidConstraint(
+            f"o{k}",
+            (Obstacle.polygon(piece.vertices + 6 * rng.normal(size=2)),),
+            0.1 * k,
+            0.0,
+            3.0,
+            motion if k % 3 == 0 else None,
+        )
+        for k, piece in enumerate(pieces)
+    ]
+    points, shift = np.cumsum(rng.normal(size=(5, 4, 2)), axis=0), np.array([0.1, 0.2])
+    together = separate(points, moved, 3.0, shift, near=2.0, within=9.0)
+    for k, each in enumerate(moved):
+        alone = separate(points, [each], 3.0, shift, near=2.0, within=9.0)
+        for name in ("normal", "support", "gap", "drift", "active"):
+            np.testing.assert_array_equal(getattr(together, name)[k], getattr(alone, name)[0])
+    assert np.isfinite(together.gap).any()
+    assert not np.isfinite(together.gap).all()
+
+
+def test_only_what_is_close_is_constrained_among_many_obstacles() -> None:
+    few = load(CONFIGS / "five_obstacles.yaml")
+    posts = {f"p{k}": (Obstacle.box([[k, k + 0.5], [50.0, 50.5]]),) for k in range(60)}
+    many = few.with_(obstacles={**few.obstacles, **posts})
+    curve = np.zeros((3, 2, 2))
+    assert reach(few, curve) == 0.15 * map_size(few, curve)
+    fastest = float(few.fleet.input_upper[0])
+    assert reach(many, curve) == AHEAD * fastest * few.duration < 0.15 * map_size(many, curve)

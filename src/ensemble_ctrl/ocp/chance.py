@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.ocp.disturbance import growth
-from ensemble_ctrl.ocp.hyperplanes import Hyperplanes, separate
+from ensemble_ctrl.ocp.hyperplanes import REACH, Hyperplanes, separate
 from ensemble_ctrl.ocp.truncation import Range, Truncation
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.specification import TaskPart
@@ -23,6 +23,10 @@ from ensemble_ctrl.problem.specification import TaskPart
 Floats = NDArray[np.float64]
 Sides = tuple[Callable[[float], tuple[float, float]], ...]
 
+MANY = 50
+"""Convex pieces beyond which only those close by are constrained from the start."""
+AHEAD = 0.04
+"""Share of the horizon in which a robot drives from where a pair is constrained from the start to its obstacle."""
 SPARE = 0.03
 """Part of the remaining share that the box takes in addition, so that a proof has room."""
 
@@ -111,6 +115,20 @@ def map_size(problem: Problem, curve: Floats) -> float:
     pieces = (piece for avoid in problem.specification.avoided_by_anyone for piece in avoid.pieces)
     corners = [curve.reshape(-1, 2), *(piece.vertices for piece in pieces)]
     return float(np.ptp(np.concatenate(corners), axis=0).max())
+
+
+def reach(problem: Problem, curve: Floats) -> float:
+    """Distance in metres within which pairs of a piece and a step are constrained from the start.
+
+    Among many obstacles it is no more than what robots drive in a short part of the horizon: pairs that a solution
+    violates all the same are added.
+    """
+    far = REACH * map_size(problem, curve)
+    if sum(len(avoid.pieces) for avoid in problem.specification.avoided_by_anyone) <= MANY:
+        return far
+    fleet = problem.fleet
+    fastest = max(abs(float(fleet.input_lower[0])), abs(float(fleet.input_upper[0])))
+    return min(far, AHEAD * fastest * problem.duration)
 
 
 def all_hyperplanes(

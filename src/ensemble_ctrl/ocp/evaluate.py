@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
-from ensemble_ctrl.ocp.chance import all_hyperplanes, map_size, members_within, required_parts
+from ensemble_ctrl.ocp.chance import all_hyperplanes, members_within, reach, required_parts
 from ensemble_ctrl.ocp.cost import CommandCost, Scale, cost
 from ensemble_ctrl.ocp.disturbance import growth, lowered
-from ensemble_ctrl.ocp.hyperplanes import REACH, separate
+from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
@@ -90,11 +90,11 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     risk = risk_cost(problem, controls)
     if in_moments:
         mean = average[:, None]
-        avoid, near = problem.specification.avoid, REACH * map_size(problem, mean)
+        avoid, near = problem.specification.avoid, reach(problem, mean)
         hyperplanes = separate(mean, avoid, problem.duration, near=near)
     else:
         curve = points(problem, controls, truncation)
-        hyperplanes = all_hyperplanes(problem, truncation, curve, REACH * map_size(problem, curve), controls)
+        hyperplanes = all_hyperplanes(problem, truncation, curve, reach(problem, curve), controls)
     # clearance of the hull from separating hyperplanes, a lower bound; the largest change of a command
     gap, excess = float(hyperplanes.gap.min(initial=np.inf)), rate_excess(fleet.rate_bounds, controls, step)
     return Value(cost(aim, effort, terminal, worst, risk), worst, terminal, effort, gap, excess, risk)

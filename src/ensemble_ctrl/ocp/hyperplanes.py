@@ -136,12 +136,10 @@ def separate(
     offsets, bent = [each.offsets(times) for _, each in pieces], [each.bends(times) for _, each in pieces]
     # a moving obstacle in its own frame: points relative to it at both ends of a step, plus its deviation from a chord
     moved, bends = np.tile(offsets, (len(parts), 1, 1)), np.tile(bent, (len(parts), 1))
-    found = [
-        _found(_both_ends(own - offset[:, None]), piece, shift, near + each.radius + float(bend.max()), within)
-        for own in (part @ points for part in parts)
-        for (piece, each), offset, bend in zip(pieces, offsets, bent, strict=True)
-    ]
-    normal, support, gap = (np.stack(column) for column in zip(*found, strict=True))
+    shapes, places = [piece for piece, _ in pieces], np.array(offsets)
+    reach = near + np.array([each.radius + float(bend.max()) for (_, each), bend in zip(pieces, bent, strict=True)])
+    found = [_found(part @ points, shapes, places, shift, reach, within) for part in parts]
+    normal, support, gap = (np.concatenate(column) for column in zip(*found, strict=True))
     drift = np.stack([np.einsum("otd,otd->ot", normal, end) for end in (moved[:, :-1], moved[:, 1:])], axis=-1)
     # gap beyond the radius, less what a moving piece bends within the step
     radius = np.tile([each.radius for _, each in pieces], len(parts))
@@ -151,29 +149,38 @@ def separate(
     return Hyperplanes(parts, cell, radius, active, normal, support + bends, drift, gap)
 
 
-def _both_ends(points: Floats) -> Floats:
-    """The points at both ends of each step together, shape (steps, 2 * points, d)."""
-    return np.concatenate([points[:-1], points[1:]], axis=1)
+def _found(
+    own: Floats, pieces: Sequence[Obstacle], offsets: Floats, shift: Floats, near: Floats, within: float
+) -> tuple[Floats, Floats, Floats]:
+    """Normal, support and gap of the best hyperplane for each convex piece at every step.
 
-
-def _found(points: Floats, piece: Obstacle, shift: Floats, near: float, within: float) -> tuple[Floats, Floats, Floats]:
-    """Normal, support and gap of the best hyperplane for one convex piece at every step.
-
-    Beyond `near` of one across an axis; beyond `within` the gap is infinite.
+    Beyond `near`, a number for each piece, of one across an axis; beyond `within` the gap is infinite.
     """
-    vertices, axes = piece.vertices, np.eye(points.shape[2])
-    # gaps along +x, +y, .., -x, -y, ..: between the bounding boxes
-    low, high = points.min(axis=1) - shift, points.max(axis=1) + shift
-    beyond = np.concatenate([low - vertices.max(axis=0), vertices.min(axis=0) - high], axis=1)
-    side, gap = beyond.argmax(axis=1), beyond.max(axis=1)
-    normal = np.concatenate([axes, -axes])[side]
-    support = (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift
-    close = gap <= min(near, within)
-    if close.any():
-        best = _by_direction if points.shape[2] == 2 else _by_shortest_way
-        normal[close], support[close], gap[close] = best(points[close], piece, shift)
+    normal, support, gap = _across_axes(own, pieces, offsets, shift)
+    close = gap <= np.minimum(near, within)[:, None]
+    best = _by_direction if own.shape[2] == 2 else _by_shortest_way
+    for o in np.flatnonzero(close.any(axis=1)).tolist():
+        rows = np.flatnonzero(close[o])
+        ends = [own[rows + end] - offsets[o, rows + end, None] for end in (0, 1)]
+        normal[o, rows], support[o, rows], gap[o, rows] = best(np.concatenate(ends, axis=1), pieces[o], shift)
     gap[~close & (gap > within)] = np.inf
     return normal, support, gap
+
+
+def _across_axes(
+    own: Floats, pieces: Sequence[Obstacle], offsets: Floats, shift: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Normal, support and gap of the best hyperplane across an axis, between bounding boxes, for all pieces at once."""
+    # boxes of the points at each grid time, relative to each piece, and of both ends of each step together
+    low, high = own.min(axis=1) - offsets, own.max(axis=1) - offsets
+    low, high = np.minimum(low[:, :-1], low[:, 1:]) - shift, np.maximum(high[:, :-1], high[:, 1:]) + shift
+    under, over = (np.stack([end(piece.vertices, axis=0) for piece in pieces])[:, None] for end in (np.min, np.max))
+    # gaps along +x, +y, .., -x, -y, ..
+    beyond = np.concatenate([low - over, under - high], axis=2)
+    side = beyond.argmax(axis=2)
+    normal = np.concatenate([np.eye(own.shape[2]), -np.eye(own.shape[2])])[side]
+    support = np.take_along_axis(np.concatenate([over, -under], axis=2)[:, 0], side, axis=1) + np.tile(shift, 2)[side]
+    return normal, support, beyond.max(axis=2)
 
 
 def _by_shortest_way(points: Floats, piece: Obstacle, shift: Floats) -> tuple[Floats, Floats, Floats]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.ocp.chance import all_hyperplanes, map_size
+from ensemble_ctrl.ocp.chance import all_hyperplanes, reach
 from ensemble_ctrl.ocp.evaluate import Value, evaluate
-from ensemble_ctrl.ocp.hyperplanes import REACH, Hyperplanes
+from ensemble_ctrl.ocp.hyperplanes import Hyperplanes
 from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Status, Watch, solve
 from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
 from ensemble_ctrl.ocp.truncation import Truncation, points, tail
@@ -77,11 +77,11 @@ def _round(problem: Problem, attempt: Attempt, options: SolverOptions, watch: Wa
     truncation, guess = attempt.truncation, attempt.controls
     curve = points(problem, guess, truncation)
     # rows for pairs within reach, with the truncation error of the guess as margin
-    reach = REACH * map_size(problem, curve)
-    hyperplanes = all_hyperplanes(problem, truncation, curve, reach, guess)
+    near = reach(problem, curve)
+    hyperplanes = all_hyperplanes(problem, truncation, curve, near, guess)
     missed = tail(problem, guess, truncation) if truncation.hull else 0.0
     in_moments = problem.solve.guarantee == "moment"
-    pairs = (hyperplanes.gap < reach) & (not in_moments)
+    pairs = (hyperplanes.gap < near) & (not in_moments)
     total = replace(attempt, iterations=0, build_seconds=0.0, solve_seconds=0.0)
     for _ in range(4):
         began = time.perf_counter()
