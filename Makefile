@@ -35,6 +35,7 @@ times: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/online.py
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/maps.py
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/proofs.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/scaling.py
 	$(BIN)/python -m benchmarks.finding.run --record
 	$(BIN)/python docs/make_tables.py --write
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from printed.table import Rows, Timed, header, metres
 
@@ -106,7 +108,35 @@ def proof_lines(rows: Rows, machine: str) -> Iterator[str]:
     yield from ("", f"Processor's time, children included, on {machine} (`python benchmarks/proofs.py`).")
 
 
+def scaling_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """How time and memory grow with each size."""
+    yield from header("size", "program", "from, to", "time", "memory", "exponents of time, memory", "good")
+    for axis, program in dict.fromkeys((row["axis"], row["program"]) for row in rows):
+        those = [row for row in rows if (row["axis"], row["program"]) == (axis, program)]
+        sizes = [row["size"] for row in those]
+        spent, held = ([row[name] for row in those] for name in ("seconds", "megabytes"))
+        name = "`ensemble-plan`" if program == "ensemble-plan" else program
+        grown = f"{power(exponent(sizes, spent))}, {power(exponent(sizes, held))}" if len(those) > 1 else "–"
+        ends = f"{seconds(spent[0])} to {seconds(spent[-1])} | {held[0]:.0f} to {held[-1]:.0f} MB"
+        good = f"{sum(row['good'] for row in those)} of {len(those)}"
+        yield f"| {axis} | {name} | {sizes[0]:,} to {sizes[-1]:,} | {ends} | {grown} | {good} |"
+    yield from ("", f"Processor's time of whole processes, children included, on {machine}.")
+
+
+def power(value: float) -> str:
+    """An exponent to two digits behind the point; that of nothing without a sign."""
+    return f"{round(value, 2) + 0.0:.2f}"
+
+
+def exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
+    """The power of the size that fits values best, over the larger half of the sizes."""
+    # least squares of log value over log size, of two sizes at least
+    first = min(len(sizes) // 2, len(sizes) - 2)
+    return float(np.polyfit(np.log(sizes[first:]), np.log(values[first:]), 1)[0])
+
+
 TABLES = {
+    "scaling": Timed("docs/benchmarks.md", "scaling", scaling_lines),
     "programs": Timed("docs/benchmarks.md", "programs", programs_lines),
     "finding": Timed("docs/benchmarks.md", "finding", finding_lines),
     "loop": Timed("docs/online.md", "online", loop_lines),

@@ -83,6 +83,11 @@ def test_a_watch_ends_it(plan: ec.Plan) -> None:
     assert found.members == SIZE
 
 
+def test_a_stop_ends_it_with_a_block_at_least(plan: ec.Plan) -> None:
+    found = replay_on(plan.problem, plan.controls, Draw(10**9, size=SIZE), "local:1", stop=lambda: True)
+    assert found.members == SIZE
+
+
 def test_a_block_that_is_lost_is_named(plan: ec.Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     def with_one_lost(*given: Any) -> Iterator[Outcome]:
         for outcome in outcomes(*given):

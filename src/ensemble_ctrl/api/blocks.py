@@ -103,7 +103,8 @@ def replay_on(
     watch : callable, optional
         Called with the summary so far after each block; returning True ends the replay with it.
     stop : callable
-        Called at least twice a second; once it returns True, the replay ends with what there is.
+        Called at least twice a second; once it returns True, the replay ends with what there is, but not before there
+        is a block.
     left_out : callable, optional
         Called with each block that could not be run.
 
@@ -115,14 +116,14 @@ def replay_on(
     Raises
     ------
     WorkerError
-        If a block could not be run and there is no `left_out` to be told of it; if no block was run; and if the
+        If a block could not be run and there is no `left_out` to be told of it; if no block could; and if the
         cluster does not answer, or has other versions.
     """
     whole("members", draw.members, 1)
     place, path = Cluster.parse(cluster), None if checkpoint is None else path_of("checkpoint", checkpoint)
     found = _Found(watch, left_out)
     with nullcontext() if path is None else Checkpoint(path) as kept:
-        for outcome in outcomes(units(problem, controls, draw), place, kept, lambda: found.ended or stop()):
+        for outcome in outcomes(units(problem, controls, draw), place, kept, lambda: found.ends(stop)):
             found.take(outcome)
     return found.whole()
 
@@ -148,8 +149,12 @@ class _Found:
         self.total = one if self.total is None else self.total.merge(one)
         self.ended = self.ended or (self.watch is not None and self.watch(self.total))
 
+    def ends(self, stop: Callable[[], bool]) -> bool:
+        """Whether to begin no more blocks."""
+        return self.ended or (self.total is not None and stop())
+
     def whole(self) -> Summary:
         """All of them."""
         if self.total is None or (self.lost and self.left_out is None):
-            raise WorkerError("; ".join(first_of(self.lost)) or "no block was run before the end")
+            raise WorkerError("; ".join(first_of(self.lost)))
         return self.total
