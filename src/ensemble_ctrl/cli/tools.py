@@ -51,6 +51,24 @@ def tolerance(
 
 
 @app.command(
+    epilog=examples_of(
+        "ensemble-plan identify runs.csv",
+        "ensemble-plan identify runs.csv --model bicycle --wheelbase 0.35",
+    ),
+)
+def identify(
+    log: Annotated[Path, typer.Argument(help="A CSV file: t, commands, x, y, heading, and robot.", metavar="LOG")],
+    model: Annotated[str, typer.Option(help="unicycle or bicycle.", metavar="MODEL")] = "unicycle",
+    wheelbase: Annotated[float | None, typer.Option(help="Of a bicycle, metres.", metavar="LENGTH")] = None,
+    json: Json = False,
+) -> None:
+    """Find parameter ranges and bounds of errors that explain logs of real robots."""
+    from ensemble_ctrl.cli.identify import identify_log
+
+    raise typer.Exit(identify_log(log, model, wheelbase, json))
+
+
+@app.command(
     "import",
     epilog=examples_of(
         "ensemble-plan import office.geojson              print a problem to complete",

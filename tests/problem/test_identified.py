@@ -1,0 +1,89 @@
+"""What logs say of robots, against robots that are run with known factors and disturbances."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from ensemble_ctrl.cli.identify import identify_log, read_log
+from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.problem.evaluation.disturbed import disturbed, drawn
+from ensemble_ctrl.problem.evaluation.identified import RobotLog, identify
+from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.uncertainty import Uncertainty
+from ensemble_ctrl.systems import Bicycle, Unicycle
+from tests.certificate.test_disturbance import CONTROLS, STEPS, problem
+
+TRUE = Uncertainty({"position": 0.02, "heading": 0.05})
+
+
+def logs(bounds: Uncertainty, robots: int = 6) -> tuple[dict[str, RobotLog], np.ndarray]:
+    """Logs of robots that are disturbed, and their factors."""
+    ranges = {"linear_traction": Interval(0.8, 1.0), "angular_traction": Interval(0.9, 1.2)}
+    fleet = Fleet(Unicycle(), ranges, [0.3, 0.1], 0.4, uncertainty=bounds)
+    whole = problem(bounds, fleet=fleet)
+    members = fleet.sample(robots, 0)
+    settings = drawn(fleet, robots, STEPS, 0)
+    paths = disturbed(whole, CONTROLS, members, settings)
+    # headings from the turn rates: those of the model and the disturbance of each step
+    k = 0 if bounds else None
+    push = 0.0 if k is None else bounds.disturbance["heading"] * settings[:, k]
+    turns = np.cumsum(whole.step * (members[:, 1:] * CONTROLS[:, 1] + push), axis=1)
+    headings = 0.4 + np.concatenate([np.zeros((robots, 1)), turns], axis=1)
+    poses = np.concatenate([paths, np.mod(headings, 2 * np.pi)[..., None]], axis=2)
+    commands = np.concatenate([CONTROLS, CONTROLS[-1:]])
+    return {str(n): RobotLog(whole.times, commands, pose) for n, pose in enumerate(poses)}, members
+
+
+def test_robots_that_follow_their_model_are_known_exactly() -> None:
+    found, members = logs(Uncertainty())
+    result = identify(Unicycle(), found)
+    np.testing.assert_allclose(result.linear, [members[:, 0].min(), members[:, 0].max()], atol=1e-7)
+    np.testing.assert_allclose(result.angular, [members[:, 1].min(), members[:, 1].max()], atol=1e-7)
+    assert max(result.uncertainty.disturbance.values()) < 1e-6
+
+
+def test_disturbances_are_explained_by_no_more_than_they_are() -> None:
+    found, members = logs(TRUE)
+    result = identify(Unicycle(), found)
+    for name, bound in TRUE.disturbance.items():
+        assert 0.5 * bound < result.uncertainty.disturbance[name] < 1.05 * bound
+    assert result.robots == 6
+    # a factor is off by what a disturbance can hide at the largest rate
+    slack = TRUE.disturbance["heading"] / np.abs(CONTROLS[:, 1]).max()
+    np.testing.assert_allclose(result.angular, [members[:, 1].min(), members[:, 1].max()], atol=slack)
+
+
+def test_a_file_becomes_a_section(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found, _ = logs(TRUE, 2)
+    lines = ["robot,t [s],v [m/s],omega [rad/s],x,y,heading"]
+    for name, log in found.items():
+        lines += [
+            ",".join([name, *map(repr, [float(t), *map(float, u), *map(float, pose)])])
+            for t, u, pose in zip(log.times, log.controls, log.poses, strict=True)
+        ]
+    path = tmp_path / "runs.csv"
+    path.write_text("\n".join(lines))
+    assert identify_log(path, "unicycle", None, False) == 0
+    section = yaml.safe_load(capsys.readouterr().out)["fleet"]
+    low, high = section["parameters"]["linear_traction"]["range"]
+    whole = identify(Unicycle(), read_log(path, Unicycle()))
+    assert low <= whole.linear[0] <= whole.linear[1] <= high
+    assert (
+        float(section["uncertainty"]["disturbance"]["position"].split()[0]) >= whole.uncertainty.disturbance["position"]
+    )
+    path.write_text("\n".join([*lines[:5], "0,oops,0,0,0,0,0"]))
+    with pytest.raises(ProblemError, match=r"runs.csv:6: expected numbers for t, v, omega, x, y, heading"):
+        read_log(path, Unicycle())
+    with pytest.raises(ProblemError, match=r"got none called 'delta'"):
+        read_log(path, Bicycle())
+
+
+def test_a_robot_that_stands_says_nothing() -> None:
+    still = RobotLog(np.arange(4.0), np.zeros((4, 2)), np.zeros((4, 3)))
+    with pytest.raises(ProblemError, match="never turns"):
+        identify(Unicycle(), {"one": still})
