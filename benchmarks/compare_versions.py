@@ -1,6 +1,6 @@
 """Compare two source trees of the planner on the same problems, in turn, each in fresh processes.
 
-    python benchmarks/compare_versions.py BEFORE AFTER [--cases FOLDER] [--only TEXT] [--runs N] [--keep NAME]
+    python benchmarks/compare_versions.py BEFORE AFTER [--cases FOLDER] [--only TEXT ..] [--runs N] [--keep NAME]
 
 BEFORE and AFTER are checkouts. Each problem file under ``configs/`` of AFTER, and each ``*.yaml`` of FOLDER, is solved,
 certified and replayed by both; printed are what was found, what is proven, the cost, the work, and the processor time
@@ -62,18 +62,18 @@ def main() -> int:
     parser.add_argument("before", type=Path)
     parser.add_argument("after", type=Path)
     parser.add_argument("--cases", type=Path)
-    parser.add_argument("--only", default="")
+    parser.add_argument("--only", nargs="*", default=[""], help="parts of names")
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--keep")
     given = parser.parse_args()
     rows = []
     for name, old, new in files(given):
-        if given.only in name:
+        if any(text in name for text in given.only):
             rows.append(compared(name, old, new, given))
             print("\n".join(lines(rows[-1])), flush=True)
+            if given.keep:
+                record(given.keep, rows)
     print("\n".join(summary(rows)))
-    if given.keep:
-        record(given.keep, rows)
     return int(any(worse(row) for row in rows))
 
 

@@ -338,7 +338,7 @@ class Plan(ReadOnlyArrays):
         return f"Plan({self.problem.name!r}: {self.status}{worth}, {self.problem.steps} steps, {', '.join(checks)})"
 
     def _repr_html_(self) -> str:
-        from ensemble_ctrl.report import plan_card
+        from ensemble_ctrl.report.svg import plan_card
 
         return plan_card(self)
 

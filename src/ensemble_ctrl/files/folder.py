@@ -13,8 +13,6 @@ from pathlib import Path
 from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.core.storage import HIDDEN, claim, exchange, hidden_name, hold, put_file, release, sweep
 from ensemble_ctrl.files.config import named_source
-from ensemble_ctrl.report.canvas import FORMATS
-from ensemble_ctrl.report.plot import KINDS
 
 WRITTEN = frozenset(
     {
@@ -49,6 +47,9 @@ CHANNEL = re.compile(r"channel-[1-9]\d*")
 
 def result_files() -> frozenset[str]:
     """What a run, and later commands on its plan may write; ``--overwrite`` spares a folder with anything else."""
+    from ensemble_ctrl.report.canvas import FORMATS
+    from ensemble_ctrl.report.plot import KINDS
+
     pictures = (f"figure-{kind}.{ending}" for kind in KINDS for ending in FORMATS)
     return WRITTEN.union(pictures)
 

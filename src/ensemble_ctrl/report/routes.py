@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
-from ensemble_ctrl.report.canvas import new_figure, placed_axes
-from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
 from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
@@ -60,6 +58,9 @@ def draw_routes(problem: Problem, controls: Floats, routes: Sequence[Tried]) -> 
     routes : sequence of mappings
         Shortest first.
     """
+    from ensemble_ctrl.report.canvas import new_figure, placed_axes
+    from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size
+
     left, right, bottom, top = MARGINS
     width, height = map_size(problem, controls)
     figure = new_figure((width, height + LEGEND))

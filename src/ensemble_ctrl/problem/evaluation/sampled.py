@@ -11,7 +11,6 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import reduce
 from itertools import chain
@@ -275,6 +274,8 @@ def _watched(blocks: Iterable[Floats], run: Callable[[Floats], T], watch: Callab
     Only a few blocks wait at any time: there may be millions of them.
     """
     results: list[T] = []
+    from concurrent.futures import Future, ThreadPoolExecutor
+
     done, begun = 0, deque[tuple[int, Future[T]]]()
     threads = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2, 4)
     with ThreadPoolExecutor(threads) as pool:
