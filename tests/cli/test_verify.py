@@ -273,6 +273,23 @@ def test_widest_names_the_range_and_what_blocks(command: Command, place: Path) -
     assert low + high == pytest.approx(2.0)
 
 
+def test_widest_box_of_two_parameters(command: Command, place: Path) -> None:
+    offsets = "  parameters: {start_x: {range: [-0.1, 0.1]}, start_y: {range: [-0.1, 0.1]}}\n  start: {position"
+    text = SMALL.replace("  start: {position", offsets).replace(
+        "F[3, 4] in(goal) and G avoid(block)", "G[3, 4] in(goal)"
+    )
+    (place / "offsets.yaml").write_text(text)
+    outcome = command("widest", "offsets.yaml", "--box", "start_x", "--box", "start_y", "--json", "-q")
+    assert outcome.code == 0, outcome.err
+    box = {name: (high - low) / 2 for name, (low, high) in outcome.data["box"].items()}
+    assert 0.4 < box["start_x"] <= 0.5  # members keep their offsets: the box fits into the goal, 1 m by 1 m
+    assert 0.4 < box["start_y"] <= 0.5
+    assert outcome.data["curve"][0]["start_y"] >= 0.0
+    refused = command("widest", "offsets.yaml", "--box", "start_x")
+    assert refused.code == 2
+    assert "expected two of the fleet's (start_x, start_y), got start_x" in refused.err
+
+
 @pytest.mark.slow
 def test_widest_without_any_plan(command: Command, place: Path) -> None:
     outcome = command("widest", "walled.yaml", *FAST, "--tolerance", "0.1", "-q")

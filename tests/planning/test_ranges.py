@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ensemble_ctrl.api.channels import Channels, channels
+from ensemble_ctrl.api.widening import widest_box
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import load_text
@@ -21,6 +22,7 @@ from ensemble_ctrl.moments import Interval, Samples
 from ensemble_ctrl.planning.ranges import Cover, Found, Oracle, largest, part, places, robots
 from ensemble_ctrl.planning.ranges import curve as curves
 from ensemble_ctrl.planning.ranges.bound import _arcs, _meetings, apart
+from ensemble_ctrl.planning.ranges.box import Boxes
 from ensemble_ctrl.planning.ranges.channels import Grouped
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
@@ -61,7 +63,7 @@ def exact(whole: Problem, good: Callable[[Fleet], bool]) -> Any:
         return SimpleNamespace(solution=solution) if good(fleet) else None
 
     tried: list[Fleet] = []
-    return SimpleNamespace(problem=whole, certified=certified, stopped=False, tried=tried)
+    return SimpleNamespace(problem=whole, certified=certified, stopped=False, tried=tried, failed=[])
 
 
 def ends(cover: Cover, name: str) -> list[tuple[float, float]]:
@@ -283,3 +285,44 @@ def test_the_curve_climbs_as_far_as_the_channels_allow(monkeypatch: pytest.Monke
     assert found[-1].clearance > 0.4
     assert max(asked) < 1.0
     assert [len(point.groups) for point in curves.curve(walled, groups(2, 0.03), 2)] == [2]
+
+
+def test_the_largest_box_of_two_parameters_is_that_of_the_largest_area() -> None:
+    whole = problem(linear_traction=Interval(0.95, 1.05), angular_traction=Interval(0.9, 1.1))
+    most = np.array([0.4, 0.6])  # an ellipse of half widths: the largest area is at both divided by sqrt(2)
+    oracle = exact(whole, lambda fleet: float((((fleet.upper - fleet.lower) / 2 / most) ** 2).sum()) <= 1.0)
+    boxes = Boxes(oracle, ("linear_traction", "angular_traction")).run()
+    best = boxes.largest
+    assert best is not None
+    assert 0.93 * 2 * most.prod() <= best.area <= 2 * most.prod()
+    assert [box.angle for box in boxes.boxes] == sorted(box.angle for box in boxes.boxes)
+    assert boxes.boxes[0].halves[0] == pytest.approx(0.4, abs=0.02)
+    assert boxes.boxes[-1].halves[1] == pytest.approx(0.6, abs=0.02)
+    assert all((np.square(box.halves) / most**2).sum() <= 1.0 + 1e-9 for box in boxes.boxes)
+    assert len(oracle.tried) < 80
+
+
+def test_a_box_of_robots_on_the_plane_is_certified_and_on_its_curve() -> None:
+    small = load_text(
+        """
+        fleet:
+          model: unicycle
+          parameters: {start_x: {range: [-0.1, 0.1]}, start_y: {range: [-0.1, 0.1]}}
+          start: {position: [0, 0], heading: 0 deg}
+        horizon: {duration: 4 s, steps: 8}
+        regions: {goal: {box: [[2, 4], [-0.5, 0.5]]}}
+        task: G[3.5, 4] in(goal)
+        objective: {terminal: {target: [3, 0]}}
+        verify: {members: 100}
+        """
+    )
+    found = widest_box(small)
+    assert found.plan is not None
+    assert certify(found.plan.problem, found.plan.controls).proven == "yes"
+    halves = [found.ranges[name].half_width for name in ("start_x", "start_y")]
+    # members keep their offsets, so the box fits into the goal: 2 m by 1 m
+    assert 0.85 < halves[0] < 1.0
+    assert 0.42 < halves[1] < 0.5
+    assert any(list(point.values()) == pytest.approx(halves) for point in found.curve)
+    with pytest.raises(ProblemError, match=r"expected two of the fleet's \(start_x, start_y\), got mass, start_x"):
+        widest_box(small, ("mass", "start_x"))

@@ -11,6 +11,8 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.ranges import Oracle, Scaled, furthest, widened
+from ensemble_ctrl.planning.ranges import Tell as Tried
+from ensemble_ctrl.planning.ranges.box import Box, Boxes
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict, conflicts
 from ensemble_ctrl.problem.fleet import Fleet
@@ -105,3 +107,69 @@ def _range(fleet: Fleet, name: str) -> Interval:
     """The range of a parameter."""
     own = fleet.parameters[name]
     return Interval(own.lower, own.upper)
+
+
+@dataclass(frozen=True, eq=False)
+class WidestBox:
+    """The largest certified box of two parameters.
+
+    Attributes
+    ----------
+    ranges : dict of str to Interval
+        Of the two parameters; empty if not even one of them has a range with a plan.
+    plan : Plan or None
+        Its certified plan.
+    curve : tuple of dict of str to float
+        Half widths of every certified box that no other one contains, from one parameter alone to the other.
+    tried : int
+        Boxes tried.
+    """
+
+    ranges: dict[str, Interval]
+    plan: Plan | None
+    curve: tuple[dict[str, float], ...]
+    tried: int
+
+
+def widest_box(problem: Problem, parameters: tuple[str, str] | None = None, *, tell: Tried | None = None) -> WidestBox:
+    """Search for the certified box of two parameters with the largest area, around their nominal values.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its own ranges give the nominal values, and the first widths to try.
+    parameters : tuple of str, optional
+        The two; the fleet's first two if not given. The others keep their ranges.
+    tell : callable, optional
+        Called with each fleet tried, and whether it was certified.
+
+    Raises
+    ------
+    ProblemError
+        If the fleet has no two such parameters.
+
+    Notes
+    -----
+    *Guarantee*: the plan is certified for the whole box, and each box of the curve has such a plan. That no larger box
+    has one is not proven.
+    """
+    names = expect("problem", problem, Problem).fleet.names
+    chosen = names[:2] if parameters is None else tuple(parameters)
+    if len(set(chosen)) != 2 or not set(chosen) <= set(names):
+        known = ", ".join(names) or "none: all members are equal"
+        raise ProblemError(f"parameters: expected two of the fleet's ({known}), got {', '.join(chosen) or 'none'}")
+    search = Boxes(Oracle(problem, tell=tell), (chosen[0], chosen[1])).run()
+    best = search.largest
+    curve = tuple(
+        dict(zip(chosen, box.halves, strict=True)) for box in search.boxes if _is_outermost(box, search.boxes)
+    )
+    if best is None:
+        return WidestBox({}, None, curve, search.oracle.tried)
+    ranges = {name: _range(best.found.solution.problem.fleet, name) for name in chosen}
+    return WidestBox(ranges, judged(best.found.solution, best.found.shortest), curve, search.oracle.tried)
+
+
+def _is_outermost(box: Box, boxes: list[Box]) -> bool:
+    """Whether no other box contains this one."""
+    (a, b), others = box.halves, [other.halves for other in boxes if other is not box]
+    return not any(first >= a and second >= b for first, second in others)

@@ -15,6 +15,7 @@ from ensemble_ctrl.cli.root import NAME, Config, Json, Overrides, Overwrite, Qui
     epilog=examples_of(
         "ensemble-plan widest problem.yaml",
         "ensemble-plan widest problem.yaml --parameter traction --tolerance 0.001",
+        "ensemble-plan widest problem.yaml --box linear_traction --box angular_traction",
     )
 )
 def widest(
@@ -24,14 +25,20 @@ def widest(
     parameter: Annotated[
         str | None, typer.Option(help="The parameter to widen; the fleet's first otherwise.", metavar="NAME")
     ] = None,
+    box: Annotated[
+        list[str] | None,
+        typer.Option(help="Two parameters: their certified box of the largest area.", metavar="NAME"),
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
     trust: Trust = False,
 ) -> None:
     """Find the widest parameter range with a certified plan."""
     require_memory()
-    from ensemble_ctrl.cli.widest import find_widest
+    from ensemble_ctrl.cli.widest import find_widest, find_widest_box
 
+    if box:
+        raise typer.Exit(find_widest_box(config, overrides or [], box, json, quiet))
     raise typer.Exit(find_widest(config, overrides or [], tolerance, parameter, json, quiet))
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ensemble_ctrl.api.results import SCHEMA, to_json
-from ensemble_ctrl.api.widening import Widest, widest
+from ensemble_ctrl.api.widening import Widest, widest, widest_box
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.core.plain import at_least
 from ensemble_ctrl.files.config import read
 from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.report import conflict_text
-from ensemble_ctrl.report.text import percent
+from ensemble_ctrl.report.text import percent, ranges_text
 
 
 def find_widest(
@@ -51,6 +52,34 @@ def find_widest(
     return code
 
 
+def find_widest_box(config: str, overrides: list[str], names: Sequence[str], as_json: bool, quiet: bool) -> int:
+    """Search the box of two parameters with the largest area; returns 0, or 3 if none has a certified plan."""
+    problem = read(config, overrides).problem
+
+    def tell(tried: Fleet, good: bool) -> None:
+        if not quiet:
+            complain(f"{ranges_text(tried)}: {'certified' if good else 'no certified plan'}")
+
+    found = widest_box(problem, tuple(names), tell=tell)  # type: ignore[arg-type]
+    code = codes.NO_PLAN if found.plan is None else codes.OK
+    if as_json:
+        box = {name: _ends(interval) for name, interval in found.ranges.items()}
+        facts = {"box": box, "curve": list(found.curve), "tried": found.tried, "exit_code": code}
+        say(to_json({"schema": SCHEMA, "name": problem.name, **facts}))
+        return code
+    if found.plan is None:
+        say(f"{problem.name}: no certified plan for any box of {' and '.join(names)} tried")
+        return code
+    certificate = found.plan.certificate
+    say(f"{problem.name}: largest certified box {ranges_text(found.plan.problem.fleet)}")
+    if certificate is not None:
+        say(f"  proven     {', '.join(_bounds(certificate))}")
+    for halves in found.curve:
+        say(f"  half width {', '.join(f'{name} {half:.4f}' for name, half in halves.items())}: certified")
+    say(f"  tried      {found.tried} boxes; that no larger one has a plan is not proven")
+    return code
+
+
 def _bounds(certificate: Certificate) -> Iterator[str]:
     """What is proven of the widest fleet."""
     if certificate.clearances:
@@ -64,13 +93,14 @@ def _bounds(certificate: Certificate) -> Iterator[str]:
 
 def _as_data(found: Widest) -> dict[str, object]:
     """The answer as plain data."""
-
-    def ends(interval: Interval | None) -> list[float] | None:
-        return None if interval is None else [interval.lower, interval.upper]
-
     return {
-        "widest": ends(found.interval),
-        "beyond": ends(found.beyond),
+        "widest": _ends(found.interval),
+        "beyond": _ends(found.beyond),
         "blocked": [vars(c) for c in found.blocked],
         "tried": found.tried,
     }
+
+
+def _ends(interval: Interval | None) -> list[float] | None:
+    """A range as plain data."""
+    return None if interval is None else [interval.lower, interval.upper]

@@ -66,6 +66,13 @@ def improve(
     return replace(attempt, pending=more)
 
 
+def anew(
+    problem: Problem, controls: Floats, truncation: Truncation, options: SolverOptions, watch: Watch | None = None
+) -> Attempt:
+    """The solution of one round around controls, even where these keep the constraints and cost less."""
+    return _round(problem, start(problem, controls, truncation), options, watch)
+
+
 def start(problem: Problem, controls: Floats, truncation: Truncation) -> Attempt:
     """The guess as an attempt that cost nothing."""
     value = evaluate(problem, controls, truncation)

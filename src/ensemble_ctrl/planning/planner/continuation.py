@@ -1,8 +1,9 @@
 """From a plan to one of a nearby problem, with a bounded effort: no other guesses, and a coarser grid where that does.
 
 Each round chooses the separating hyperplanes at the last controls, solves once and certifies. Where the hull of the
-whole fleet is what falls short, the next round gives parts of the range hyperplanes of their own. Rounds end with a
-proof, where the controls are too far from one, and where a round brings them no nearer to it.
+whole fleet is what falls short, the next round gives parts of the range hyperplanes of their own; where the program is
+satisfied and the proof falls short, it has more margin. Rounds end with a proof, where the controls are too far from
+one, and where a round brings them no nearer to it.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
-from ensemble_ctrl.ocp.rounds import Attempt, improve, start
+from ensemble_ctrl.ocp.rounds import Attempt, anew, start
 from ensemble_ctrl.ocp.truncation import Truncation, choose, raised, tail
 from ensemble_ctrl.planning.planner.coarse_fine import TAIL_LIMIT
-from ensemble_ctrl.planning.planner.grids import coarse_steps, given, refined
+from ensemble_ctrl.planning.planner.grids import between, coarse_steps, given, refined
 from ensemble_ctrl.planning.planner.proving import is_proven, least_bound
 from ensemble_ctrl.planning.planner.search import Progress, Search
 from ensemble_ctrl.planning.planner.solution import Solution, status_of
@@ -75,9 +76,9 @@ def continued(problem: Problem, controls: Floats, *, progress: Progress | None =
     search.tell("solve")
     steps = _steps(problem)
     best = last = _as_given(search, refined(given(problem, controls, problem.steps), problem.steps))
-    truncation, work = choose(problem, refined(best.attempt.controls, steps)), list[Attempt]()
+    truncation, work, asked = choose(problem, refined(best.attempt.controls, steps)), list[Attempt](), problem
     while not (is_proven(best.certificate) or len(work) == ROUNDS or search.over()):
-        found = _round(search, refined(last.attempt.controls, steps), truncation)
+        found = _round(search, asked, refined(last.attempt.controls, steps), truncation)
         if found is None:
             break
         work.append(found.attempt)
@@ -86,7 +87,7 @@ def continued(problem: Problem, controls: Floats, *, progress: Progress | None =
         last = found
         if not near:
             break
-        truncation = _relaxed(problem, found.attempt)
+        truncation, asked = _relaxed(problem, found.attempt), _tightened(problem, asked, found)
     return _solution(search, best, work)
 
 
@@ -102,17 +103,17 @@ def _as_given(search: Search, controls: Floats) -> _Round:
     return _Round(replace(attempt, status="solved", message="as given"), search.certified(controls))
 
 
-def _round(search: Search, controls: Floats, truncation: Truncation) -> _Round | None:
+def _round(search: Search, asked: Problem, controls: Floats, truncation: Truncation) -> _Round | None:
     """One choice of hyperplanes, one solve, one certificate; None where there is no time."""
     options = replace(search.options(1e-3, 1e-3), max_iterations=ITERATIONS)
 
     def work(own: Search) -> Attempt:
-        return improve(search.problem, controls, truncation, 1, options, own.watch("solve"))
+        return anew(asked, controls, truncation, options, own.watch("solve"))
 
     attempt = search.alone("solve", work)
-    return (
-        None if attempt is None else _Round(attempt, search.certified(refined(attempt.controls, search.problem.steps)))
-    )
+    if attempt is None:
+        return None
+    return _Round(attempt, search.certified(refined(attempt.controls, search.problem.steps)))
 
 
 def _relaxed(problem: Problem, attempt: Attempt) -> Truncation:
@@ -122,6 +123,15 @@ def _relaxed(problem: Problem, attempt: Attempt) -> Truncation:
         truncation = replace(truncation, cells=max(truncation.cells, min(2 * truncation.cells, MOST_CELLS)))
     long = tail(problem, attempt.controls, truncation) >= TAIL_LIMIT
     return raised(truncation) if long else truncation
+
+
+def _tightened(problem: Problem, asked: Problem, found: _Round) -> Problem:
+    """For the next round: more margin, and windows that hold between grid times, where only the proof falls short."""
+    if not found.attempt.value.keeps(0.0) or not np.isfinite(found.short):
+        return asked
+    # the margin grows by 1.5 times what is missing, and 1 mm
+    solve = replace(asked.solve, margin=asked.solve.margin + 1.5 * found.short + 1e-3)
+    return asked.with_(solve=solve, task=between(problem) if found.certificate.robustness < 0 else asked.task)
 
 
 def _solution(search: Search, best: _Round, work: list[Attempt]) -> Solution:
