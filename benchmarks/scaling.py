@@ -39,8 +39,9 @@ BASE = {"steps": 160, "obstacles": 5, "order": 8, "parameters": 1}
 """The sizes of the others."""
 LIMIT = 600
 """Seconds after which the planner returns its best plan."""
-HAND_WRITTEN: dict[str, int] = {"steps": 2560, "obstacles": 400, "members": 10**5}
-"""The largest size that the hand-written program is tried at: its replay holds every position of every member."""
+HAND_WRITTEN: dict[str, int] = {"steps": 640, "obstacles": 400, "members": 10**5}
+"""The largest size that the hand-written program is tried at: its time grows with the third power of the steps, and its
+replay holds every position of every member."""
 WAY = ((1.0, 1.0), (1.8, 3.2), (3.5, 3.3), (3.7, 4.7), (5.0, 4.7), (6.5, 5.5))
 """Where no further box is put, with `ROOM` to spare."""
 ROOM, SIDE = 0.7, 0.2

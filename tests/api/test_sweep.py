@@ -103,6 +103,27 @@ def test_many_files_have_an_axis_of_their_names(swept: Swept, tmp_path: Path) ->
     assert list(found.rows[0])[:3] == list(found.axes)
 
 
+def test_map_files_are_an_axis(tmp_path: Path) -> None:
+    (tmp_path / "maps").mkdir()
+    for name, low in (("near", -0.3), ("far", -0.1)):
+        ring = [(0.8, low), (1.2, low), (1.2, 0.2), (0.8, 0.2), (0.8, low)]
+        text = ", ".join(f"{x} {y}" for x, y in ring)
+        (tmp_path / "maps" / f"{name}.wkt").write_text(f"POLYGON (({text}))")
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL.replace("task: F[3, 4] in(goal)", TASK), encoding="utf-8")
+    found = ec.sweep(path, axes=["obstacles.wall={files: maps/*.wkt}"], cluster="local:2")
+    assert [row["obstacles.wall"] for row in found.rows] == ["maps/far.wkt", "maps/near.wkt"]
+    assert [row["proven"] for row in found.rows] == ["yes", "yes"]
+    plan = ec.plan(ec.load(path, ["obstacles.wall.file=maps/near.wkt", "obstacles.wall.box="]))
+    assert plan.certificate is not None
+    assert found.rows[1]["clearance"] == plan.certificate.clearance
+    assert found.rows[0]["clearance"] != found.rows[1]["clearance"]
+
+
+TASK = """obstacles: {wall: {box: [[0.8, 1.2], [-0.2, 0.2]]}}
+task: F[3, 4] in(goal) and G avoid(wall)"""
+
+
 def test_an_added_value_spares_the_rows_that_are_there(swept: Swept, tmp_path: Path) -> None:
     kept = Path(shutil.copy(swept.kept, tmp_path / "rows.jsonl"))
     before = len(kept.read_text().splitlines())

@@ -10,11 +10,12 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from ensemble_ctrl.core.errors import ProblemError, WorkerError
+from ensemble_ctrl.core.errors import ProblemError, UnsupportedError, WorkerError
 from ensemble_ctrl.core.jobs import Checkpoint, Cluster, Content, Outcome, Unit, outcomes
 from ensemble_ctrl.core.jobs import versions as versions_module
 from ensemble_ctrl.core.jobs.child import Child
@@ -199,6 +200,12 @@ def test_a_scheduler_that_ends_loses_nothing(dask: Cluster, tmp_path: Path) -> N
 def test_an_address_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ProblemError, match=r"cluster: expected local, local:N or tcp://HOST:PORT, got"):
         Cluster.parse(text)
+
+
+def test_where_pipes_can_not_be_waited_for_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ensemble_ctrl.core.jobs.cluster.os", SimpleNamespace(name="nt"))
+    with pytest.raises(UnsupportedError, match="expected Linux or macOS, got Windows"):
+        list(outcomes(units("square", 1), LOCAL))
 
 
 def test_a_checkpoint_spares_what_is_done(tmp_path: Path) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 
-from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.core.jobs.processes import Processes, cores
 from ensemble_ctrl.core.jobs.unit import Backend
 from ensemble_ctrl.core.values import expect
@@ -55,10 +56,12 @@ class Cluster:
         Raises
         ------
         UnsupportedError
-            For Dask, if it is not installed.
+            On Windows; for Dask, if it is not installed.
         WorkerError
             If there is no scheduler at the address.
         """
+        if os.name == "nt":
+            raise UnsupportedError("cluster: expected Linux or macOS, got Windows, where pipes can't be waited for")
         if not self.address:
             return Processes(self.workers)
         from ensemble_ctrl.core.jobs.dask import Dask
