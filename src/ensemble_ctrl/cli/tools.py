@@ -44,7 +44,7 @@ def tolerance(
     overwrite: Replace = False,
     trust: Trust = False,
 ) -> None:
-    """Measure how much error of the model a saved plan tolerates before its proof is gone."""
+    """Measure how much error of the model a plan tolerates."""
     from ensemble_ctrl.cli.tolerance import measure_plan
 
     raise typer.Exit(measure_plan(plan, attack, chart, json, quiet, overwrite))
@@ -62,7 +62,7 @@ def identify(
     wheelbase: Annotated[float | None, typer.Option(help="Of a bicycle, metres.", metavar="LENGTH")] = None,
     json: Json = False,
 ) -> None:
-    """Find parameter ranges and bounds of errors that explain logs of real robots."""
+    """Find ranges and bounds of errors from logs of robots."""
     from ensemble_ctrl.cli.identify import identify_log
 
     raise typer.Exit(identify_log(log, model, wheelbase, json))
