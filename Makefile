@@ -36,6 +36,7 @@ times: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/maps.py
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/proofs.py
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/scaling.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/replay.py --many 1e6 1e7 1e8
 	$(BIN)/python -m benchmarks.finding.run --record
 	$(BIN)/python docs/make_tables.py --write
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from printed import table
 from printed.table import Rows, Timed, header, metres
 
 
@@ -135,8 +136,45 @@ def exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
     return float(np.polyfit(np.log(sizes[first:]), np.log(values[first:]), 1)[0])
 
 
+def replay_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Robot-steps per second, and what the shorter way changes."""
+    yield from header("problem", "robot-steps per second", "with every position", "largest difference", "points")
+    for row in rows:
+        rates = f"{table.power(row['rate'])} | {table.power(row['plain_rate'])} | {table.power(row['difference'])} m"
+        yield f"| {row['name']} | {rates} | {row['points']} |"
+    yield ""
+    yield "Processor's time on one thread, everything judged, for 100,000 members; with every position of every member"
+    yield f"computed, for 2,000. The difference is the largest of any robustness and closest approach ({machine})."
+
+
+def refined_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Certificates as they are, and with the bound of each obstacle refined."""
+    yield from header("problem", "proven", "certificate", "with `--each`")
+    for row in rows:
+        yield f"| {row['name']} | {row['proven']} | {seconds(row['proof'])} | {seconds(row['proof_each'])} |"
+    yield ""
+    yield f"Processor's time on {machine} (`python benchmarks/replay.py`); the least clearance is the same in both."
+
+
+def many_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Members against time and memory."""
+    yield from header(
+        "members", "processor's time", "robot-steps per second", "memory", "violate", "share of the fleet"
+    )
+    for row in rows:
+        share = f"at least {100 * row['share_95'][0]:.8g} %"
+        cells = f"{seconds(row['spent'])} | {table.power(row['rate'])} | {row['memory'] / 1e6:.0f} MB | {row['violating']}"
+        yield f"| {table.power(row['members'], 1)} | {cells} | {share} |"
+    yield ""
+    yield "`ensemble-plan replay` on the five obstacles, one process, its start included; memory is the largest"
+    yield f"resident set ({machine})."
+
+
 TABLES = {
     "scaling": Timed("docs/benchmarks.md", "scaling", scaling_lines),
+    "replay": Timed("docs/replay.md", "replay", replay_lines),
+    "replay_many": Timed("docs/replay.md", "replay_many", many_lines),
+    "refined": Timed("docs/proof.md", "replay", refined_lines),
     "programs": Timed("docs/benchmarks.md", "programs", programs_lines),
     "finding": Timed("docs/benchmarks.md", "finding", finding_lines),
     "loop": Timed("docs/online.md", "online", loop_lines),

@@ -74,7 +74,8 @@ def nearness(search: Search, avoid: AvoidConstraint, spans: Spans) -> float:
 def nearest_piece(search: Search, avoid: AvoidConstraint, spans: Spans, enough: float = np.inf) -> Bound:
     """The worst piece; those that look nearest come first, so that the others need only be far enough."""
     found: list[Bound] = []
-    for piece in sorted(avoid.pieces, key=lambda piece: search.nearness(piece, spans, avoid.motion)):
+    several = len(avoid.pieces) > 1
+    for piece in sorted(avoid.pieces, key=lambda one: several and search.nearness(one, spans, avoid.motion)):
         # further pieces need a bound above the distance already seen, no tighter one
         enough = min([enough, *(b.sampled for b in found)])
         found.append(search.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, enough=enough))
