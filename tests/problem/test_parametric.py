@@ -23,7 +23,8 @@ Floats = NDArray[np.float64]
 def loaded(name: str) -> tuple[Problem, Floats]:
     """A problem, and commands around what costs no effort."""
     problem = ec.load(CONFIGS / "systems" / f"{name}.yaml")
-    fleet = problem.fleet
+    fleet = problem.fleet.with_(parameters={**problem.fleet.parameters, "start_x": ec.Interval(-0.3, 0.1)})
+    problem = problem.with_(fleet=fleet)
     rest, wide = fleet.rest(fleet.center), (fleet.input_upper - fleet.input_lower) / 2
     noise = np.random.default_rng(3).uniform(-0.01, 0.01, (problem.steps, len(rest)))
     return problem, rest + noise * wide
@@ -42,6 +43,9 @@ def test_states_are_those_of_the_integration(name: str) -> None:
     paths = states[..., fleet.place_columns]
     np.testing.assert_allclose(group.places(np.arange(5)).transpose(1, 2, 0), paths[:, :5], rtol=1e-9, atol=1e-9)
     assert (np.linalg.norm(paths - group.middle, axis=2).max(axis=0) <= group.reach + 1e-9).all()
+    shifted = np.tile(fleet.center, (3, 1))
+    shifted[:, fleet.names.index("start_x")] = -0.3, 0.0, 0.1
+    assert curves.group(shifted).reach == pytest.approx(np.full(problem.steps + 1, 0.3))
 
 
 @pytest.mark.parametrize("name", ["planar_slalom", "quadrotor_delivery"])

@@ -12,11 +12,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+import ensemble_ctrl.problem.evaluation.judge as judging
 import ensemble_ctrl.problem.evaluation.sampled as module
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import load, load_text
+from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.judge import Judge
 from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
@@ -91,6 +93,24 @@ def test_pruning_changes_nothing(seed: int, radius: float, monkeypatch: pytest.M
         assert c.inside == inside.sum()
     entered = np.any([inside for _, inside in wanted.values()], axis=0)
     np.testing.assert_array_equal(run.violating, entered | (run.robustness < 0))
+
+
+@pytest.mark.parametrize("group", [3_000, 200_000])
+@pytest.mark.parametrize("seed", range(6))
+def test_each_member_has_its_own_smallest_distance(seed: int, group: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a wide fleet that only avoids, so that every distance may be the one that counts, in groups of any width."""
+    monkeypatch.setattr(judging, "GROUP", group)
+    fleet = five().fleet.with_(
+        parameters={"traction": Interval(0.6, 1.4), "start_heading": Interval(-0.3, 0.3)}, radius=0.02
+    )
+    problem = five().with_(fleet=fleet, task=parse("G[0.5, 15] avoid(obstacles)"))
+    controls, members = np.clip(random_controls(seed), -0.2, 0.8), fleet.sample(400, seed)
+    run = replay(problem, controls, parameters=members, substeps=2)
+    paths = trajectories(problem, controls, members, 2)[:, 10:301]
+    each = np.stack([piece.distance(paths).min(axis=1) for _, piece in problem.pieces]) - 0.02
+    np.testing.assert_allclose(run.robustness, each.min(axis=0), atol=1e-11)
+    np.testing.assert_allclose([c.distance for c in run.clearances], each.min(axis=1), atol=1e-11)
+    assert [c.inside for c in run.clearances] == (each < 0).sum(axis=1).tolist()
 
 
 def test_brute_force_meets_members_inside_and_outside() -> None:
