@@ -7,7 +7,7 @@ For each problem a plan is made, then measured are, in processor time on one thr
 - the certificate, as it is and with the bound of each obstacle.
 
 ``--many 1e6 1e7 1e8`` also runs ``ensemble-plan replay`` on so many members of the first problem, with its largest
-resident memory. Keeps ``measured/replay.json`` and ``measured/replay_many.json`` for docs/replay.md.
+resident memory (Linux). Keeps ``measured/replay.json`` and ``measured/replay_many.json`` for docs/replay.md.
 """
 
 from __future__ import annotations
@@ -35,12 +35,13 @@ SYSTEMS = ("planar_slalom", "quadrotor_delivery")
 MEMBERS, PLAIN = 100_000, 2_000
 POLES = 400
 CHILD = r"""
-import json, os, resource, sys, time
+import json, os, pathlib, sys
 from ensemble_ctrl.cli.app import invoke
 began = sum(os.times()[:2])
 code = invoke(["replay", sys.argv[1], "--members", sys.argv[2], "-q", "-o", sys.argv[3]])
-rusage = resource.getrusage(resource.RUSAGE_SELF)
-print("\n" + json.dumps({"code": code, "spent": sum(os.times()[:2]) - began, "memory": rusage.ru_maxrss * 1024}))
+status = dict(line.split(":", 1) for line in pathlib.Path("/proc/self/status").read_text().splitlines())
+memory = int(status["VmHWM"].split()[0]) * 1024
+print("\n" + json.dumps({"code": code, "spent": sum(os.times()[:2]) - began, "memory": memory}))
 """
 
 

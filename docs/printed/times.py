@@ -163,7 +163,9 @@ def many_lines(rows: Rows, machine: str) -> Iterator[str]:
     )
     for row in rows:
         share = f"at least {100 * row['share_95'][0]:.8g} %"
-        cells = f"{seconds(row['spent'])} | {table.power(row['rate'])} | {row['memory'] / 1e6:.0f} MB | {row['violating']}"
+        cells = (
+            f"{seconds(row['spent'])} | {table.power(row['rate'])} | {row['memory'] / 1e6:.0f} MB | {row['violating']}"
+        )
         yield f"| {table.power(row['members'], 1)} | {cells} | {share} |"
     yield ""
     yield "`ensemble-plan replay` on the five obstacles, one process, its start included; memory is the largest"

@@ -15,16 +15,25 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.judge import MANY, Judge
 from ensemble_ctrl.problem.evaluation.parametric import ParameterCurves
 from ensemble_ctrl.problem.evaluation.sampled import replay
+from ensemble_ctrl.systems import PlanarQuadrotor
 from tests.paths import CONFIGS
 
 Floats = NDArray[np.float64]
 
 
+class Shifted(PlanarQuadrotor):
+    """One that says that its position at the start only shifts its way."""
+
+    shifts = ("x", "z")
+
+
 def loaded(name: str) -> tuple[Problem, Floats]:
     """A problem, and commands around what costs no effort."""
     problem = ec.load(CONFIGS / "systems" / f"{name}.yaml")
-    fleet = problem.fleet.with_(parameters={**problem.fleet.parameters, "start_x": ec.Interval(-0.3, 0.1)})
-    problem = problem.with_(fleet=fleet)
+    if name == "planar_slalom":
+        more = {**problem.fleet.parameters, "start_x": ec.Interval(-0.3, 0.1)}
+        problem = problem.with_(fleet=problem.fleet.with_(system=Shifted(), parameters=more))
+    fleet = problem.fleet
     rest, wide = fleet.rest(fleet.center), (fleet.input_upper - fleet.input_lower) / 2
     noise = np.random.default_rng(3).uniform(-0.01, 0.01, (problem.steps, len(rest)))
     return problem, rest + noise * wide
@@ -43,9 +52,6 @@ def test_states_are_those_of_the_integration(name: str) -> None:
     paths = states[..., fleet.place_columns]
     np.testing.assert_allclose(group.places(np.arange(5)).transpose(1, 2, 0), paths[:, :5], rtol=1e-9, atol=1e-9)
     assert (np.linalg.norm(paths - group.middle, axis=2).max(axis=0) <= group.reach + 1e-9).all()
-    shifted = np.tile(fleet.center, (3, 1))
-    shifted[:, fleet.names.index("start_x")] = -0.3, 0.0, 0.1
-    assert curves.group(shifted).reach == pytest.approx(np.full(problem.steps + 1, 0.3))
 
 
 @pytest.mark.parametrize("name", ["planar_slalom", "quadrotor_delivery"])
@@ -62,6 +68,20 @@ def test_a_replay_is_the_same_with_them(name: str) -> None:
     for o, clearance in enumerate(run.clearances):
         assert clearance.distance == pytest.approx(min(one.closest[o].distance for one in one_by_one), abs=1e-9)
         assert clearance.inside == sum(one.closest[o].inside for one in one_by_one)
+
+
+def test_starts_that_only_shift_the_way_are_no_matter_for_the_polynomials() -> None:
+    problem, controls = loaded("planar_slalom")
+    fleet = problem.fleet
+    curves = ParameterCurves.of(fleet, controls, problem.step, fleet.corners)
+    assert curves is not None
+    assert len(curves.counts) == len(fleet.names) - 1
+    members = np.tile(fleet.center, (3, 1))
+    members[:, fleet.names.index("start_x")] = -0.3, 0.0, 0.1
+    group = curves.group(members)
+    assert group.reach == pytest.approx(np.full(problem.steps + 1, 0.3))
+    paths = fleet.trajectories(controls, members, problem.step)[..., fleet.place_columns]
+    np.testing.assert_allclose(group.places(np.arange(4)).transpose(1, 2, 0), paths[:, :4], atol=1e-9)
 
 
 class Stick(ec.OdeSystem):
