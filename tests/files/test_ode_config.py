@@ -110,7 +110,10 @@ def test_mistakes_are_placed(old: str, new: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        ("solve: {method: minlp}", "bad.yaml:14:17: error: solve.method: minlp is not for the quadrotor"),
+        (
+            "solve: {method: minlp, grid: full}",
+            "bad.yaml:14:30: error: solve.grid: this is not for the quadrotor",
+        ),
         (
             "motions: {wall: {path: [[0, [0, 0]], [1, [1, 0]]]}}",
             "motions.wall: expected 3 dimensions (x, y, z), got 2",

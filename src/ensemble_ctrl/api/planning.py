@@ -218,6 +218,7 @@ def _mixed_details(nlp_cost: float, solution: Solution) -> dict[str, Any]:
         return float(value) if isfinite(value) else None
 
     return {
+        "solver": "Bonmin" if solution.problem.fleet.system.transcription == "positions" else "HiGHS",
         "nlp_cost": nlp_cost,
         "cost": solution.attempt.value.cost,
         "nodes": sum(r.nodes for r in solution.rounds),
@@ -238,6 +239,6 @@ def _mixed_details(nlp_cost: float, solution: Solution) -> dict[str, Any]:
             }
             for r in solution.rounds
         ],
-        "note": "Bonmin's gap is no proof of optimality: the problem is not convex, each node is solved to a local "
+        "note": "The gap is no proof of optimality: the problem is not convex, each node is solved to a local "
         "optimum, and only the offered facets were looked at.",
     }

@@ -328,18 +328,17 @@ def _cost(d: dict[str, Any]) -> str:
 
 
 def _mixed(m: dict[str, Any]) -> list[tuple[str, str]]:
-    """What choosing facets anew did to the cost, and what Bonmin's gap is worth."""
+    """What choosing facets anew did to the cost, and what the solver's gap is worth."""
     kept = [f"{r['cost']:.4f} ({r['name']})" for r in m["rounds"] if r["kept"] and r["cost"] is not None]
     steps = " -> ".join([f"{m['nlp_cost']:.4f} (nlp)", *kept])
     nothing = "" if kept else ", nothing better was found"
-    bonmin = [r for r in m["rounds"] if r["switches"]]
-    rows = [
-        ("minlp", f"cost {steps}{nothing}; {len(bonmin)} run{'s' * (len(bonmin) != 1)} of Bonmin, {m['nodes']} nodes")
-    ]
+    bonmin, solver = [r for r in m["rounds"] if r["switches"]], m.get("solver", "Bonmin")
+    nodes = f", {m['nodes']} nodes" if solver == "Bonmin" else ""
+    rows = [("minlp", f"cost {steps}{nothing}; {len(bonmin)} run{'s' * (len(bonmin) != 1)} of {solver}{nodes}")]
     for r in (r for r in bonmin if r["status"] not in ("solved", "infeasible")):
         rows.append(("", f"{r['name']}: {r['message']}"))
     gaps = [f"{100 * r['gap']:.2g} % ({r['name']})" for r in bonmin if r["gap"] is not None]
-    lead = f"Bonmin's gap: {', '.join(gaps)}; it" if gaps else "This"
+    lead = f"{solver}'s gap: {', '.join(gaps)}; it" if gaps else "This"
     rows.append(("", f"{lead} is no proof of optimality: the problem is not convex, and only some facets were offered"))
     return rows
 

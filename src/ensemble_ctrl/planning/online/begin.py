@@ -23,6 +23,10 @@ def loop_for(
     problem: Problem, options: OnlineOptions | None, controls: NDArray[float64], robots: Sequence[str]
 ) -> Loop:
     """A loop that begins with a plan."""
-    kind = PublishedLoop if problem.solve.as_published else LOOPS[problem.fleet.system.transcription]
+    kind = (
+        PublishedLoop
+        if problem.solve.as_published and problem.fleet.system.on_arcs
+        else LOOPS[problem.fleet.system.transcription]
+    )
     made: Loop = kind(problem, options, controls, robots=robots)
     return made

@@ -15,6 +15,7 @@ from ensemble_ctrl.ocp import state_rounds as shooting
 from ensemble_ctrl.ocp.candidates import tried
 from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses
 from ensemble_ctrl.ocp.guesses.restarts import Restart, restarts, wandering
+from ensemble_ctrl.ocp.mixed import Round
 from ensemble_ctrl.ocp.parametrisation import Iterate
 from ensemble_ctrl.ocp.rounds import Attempt, rank
 from ensemble_ctrl.ocp.traced import require_traceable
@@ -23,6 +24,7 @@ from ensemble_ctrl.planning.planner.grids import given, refined
 from ensemble_ctrl.planning.planner.proving import certified_with_margin
 from ensemble_ctrl.planning.planner.search import Search
 from ensemble_ctrl.planning.planner.solution import Solution, status_of
+from ensemble_ctrl.planning.planner.state_facets import other_facets
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -60,6 +62,13 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
         attempt, certificate, tighter = certified_with_margin(search, attempt, tightened)
         work += tighter
         seconds["certify"] = time.perf_counter() - began
+    nlp, others = attempt if problem.solve.method == "minlp" else None, list[Round]()
+    if nlp is not None:
+        search.tell("minlp")
+        began = time.perf_counter()
+        attempt, certificate, others, solves = other_facets(search, problem, attempt, certificate)
+        work += solves
+        seconds["minlp"] = time.perf_counter() - began
     tries: list[tuple[Guess | Restart, Attempt]] = [(seed, one) for seed, (one, _) in zip(starts, found, strict=False)]
     return Solution(
         problem,
@@ -72,6 +81,8 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
         sum(a.build_seconds for a in work),
         sum(a.solve_seconds for a in work),
         certificate,
+        nlp,
+        tuple(others),
     )
 
 

@@ -23,7 +23,7 @@ def motion_findings(problem: Problem) -> Iterator[Finding]:
         elif motion.times[0] > SLACK or motion.times[-1] < problem.duration - SLACK:
             times = f"{motion.times[0]:g} to {motion.times[-1]:g} s"
             yield Finding(path, f"expected times from 0 to {problem.duration:g} s, got {times}", on_key=True)
-    if problem.motions and problem.solve.method == "minlp":
+    if problem.motions and problem.solve.method == "minlp" and problem.fleet.system.transcription == "positions":
         yield Finding(("solve", "method"), "minlp is for obstacles that stand still", "use nlp")
     for part in conjuncts(problem.task):
         if not kept_out(part):

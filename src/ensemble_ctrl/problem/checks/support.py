@@ -21,6 +21,16 @@ def support_findings(problem: Problem) -> Iterator[Finding]:
     for name, feature in FEATURES.items():
         if feature.requested(problem) and not (found := supports(problem, name)):
             yield Finding(feature.path, found.message, found.hint)
+    if problem.fleet.system.transcription == "states":
+        yield from _of_positions(problem)
+
+
+def _of_positions(problem: Problem) -> Iterator[Finding]:
+    """Choices of how facets are searched for robots on arcs."""
+    solve, name = problem.solve, problem.fleet.system.name
+    given = {"grid": solve.grid == "coarse", "facets": solve.facets == "near", "polish": solve.polish}
+    for field in (field for field, default in given.items() if not default):
+        yield Finding(("solve", field), f"this is not for the {name}", "facets are chosen in one way there")
 
 
 def dimension_findings(problem: Problem) -> Iterator[Finding]:
