@@ -113,6 +113,13 @@ def test_a_constant_turn_against_the_integral_of_arbitrary_precision() -> None:
     assert true <= width <= 1.15 * true
 
 
+def test_an_attack_keeps_to_the_window() -> None:
+    whole = problem(BOUNDS["drift"], task="G[3,4] avoid(post)")
+    found = attack(whole, CONTROLS)
+    assert 3 <= found.time <= 4
+    assert found.clearance >= certify(whole, CONTROLS).clearance - 1e-9
+
+
 @pytest.mark.parametrize("name", ["drift", "turn", "held", "varies", "delay"])
 def test_no_attack_gets_below_what_is_proven(name: str) -> None:
     whole = problem(BOUNDS[name])
@@ -141,6 +148,7 @@ def test_shares_and_windows_count_the_errors() -> None:
     bounds = Uncertainty({"position": 0.02})
     for task in (
         "share(0.5, G avoid(post))",
+        "share(0.5, G[1,2.5] avoid(post))",
         "G[1,2.5] avoid(post)",
         "mean(F[3.5,4] in(goal))",
         "share(0.5, F in(goal))",

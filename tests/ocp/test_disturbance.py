@@ -51,6 +51,8 @@ def test_what_controls_are_worth_counts_the_errors() -> None:
     some, none = (evaluate_sampled(whole, PUSHES) for whole in (pushed(Uncertainty({"vx": 0.05})), pushed(NONE)))
     assert none.gap > some.gap
     assert none.robustness > some.robustness
+    window = pushed(Uncertainty({"vx": 0.05})).with_(task=parse("G[1,2] avoid(post)"))
+    assert evaluate_sampled(window, PUSHES).gap >= some.gap - 1e-12
 
 
 NARROW = Problem(

@@ -107,7 +107,7 @@ def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConst
         path = Track.of(flow, members[rows]).position
         times = np.linspace(0.0, problem.duration, path.shape[1])
         for avoid in chance.avoid:
-            distances = avoid.distances(path, times) - away
+            distances = avoid.distances(path, times) - away[avoid.during(times)]
             values[rows] = np.minimum(values[rows], distances.min(axis=1, initial=np.inf))
     for part in chance.rest:
         found = scheduled(problem, controls, distributions, part.formula, SUBSTEPS)

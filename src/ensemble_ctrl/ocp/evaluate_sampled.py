@@ -102,7 +102,10 @@ def _gap(problem: Problem, paths: Floats, errors: Growth | None) -> float:
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     # each sample less the growth of its step
     away = np.zeros(len(times)) if errors is None else np.append(np.repeat(errors.within, SUBSTEPS), errors.within[-1:])
-    found = ((avoid.distances(paths, times) - away).min(initial=np.inf) for avoid in problem.specification.avoid)
+    found = (
+        (avoid.distances(paths, times) - away[avoid.during(times)]).min(initial=np.inf)
+        for avoid in problem.specification.avoid
+    )
     return min(map(float, found), default=np.inf)
 
 

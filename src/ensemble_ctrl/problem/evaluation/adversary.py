@@ -129,7 +129,10 @@ def _target(problem: Problem, avoid: AvoidConstraint, member: Floats, distances:
 
 def _distances(problem: Problem, avoid: AvoidConstraint, paths: Floats) -> Floats:
     """Distances of robots at all samples, infinite outside the window, shape (robots, samples)."""
-    return avoid.distances(paths, np.linspace(0.0, problem.duration, paths.shape[1]))
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    found = np.full(paths.shape[:2], np.inf)
+    found[:, avoid.during(times)] = avoid.distances(paths, times)
+    return found
 
 
 def _targets(
@@ -161,8 +164,10 @@ def _closer(
 def _away(avoid: AvoidConstraint, place: Floats, time: float) -> Floats:
     """The direction in which the distance at one place and time grows, shape (d,)."""
     moves = SMALL * np.eye(place.shape[1])
-    seen = [avoid.distances((place + way * move)[None], np.array([time]))[0, 0] for move in moves for way in (1, -1)]
-    slope = np.array(seen[::2]) - np.array(seen[1::2])
+    # central differences of the distance from the nearest piece, in the obstacle's frame
+    ends = np.concatenate([place + moves, place - moves]) - avoid.offsets(np.array([time]))
+    seen = np.minimum.reduce([piece.distance(ends) for piece in avoid.pieces])
+    slope = seen[: len(moves)] - seen[len(moves) :]
     return np.asarray(slope / max(float(np.linalg.norm(slope)), 1e-300))
 
 
