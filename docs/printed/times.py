@@ -169,7 +169,7 @@ def many_lines(rows: Rows, machine: str) -> Iterator[str]:
         yield f"| {table.power(row['members'], 1)} | {cells} | {share} |"
     yield ""
     yield "`ensemble-plan replay` on the five obstacles, one process, its start included; memory is the largest"
-    yield f"resident set ({machine})."
+    yield f"resident set ({machine}; `python benchmarks/replay.py --many 1e6 1e7 1e8`)."
 
 
 TABLES = {
