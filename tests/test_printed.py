@@ -157,3 +157,10 @@ def test_a_row_is_of_its_problem_its_maps_and_the_code(
         path.write_text(text)
         assert source() not in seen
         seen.add(source())
+
+
+def test_the_exponent_is_that_of_the_larger_sizes(scripts: dict[str, ModuleType]) -> None:
+    exponent = scripts["printed.times"].exponent
+    assert exponent([1, 2, 4, 8, 16, 32], [7, 7, 7, 8**2, 16**2, 32**2]) == pytest.approx(2)
+    assert exponent([10, 100], [1, 1000]) == pytest.approx(3)
+    assert exponent([1, 2, 4], [9, 2, 4]) == pytest.approx(1)
