@@ -105,6 +105,12 @@ def test_fleets_that_turn_too_much_are_not_interpolated() -> None:
     assert ArcCurves.of(fleet_of("wide"), controls, 0.1, fleet_of("wide").corners) is None
 
 
+def test_very_many_times_are_not_interpolated() -> None:
+    fleet, slow = fleet_of("two factors"), np.full((2_000_000, 2), 1e-3)
+    assert ArcCurves.of(fleet, slow, 1e-5, fleet.corners) is None
+    assert ArcCurves.of(fleet, slow[:2000], 1e-5, fleet.corners) is not None
+
+
 @pytest.mark.parametrize("name", FLEETS)
 def test_no_member_is_further_from_the_middle_than_the_reach(name: str) -> None:
     fleet, controls = fleet_of(name), random_controls(5)

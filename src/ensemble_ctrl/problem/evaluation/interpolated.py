@@ -23,6 +23,8 @@ Ints = NDArray[np.int64]
 
 MOST = 96
 """Interpolation points beyond which exact arcs are as quick."""
+MEMORY = 10_000_000
+"""Points times sampled times, at most: 160 MB of coefficients."""
 UNIT = float(np.finfo(float).eps) / 2
 """Rounding unit."""
 
@@ -62,7 +64,7 @@ class ArcCurves:
     def of(cls, fleet: Fleet, controls: Floats, step: float, members: Floats) -> ArcCurves | None:
         """The curves for angular factors up to those of some members, under controls of one row a step.
 
-        None where too many polynomials are needed.
+        None where too many polynomials are needed, or there are too many times for all of them.
         """
         robots = fleet.coefficients(members)
         low, high = float(robots[:, 1].min()), float(robots[:, 1].max())
@@ -71,7 +73,7 @@ class ArcCurves:
         turned = np.concatenate([[0.0], step * np.cumsum(omega)])
         turn = float(np.abs(turned).max())
         count = _count(half * turn)
-        if count > MOST:
+        if count > MOST or count * len(turned) > MEMORY:
             return None
         # exact arcs of robots with linear factor 1 from the origin, at the Chebyshev points of b
         unit = np.zeros((count, 5))
