@@ -20,14 +20,17 @@ from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.curved import Curves, curved, promising
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
+from ensemble_ctrl.ocp.guesses.ompl_trees import Growth, State, tree
 from ensemble_ctrl.ocp.guesses.perturbed import perturbed
 from ensemble_ctrl.ocp.guesses.pivoting import PivotedGuesses, pivoted_trip
 from ensemble_ctrl.ocp.guesses.registry import Request
 from ensemble_ctrl.ocp.guesses.roadmap import Trip, trips
 from ensemble_ctrl.ocp.guesses.routes import Route
 from ensemble_ctrl.ocp.guesses.skeleton import Visit
+from ensemble_ctrl.ocp.guesses.trees import grown
 from ensemble_ctrl.ocp.truncation import positions
 from ensemble_ctrl.planning.planner import solve
+from ensemble_ctrl.planning.planner.coarse_fine import narrowed
 from ensemble_ctrl.planning.suggest import Suggestion, relaxations
 from ensemble_ctrl.planning.suggest.search import _Search
 from ensemble_ctrl.problem import Problem
@@ -181,6 +184,10 @@ from ensemble_ctrl.ocp.guesses.ompl_paths import Surroundings, curve
 around = Surroundings(shapely.box(1, -1, 2, 1), np.full(2, -4.0), np.full(2, 4.0))
 for goal in ([3.0, 0, 0], [3.9, 3.9, 0]):
     curve(around, 0.5, True, np.zeros(3), np.array([goal]), 300, 1, lambda: False)
+from ensemble_ctrl.ocp.guesses.ompl_trees import Growth, tree
+growth = Growth(lambda x, u, dt: [x[0] + u[0] * dt, x[1] + u[1] * dt, x[2] + dt], lambda x: x[2] < 2.0,
+                around.low, around.high, np.array([[-1.0, 1.0], [-1.0, 1.0]]), 0.1)
+assert tree(growth, [0.0, 0.0, 0.0], np.array([1.0, 0.0]), 0.1, 500, 1, lambda: False)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "")
@@ -285,3 +292,49 @@ def test_what_was_tried_and_what_is_missing_is_said(monkeypatch: pytest.MonkeyPa
     saved = ec.Plan.load(raised.value.plan.save(tmp_path / "plan"))
     assert "tried 2 routes" in " ".join(" ".join(summary_lines(saved)).split())
     assert solve(short, guess=np.zeros((40, 2))).missing == ()
+
+
+def test_a_tree_leads_all_its_members_through_the_gap() -> None:
+    pytest.importorskip("ompl")
+    problem = load_text(GAP)
+    (trip, *_) = trips(problem, 1, narrow=True)
+    guess, again = (grown(problem, trip, 40, 1, 20000, 5, lambda: False) for _ in range(2))
+    assert guess is not None
+    assert again is not None
+    np.testing.assert_array_equal(guess.controls, again.controls)
+    assert (guess.controls >= problem.fleet.input_lower).all()
+    assert (guess.controls <= problem.fleet.input_upper).all()
+    walls = shapely.union_all([shapely.box(1.9, 0.22, 2.1, 3.4), shapely.box(1.9, -3.4, 2.1, -0.22)])
+    assert shapely.distance(walls, shapely.LineString(guess.corners)) > 0.1
+    assert np.linalg.norm(guess.corners[-1] - [4.0, 0.0]) < 0.5
+
+
+def test_a_tree_checks_every_member_and_ends_in_time() -> None:
+    pytest.importorskip("ompl")
+
+    def moved(state: State, command: State, seconds: float) -> list[float]:
+        x, y, other, now = state
+        return [x + command[0] * seconds, y + command[1] * seconds, other + 2 * command[1] * seconds, now + seconds]
+
+    def free(state: State) -> bool:
+        return state[3] <= 10.0 and abs(state[2]) < 1.0
+
+    bounds = np.array([[-1.0, 1.0], [-1.0, 1.0]])
+    growth = Growth(moved, free, np.full(2, -5.0), np.full(2, 5.0), bounds, 0.1)
+    for goal, reached in (([3.0, 0.3], True), ([0.0, 3.0], False)):
+        commands = tree(growth, [0.0, 0.0, 0.0, 0.0], np.array(goal), 0.3, 3000, 1, lambda: False)
+        assert commands is not None
+        state: State = [0.0, 0.0, 0.0, 0.0]
+        for command, steps in commands:
+            for _ in range(steps):
+                state = moved(state, command, 0.1)
+                assert free(state)
+        assert bool(np.hypot(state[0] - goal[0], state[1] - goal[1]) <= 0.3 + 1e-6) is reached
+    assert tree(growth, [0.0, 0.0, 2.0, 0.0], np.array([3.0, 0.0]), 0.3, 10, 1, lambda: False) is None
+
+
+def test_ranges_that_widen() -> None:
+    fleet = dead_end().fleet
+    half = narrowed(fleet, 0.5)
+    np.testing.assert_allclose([half.lower, half.upper], [[0.99], [1.01]])
+    np.testing.assert_allclose(half.center, fleet.center)

@@ -9,10 +9,12 @@ KINDS = {
     "route": ("route", "routes"),
     "itinerary": ("itinerary", "itineraries"),
     "middle": ("plan of the middle member", "plans of the middle member"),
+    "widened": ("guess for ranges that widen", "guesses for ranges that widen"),
     "pivot": ("route with turns on the spot", "routes with turns on the spot"),
     "curve": ("curve that the robots can drive", "curves that the robots can drive"),
     "random": ("guess with random commands", "guesses with random commands"),
     "start": ("other start for the whole fleet", "other starts for the whole fleet"),
+    "tree": ("way found for several members", "ways found for several members"),
     "waves": ("guess with waves added", "guesses with waves added"),
 }
 """Words for one guess of a kind, and for several."""

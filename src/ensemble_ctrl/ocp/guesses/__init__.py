@@ -4,9 +4,10 @@ from ensemble_ctrl.ocp.guesses.curved import CurvedGuesses
 from ensemble_ctrl.ocp.guesses.laid_out import LaidOutGuesses
 from ensemble_ctrl.ocp.guesses.perturbed import PerturbedGuesses
 from ensemble_ctrl.ocp.guesses.pivoting import PivotedGuesses
-from ensemble_ctrl.ocp.guesses.registry import GUESSES, Guess, Request, Source, first_guesses, further_guesses
+from ensemble_ctrl.ocp.guesses.registry import GUESSES, Guess, Request, Source, first_guesses, further_rounds
 from ensemble_ctrl.ocp.guesses.roadmap import RoadmapGuesses
 from ensemble_ctrl.ocp.guesses.state_guesses import StateGuesses
+from ensemble_ctrl.ocp.guesses.trees import TreeGuesses
 
 GUESSES.update(
     {
@@ -15,8 +16,9 @@ GUESSES.update(
         "states": StateGuesses(),
         "pivots": PivotedGuesses(),
         "curved": CurvedGuesses(),
+        "trees": TreeGuesses(),
         "waves": PerturbedGuesses(),
     }
 )
 
-__all__ = ["GUESSES", "Guess", "Request", "Source", "first_guesses", "further_guesses"]
+__all__ = ["GUESSES", "Guess", "Request", "Source", "first_guesses", "further_rounds"]

@@ -117,7 +117,7 @@ def promising(request: Request, batch: Sequence[Curves]) -> list[Guess]:
 
 def curved(problem: Problem, curves: Curves, trip: Trip, steps: int, stop: Callable[[], bool]) -> list[Guess]:
     """Guesses on a grid of `steps` along a trip: a short curve, and one that avoids the narrowest place of that."""
-    around = _surroundings(problem, curves.clearance)
+    around = surroundings(problem, curves.clearance)
     if curves.corridor:
         around = _within(around, trip, _radius(problem, curves))
     found = [_driven_legs(problem, trip, around, curves, stop)]
@@ -127,15 +127,20 @@ def curved(problem: Problem, curves: Curves, trip: Trip, steps: int, stop: Calla
 
 
 def _guess(problem: Problem, trip: Trip, legs: list[Floats], curves: Curves, steps: int) -> Guess:
-    """Commands along the legs of a trip."""
+    """Commands along the curves of a trip."""
+    way = "Reeds-Shepp" if reverses(problem) else "Dubins"
+    end = round(float(np.rad2deg(legs[-1][-1, 2]))) % 360
+    name = f"{way} path of radius {_radius(problem, curves):.2g} m that ends at {end} deg"
+    return along_legs(problem, trip, legs, steps, name, "curve")
+
+
+def along_legs(problem: Problem, trip: Trip, legs: list[Floats], steps: int, name: str, kind: str) -> Guess:
+    """Commands on a grid of `steps` along the legs of a trip, each poses of shape (poses, 3)."""
     length = sum(float(np.linalg.norm(np.diff(leg[:, :2], axis=0), axis=1).sum()) for leg in legs)
     poses, times = _timed(problem, trip, legs)
     names = tuple(visit.name for visit in trip.visits)
-    way = "Reeds-Shepp" if reverses(problem) else "Dubins"
-    end = round(float(np.rad2deg(poses[-1, 2]))) % 360
-    name = f"{way} path of radius {_radius(problem, curves):.2g} m that ends at {end} deg"
     corners = poses[:: max(len(poses) // 60, 1), :2]
-    return Guess(driven(problem, poses, times, steps), corners, length, names, name, "curve")
+    return Guess(driven(problem, poses, times, steps), corners, length, names, name, kind)
 
 
 def _radius(problem: Problem, curves: Curves) -> float:
@@ -143,7 +148,7 @@ def _radius(problem: Problem, curves: Curves) -> float:
     return max(SPARE * curves.radius * tightest(problem), 1e-3)
 
 
-def _surroundings(problem: Problem, clearance: float) -> Surroundings:
+def surroundings(problem: Problem, clearance: float) -> Surroundings:
     """What a robot keeps out of, standing, at a clearance."""
     fleet = problem.fleet
     static = [avoid for avoid in problem.specification.avoided_by_anyone if avoid.motion is None]
@@ -235,4 +240,4 @@ def _timed(problem: Problem, trip: Trip, legs: list[Floats]) -> tuple[Floats, Fl
     return np.concatenate(poses), np.concatenate(times)
 
 
-__all__ = ["BATCHES", "Curves", "curved"]
+__all__ = ["BATCHES", "Curves", "along_legs", "curved", "promising", "surroundings"]

@@ -121,10 +121,20 @@ def first_guesses(request: Request) -> list[Guess]:
     return [guess for source in _accepting(request, at_once=True) for guess in next(source.propose(request), [])]
 
 
-def further_guesses(request: Request) -> Iterator[list[Guess]]:
-    """What the other sources propose, one after the other."""
-    for source in _accepting(request, at_once=False):
-        yield from source.propose(request)
+def further_rounds(request: Request) -> Iterator[Iterator[list[Guess]]]:
+    """What the other sources propose: in each round the next few of every source in turn."""
+    sources = [source.propose(request) for source in _accepting(request, at_once=False)]
+
+    def next_few() -> Iterator[list[Guess]]:
+        for source in list(sources):
+            guesses = next(source, None)
+            if guesses is None:
+                sources.remove(source)
+            else:
+                yield guesses
+
+    while sources:
+        yield next_few()
 
 
 def _accepting(request: Request, at_once: bool) -> list[Source]:

@@ -4,8 +4,8 @@
    tasks with repeated or conditional visits are laid out in time (`ensemble_ctrl.ocp.guesses.laid_out`).
 2. Each is solved on a coarse grid at a low order, side by side where there are several cores; the best is kept, or the
    best few where every route is tried: each of them goes through what follows, and the best certified one is the plan.
-   Where none of them leads to a plan, curves that the robots can drive, reversing where they may, are tried in the same
-   way, and then commands with waves added (`ensemble_ctrl.ocp.guesses`).
+   Where none of them leads to a plan, other kinds of guesses are tried (`ensemble_ctrl.ocp.guesses`), first for the
+   middle member alone, and the nearest for ranges that widen.
 3. The horizon's own grid and the order asked for, started from there.
 4. Where the truncated curve is too far from the true one, one more moment is carried and it is solved again.
 5. The result is certified; where the proof falls short, the margin grows by what is missing and it is solved again.

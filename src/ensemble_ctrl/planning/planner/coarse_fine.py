@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.rounds import Attempt, improve, rank, start, with_work
 from ensemble_ctrl.ocp.truncation import Truncation, choose, coarse, nominal, raised, tail
@@ -17,6 +18,7 @@ from ensemble_ctrl.planning.planner.grids import refined
 from ensemble_ctrl.planning.planner.proving import CLOSE, certified_with_margin, is_proven
 from ensemble_ctrl.planning.planner.search import Search
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
 
@@ -25,30 +27,33 @@ RANKED_AFTER = 2
 """Coarse rounds after which guesses that keep their constraints are compared: only the best go through the rest."""
 ALIKE = 0.15
 """Share of the best cost, or of 1 where that is less, by which others may cost more to be among the best then."""
+WHOLE, MIDDLE_FIRST, WIDENED = (1.0,), (0.0, 1.0), (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shares of the parameters' ranges that a guess is improved for, one after the other: 0 is the middle member alone."""
 FINALISTS = 3
 """Coarse solutions that are refined and certified where every route is tried."""
 TAIL_LIMIT = 1e-3
 """Metres of truncation error beyond which one more moment is carried."""
 
 
-def coarse_all(search: Search, guesses: list[Floats], *, middle_first: bool = False) -> list[Attempt]:
+def coarse_all(search: Search, guesses: list[Floats], shares: tuple[float, ...] = WHOLE) -> list[Attempt]:
     """Each seed improved on its own coarse grid at low order; one that could not be solved as it is.
 
-    Where a share of the fleet is enough, for the best choice of its members. With `middle_first` each is improved for
-    the middle member alone, and then for the fleet if that led somewhere.
+    Where a share of the fleet is enough, for the best choice of its members. With several `shares` of the ranges each
+    is improved for one after the other, as long as that leads somewhere.
     """
     problem = search.problem
     truncation, boxes = coarse(problem), ranges(problem)
 
     def work(own: Search, candidate: int) -> Attempt:
         controls, tries = guesses[candidate], []
-        if middle_first:
-            middle = _solved(own, controls, nominal(problem))
-            controls = middle.controls
-            if own.over() or middle.value.gap < -CLOSE:
-                return _for_fleet(problem, middle, truncation)
+        for share in shares[:-1]:
+            fewer = _for_fewer(own, controls, share)
+            controls = fewer.controls
+            if own.over() or fewer.value.gap < -CLOSE:
+                as_it_is = start(problem, controls, truncation)
+                return with_work(as_it_is, fewer, as_it_is)
         for box in boxes:
-            tries.append(_solved(own, controls, replace(truncation, within=box)))
+            tries.append(_solved(own, problem, controls, replace(truncation, within=box)))
             if own.over():
                 break
         return min(tries, key=rank)
@@ -70,17 +75,19 @@ def _decided(search: Search, solved: list[Attempt]) -> list[Attempt]:
     return solved
 
 
-def _for_fleet(problem: Problem, middle: Attempt, truncation: Truncation) -> Attempt:
-    """What was found for the middle member alone, with what it is worth for the fleet."""
-    as_it_is = start(problem, middle.controls, truncation)
-    return with_work(as_it_is, middle, as_it_is)
+def _for_fewer(own: Search, controls: Floats, share: float) -> Attempt:
+    """Improved for a share of the ranges around their middle, or for the middle member alone."""
+    if share == 0.0:
+        return _solved(own, own.problem, controls, nominal(own.problem))
+    problem = own.problem.with_(fleet=narrowed(own.problem.fleet, share))
+    return _solved(own, problem, controls, coarse(problem))
 
 
-def _solved(own: Search, controls: Floats, truncation: Truncation) -> Attempt:
+def _solved(own: Search, problem: Problem, controls: Floats, truncation: Truncation) -> Attempt:
     """Rounds of the coarse program: all of them, or those that tell which attempts are worth more."""
     options, watch = own.options(1e-2, 1e-3), own.watch("coarse solve")
-    begun = improve(own.problem, controls, truncation, RANKED_AFTER, options, watch, more=True)
-    return begun if begun.value.keeps(0.0) else completed(own, begun)
+    begun = improve(problem, controls, truncation, RANKED_AFTER, options, watch, more=True)
+    return begun if begun.value.keeps(0.0) else completed(replace(own, problem=problem), begun)
 
 
 def completed(own: Search, begun: Attempt) -> Attempt:
@@ -90,6 +97,13 @@ def completed(own: Search, begun: Attempt) -> Attempt:
     options, watch, rounds = own.options(1e-2, 1e-3), own.watch("coarse solve"), COARSE_ROUNDS - RANKED_AFTER
     after = improve(own.problem, begun.controls, begun.truncation, rounds, options, watch)
     return with_work(after, begun, after)
+
+
+def narrowed(fleet: Fleet, share: float) -> Fleet:
+    """The same fleet with a share of each parameter's range around its middle, uniformly distributed."""
+    half = share * (fleet.upper - fleet.lower) / 2
+    ends = zip(fleet.names, fleet.center - half, fleet.center + half, strict=True)
+    return replace(fleet, parameters={name: Interval(low, high) for name, low, high in ends}, samples=None)
 
 
 def finalists(problem: Problem, solved: list[Attempt]) -> list[int]:

@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.ocp.candidates import Tried, tried
-from ensemble_ctrl.ocp.guesses import Guess, first_guesses, further_guesses, ompl_paths
+from ensemble_ctrl.ocp.guesses import Guess, first_guesses, further_rounds, ompl_paths
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, rank, start
 from ensemble_ctrl.ocp.truncation import choose
 from ensemble_ctrl.planning.planner.coarse_fine import (
+    MIDDLE_FIRST,
+    WHOLE,
+    WIDENED,
     Finished,
     coarse_all,
     final_rank,
@@ -34,6 +37,9 @@ from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
+NEAREST = 4
+"""Guesses that are tried for ranges that widen slowly, where nothing else was any help."""
+
 
 def by_positions(search: Search, problem: Problem, guess: Floats | None) -> Solution:
     """In positions of the truncated curve: routes, coarse and fine solves, further guesses, other facets."""
@@ -48,8 +54,8 @@ def by_positions(search: Search, problem: Problem, guess: Floats | None) -> Solu
     tries = _Tries()
     _try(search, tries, starts)
     if guess is None:
-        for others in _further(search, tries, steps):
-            _try(search, tries, others, again=True)
+        for others, shares in _further(search, tries, steps):
+            _try(search, tries, others, shares)
             if search.over() or is_good(problem, tries.best):
                 break
     best = tries.best
@@ -117,28 +123,42 @@ class _Tries:
         return [tried(seed, coarse, fine.get(i), i == self.which) for i, (seed, coarse) in enumerate(pairs)]
 
 
-def _try(search: Search, tries: _Tries, starts: list[Guess], *, again: bool = False) -> None:
+def _try(search: Search, tries: _Tries, starts: list[Guess], shares: tuple[float, ...] = WHOLE) -> None:
     """Solve guesses on the coarse grid, and finish the best of them.
 
-    Those that are tried `again`, where others led to no plan, start with the middle member alone, and are finished only
-    if they are worth that.
+    Those that are tried for shares of the ranges first, where others led to no plan, are finished only if that is worth
+    while.
     """
     first = len(tries.starts)
-    solved = coarse_all(search, [seed.controls for seed in starts], middle_first=again)
+    solved = coarse_all(search, [seed.controls for seed in starts], shares)
     tries.starts += starts
     tries.solved += solved
     chosen = finalists(search.problem, solved) if solved else []
-    chosen = [i for i in chosen if not again or solved[i].value.keeps(-CLOSE)]
+    chosen = [i for i in chosen if shares == WHOLE or solved[i].value.keeps(-CLOSE)]
     finished = finish_all(search, [solved[i] for i in chosen]) if chosen else []
     tries.finished |= {first + i: end for i, end in zip(chosen, finished, strict=False)}
 
 
-def _further(search: Search, tries: _Tries, steps: int) -> Iterator[list[Guess]]:
-    """More guesses, a few at a time, as long as there is no good plan: first the same ones for the middle member."""
+def _further(search: Search, tries: _Tries, steps: int) -> Iterator[tuple[list[Guess], tuple[float, ...]]]:
+    """More guesses, a few at a time, as long as there is no good plan, and the shares of the ranges to try them for.
+
+    First the same ones, and after each round the nearest so far for ranges that widen slowly.
+    """
     if search.over() or is_good(search.problem, tries.best):
         return
-    yield [replace(guess, kind="middle") for guess in tries.starts]
-    yield from further_guesses(search.request(steps, tries.solved[tries.which].controls))
+    yield [replace(guess, kind="middle") for guess in tries.starts], MIDDLE_FIRST
+    widened: set[int] = set()
+    for batches in further_rounds(search.request(steps, tries.solved[tries.which].controls)):
+        for guesses in batches:
+            yield guesses, MIDDLE_FIRST
+        nearest = sorted(set(range(len(tries.solved))) - widened, key=lambda i: rank(tries.solved[i]))[:NEAREST]
+        widened |= {*nearest, *range(len(tries.solved), len(tries.solved) + len(nearest))}
+        yield [_from(tries, i) for i in nearest], WIDENED
+
+
+def _from(tries: _Tries, i: int) -> Guess:
+    """What was found from a guess, as a guess."""
+    return replace(tries.starts[i], controls=tries.solved[i].controls, kind="widened")
 
 
 def _as_given(search: Search, guess: Floats, found: Finished) -> Finished | None:
