@@ -160,7 +160,9 @@ def _draw(
             baseline = found.controls if found.status == "planned" else None
         began = round(outcome.start / problem.step) * FINE
         places = problem.fleet.place_columns
-        driven = {name: np.array(robot.track)[began:, places] for name, robot in fleet.robots.items()}
+        # robots on arcs stand at the end, others move on
+        end = None if problem.fleet.system.on_arcs else began + loop.steps * FINE + 1
+        driven = {name: np.array(robot.track)[began:end, places] for name, robot in fleet.robots.items()}
         seconds = (len(next(iter(driven.values()))) - 1) * problem.step / FINE
         title = f"{problem.name}: {outcome.ending}, {outcome.reason}"
         run = Run(

@@ -47,7 +47,7 @@ TIMES = 10
 """Coefficients along time."""
 ASSUMED = (1e-7, 1e-5, 1e-3, 1e-1)
 """Radii of the tube that are assumed in turn, relative to the size of each state where that is above 1."""
-ASSUMED_OF_BOXES = (1e-1, 1.0)
+ASSUMED_OF_BOXES = (1e-2, 3e-2, 1e-1, 1.0)
 """The same where starts are off by more than rounding."""
 WANTED = 2e-7
 """Radius, relative likewise, below which pieces are not made smaller."""
@@ -231,7 +231,8 @@ class Pieces:
         step, scale = self.step * UP, self.scale(c)
         worst: tuple[int, int, int] = (0, 0, 0)
         reason: Unenclosed | None = None
-        for assumed in ASSUMED if self.start.spread is None else ASSUMED_OF_BOXES:
+        tubes = ASSUMED if self.start.spread is None else ASSUMED_OF_BOXES
+        for assumed in tubes:
             tube = assumed * scale
             try:
                 found = radii(jacobian(self, c, tube, centre, half)[0], by_cell(defect), by_cell(jump), step)
@@ -248,7 +249,7 @@ class Pieces:
         if reason is not None:
             raise reason
         k, state, cell = worst
-        text = f"the enclosure of {self.system.states[state]} grew beyond {ASSUMED[-1]:g} of its size"
+        text = f"the enclosure of {self.system.states[state]} grew beyond {tubes[-1]:g} of its size"
         raise Unenclosed(text, k * len(centre) + cell)
 
     def scale(self, c: Floats) -> Floats:
