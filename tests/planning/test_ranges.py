@@ -156,7 +156,7 @@ def test_two_parameters_are_split_into_boxes_that_cover_every_member() -> None:
 def test_parts_of_measured_fleets_keep_their_robots_together() -> None:
     rows = {"linear_traction": [1.0, 0.9, 1.1, 1.2], "angular_traction": [0.7, 0.8, 0.9, 1.0]}
     fleet = Fleet(Unicycle(), {n: Samples(v) for n, v in rows.items()}, [0, 0], 0.0, samples=rows)
-    some = part(fleet, "linear_traction", 0.95, 1.15)
+    some = part(fleet, "linear_traction", 1.0, 1.1)
     assert some.samples is not None
     assert some.samples["angular_traction"].tolist() == [0.7, 0.9]
     assert some.parameters["angular_traction"] == Samples([0.7, 0.9])
@@ -326,3 +326,11 @@ def test_a_box_of_robots_on_the_plane_is_certified_and_on_its_curve() -> None:
     assert any(list(point.values()) == pytest.approx(halves) for point in found.curve)
     with pytest.raises(ProblemError, match=r"expected two of the fleet's \(start_x, start_y\), got mass, start_x"):
         widest_box(small, ("mass", "start_x"))
+
+
+def test_a_fleet_of_equal_robots_needs_one_channel() -> None:
+    found = channels(load_text(GATE.replace("  parameters: {mass: {range: [1.0, 1.7]}}\n", "")))
+    assert [channel.ranges for channel in found.channels] == [{}]
+    assert found.lower_bound == 1
+    same = channels(problem(traction=Interval(1.0, 1.0)))
+    assert len(same.channels) == 1

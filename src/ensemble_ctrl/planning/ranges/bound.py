@@ -86,7 +86,7 @@ def _candidates(fleet: Fleet) -> Floats:
     ticks = max(1, round(CANDIDATES ** (1 / max(1, len(wide)))) - 1)
     if fleet.samples is None:
         axes = [places(fleet, name, ticks) for name in fleet.names]
-        return np.array(list(product(*axes)), dtype=float).reshape(-1, len(axes))
+        return np.array(list(product(*axes)), dtype=float)
     rows = np.tile(fleet.center, (len(next(iter(fleet.samples.values()))), 1))
     for name, column in fleet.samples.items():
         rows[:, fleet.names.index(name)] = column
