@@ -80,7 +80,7 @@ def test_guesses_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(GUESSES, "halves", Halves())
     found = solve(near())
     assert [(route.name, route.kind) for route in found.routes][-1] == ("half the time", "mine")
-    monkeypatch.delitem(GUESSES, "roadmap")
+    monkeypatch.delitem(GUESSES, "routes")
     alone = solve(near())
     assert [route.kind for route in alone.routes] == ["mine"]
     assert alone.status == "planned"

@@ -22,6 +22,7 @@ from ensemble_ctrl.constraints.stl import (
     parse,
 )
 from ensemble_ctrl.constraints.stl.dense import shrunk
+from ensemble_ctrl.ocp.guesses import first_guesses
 from ensemble_ctrl.ocp.guesses import laid_out as laid_out_module
 from ensemble_ctrl.ocp.guesses.itinerary import Journey, itinerary
 from ensemble_ctrl.ocp.guesses.laid_out import laid_out, repeats
@@ -139,6 +140,9 @@ def test_repeated_and_conditional_visits_are_laid_out_in_time() -> None:
     (guess,) = laid_out(Request(problem, problem.steps))
     assert guess.kind == "itinerary"
     assert {"west", "east", "sample", "radio"} <= set(guess.visits)
+    assert [one.kind for one in first_guesses(Request(problem, problem.steps))] == ["itinerary"]
+    quick = first_guesses(Request(problem, problem.steps, quick=True))
+    assert {one.kind for one in quick} == {"route"}
 
 
 def test_itineraries_are_looked_for_in_a_part_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:

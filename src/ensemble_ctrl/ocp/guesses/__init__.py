@@ -1,18 +1,16 @@
 """First guesses: routes around obstacles at once; turns on the spot, curves and waves where these led to no plan."""
 
 from ensemble_ctrl.ocp.guesses.curved import CurvedGuesses
-from ensemble_ctrl.ocp.guesses.laid_out import LaidOutGuesses
+from ensemble_ctrl.ocp.guesses.laid_out import RoutedGuesses
 from ensemble_ctrl.ocp.guesses.perturbed import PerturbedGuesses
 from ensemble_ctrl.ocp.guesses.pivoting import PivotedGuesses
 from ensemble_ctrl.ocp.guesses.registry import GUESSES, Guess, Request, Source, first_guesses, further_rounds
-from ensemble_ctrl.ocp.guesses.roadmap import RoadmapGuesses
 from ensemble_ctrl.ocp.guesses.state_guesses import StateGuesses
 from ensemble_ctrl.ocp.guesses.trees import TreeGuesses
 
 GUESSES.update(
     {
-        "itinerary": LaidOutGuesses(),
-        "roadmap": RoadmapGuesses(),
+        "routes": RoutedGuesses(),
         "states": StateGuesses(),
         "pivots": PivotedGuesses(),
         "curved": CurvedGuesses(),

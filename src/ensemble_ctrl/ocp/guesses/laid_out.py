@@ -29,7 +29,7 @@ from ensemble_ctrl.ocp.guesses.itinerary import Journey, Stop, itinerary
 from ensemble_ctrl.ocp.guesses.pivoting import pivoted_trip
 from ensemble_ctrl.ocp.guesses.registry import Guess, Request
 from ensemble_ctrl.ocp.guesses.registry import Stop as Ended
-from ensemble_ctrl.ocp.guesses.roadmap import Legs, Trip, place_in
+from ensemble_ctrl.ocp.guesses.roadmap import Legs, Trip, place_in, roadmap_guesses
 from ensemble_ctrl.ocp.guesses.routes import Route
 from ensemble_ctrl.ocp.guesses.skeleton import Visit
 from ensemble_ctrl.problem import Problem
@@ -53,8 +53,8 @@ PART = 0.25
 """Of the time that is left, for each of the searches, at most."""
 
 
-class LaidOutGuesses:
-    """One itinerary, where the order of visits is no matter of reading."""
+class RoutedGuesses:
+    """One itinerary, where the order of visits is no matter of reading; else, or without one, the routes."""
 
     at_once = True
 
@@ -63,9 +63,10 @@ class LaidOutGuesses:
         return problem.fleet.system.transcription == "positions"
 
     def propose(self, request: Request) -> Iterator[list[Guess]]:
-        """The one, which takes seconds."""
-        if not request.quick and repeats(request.problem):
-            yield laid_out(request)
+        """All of them together; an itinerary takes seconds, and is not made where there is little time."""
+        problem = request.problem
+        found = laid_out(request) if repeats(problem) and not request.quick else []
+        yield found or roadmap_guesses(problem, request.steps, problem.solve.routes)
 
 
 def repeats(problem: Problem) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.ocp.guesses.drive import follow, smoothed
 from ensemble_ctrl.ocp.guesses.homotopy import distinct, homotopy
-from ensemble_ctrl.ocp.guesses.registry import Guess, Request
+from ensemble_ctrl.ocp.guesses.registry import Guess
 from ensemble_ctrl.ocp.guesses.routes import LONGEST, Route, corridor_route, routes
 from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, Visit, skeletons
 from ensemble_ctrl.problem import Problem, Routes
@@ -41,20 +41,6 @@ class Trip:
     def length(self) -> float:
         """Metres."""
         return sum(leg.length for leg in self.legs)
-
-
-class RoadmapGuesses:
-    """Routes of different kinds for robots on arcs, as many as ``solve.routes`` says."""
-
-    at_once = True
-
-    def accepts(self, problem: Problem) -> bool:
-        """Robots on arcs."""
-        return problem.fleet.system.transcription == "positions"
-
-    def propose(self, request: Request) -> Iterator[list[Guess]]:
-        """All of them together."""
-        yield roadmap_guesses(request.problem, request.steps, request.problem.solve.routes)
 
 
 def roadmap_guesses(problem: Problem, steps: int, wanted: Routes) -> list[Guess]:
