@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import printed
-from printed import distributions, front, objectives, plans, systems, terminal, times
+from printed import distributions, front, objectives, paper, plans, systems, terminal, times
 
 TABLES = printed.ROOT / "docs" / "_static" / "tables"
 TABLES_OF = {
@@ -50,7 +50,7 @@ def blocks() -> dict[str, tuple[str, list[str]]]:
     found = {}
     for name, table in TABLES_OF.items():
         found[name] = table.page, list(table.lines(printed.read(_file(name))["rows"]))
-    for name, timed in times.TABLES.items():
+    for name, timed in {**times.TABLES, **paper.TABLES}.items():
         kept = printed.read(timed.path)
         found[name] = (timed.page, list(timed.lines(kept["rows"], kept["machine"])))
     return found

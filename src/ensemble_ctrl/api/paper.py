@@ -22,14 +22,15 @@ from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.systems import Bicycle
 
 Floats = NDArray[np.float64]
-Form = Literal["published", "ours"]
+Form = Literal["published", "ours", "linear"]
 Robot = Literal["unicycle", "bicycle"]
 
 COUNTED = ("one", "three", "five", "six", "seven", "eight")
 EXPERIMENTS = ("box", "polyhedron", *(f"{word}_obstacles" for word in COUNTED), "two_waypoints")
 """Examples that are the paper's experiments."""
 ROBOTS: tuple[Robot, ...] = ("unicycle", "bicycle")
-FORMS: tuple[Form, ...] = ("published", "ours")
+FORMS: tuple[Form, ...] = ("published", "ours", "linear")
+"""The last is ours with a path and facets by a linear model (HiGHS), of unicycles among obstacles."""
 MEMBERS, SUBSTEPS = 100_000, 10
 """Replayed members, and samples per step of each."""
 STEERING = 0.6
@@ -46,11 +47,11 @@ class Reproduced:
         One of `EXPERIMENTS`.
     robot : str
         One of `ROBOTS`.
-    form : {"published", "ours"}
+    form : {"published", "ours", "linear"}
     controls : ndarray, shape (steps, 2)
         The plan.
     status : str
-        How the search ended.
+        How the search ended; ``no solution`` where the published program has none within the limits.
     seconds : float
         Until the plan was found and certified, without replay, and without a run of Bonmin that found nothing.
     iterations : int
@@ -144,11 +145,25 @@ def as_published(problem: Problem, bonmin_limit: float = 10.0) -> Problem:
     return problem.with_(coordinates="modal", integrator="rk4", solve=solve)
 
 
+def with_linear_facets(problem: Problem) -> Problem:
+    """The problem in our form, with another start: a path and facets by a linear model of the whole way."""
+    return problem.with_(solve=replace(problem.solve, method="minlp", facets="linear"))
+
+
+def _is_tried(name: str, robot: Robot, form: Form) -> bool:
+    """Whether an experiment is planned in a form."""
+    problem = experiment(name, robot)
+    if form not in FORMS:
+        raise ProblemError(f"form: expected one of {', '.join(FORMS)}, got {form!r}")
+    return form != "linear" or (robot == "unicycle" and bool(problem.obstacles))
+
+
 def reproduce(
     experiments: Sequence[str] = EXPERIMENTS,
     robots: Sequence[Robot] = ROBOTS,
     members: int = MEMBERS,
     bonmin_limit: float = 10.0,
+    forms: Sequence[Form] = FORMS,
     progress: Progress | None = None,
 ) -> tuple[Reproduced, ...]:
     """Plan the experiments in both forms, side by side on the cores there are, and replay and certify each plan.
@@ -161,6 +176,8 @@ def reproduce(
         Replayed.
     bonmin_limit : float
         Seconds that one run of Bonmin may take.
+    forms : sequence of str
+        Of `FORMS`.
     progress : callable, optional
         As for `ensemble_ctrl.plan`.
 
@@ -172,14 +189,14 @@ def reproduce(
     from ensemble_ctrl.ocp import parallel
     from ensemble_ctrl.ocp.solvers import Iteration, Watch
 
-    work = [(name, robot, form) for name in experiments for robot in robots for form in FORMS]
-    for name, robot, _ in work:
-        experiment(name, robot)
+    every = [(name, robot, form) for name in experiments for robot in robots for form in forms]
+    work = [what for what in every if _is_tried(*what)]
 
     def one(k: int, watch: Watch) -> Reproduced:
         name, robot, form = work[k]
         problem = experiment(name, robot)
-        asked = as_published(problem, bonmin_limit) if form == "published" else problem
+        ways = {"published": as_published(problem, bonmin_limit), "linear": with_linear_facets(problem)}
+        asked = ways.get(form, problem)
         return reproduced(problem, asked, work[k], members, partial(_heard, watch))
 
     def tell(k: int, iteration: Iteration) -> bool:
@@ -223,7 +240,7 @@ def reproduced(
     return Reproduced(
         *what,
         found.controls,
-        found.status,
+        "no solution" if _unsolved(found) else found.status,
         sum(found.details["seconds"].values()) - _fruitless(found),
         found.details["iterations"],
         evaluate(problem, found.controls, choose(problem, found.controls)).cost,
@@ -236,10 +253,16 @@ def reproduced(
     )
 
 
-def _fruitless(found: Plan) -> float:
-    """Seconds of rounds from which the plan does not come."""
+def _unsolved(found: Plan) -> bool:
+    """Whether no solver found a solution of the published program; the plan then is where they began."""
     rounds = found.details.get("minlp", {}).get("rounds", ())
-    return float(sum(one["seconds"] for one in rounds if not one["kept"]))
+    return found.problem.solve.as_published and all(one["cost"] is None for one in rounds)
+
+
+def _fruitless(found: Plan) -> float:
+    """Seconds of a run of Bonmin from which the plan does not come."""
+    rounds = found.details.get("minlp", {}).get("rounds", ())
+    return float(sum(one["seconds"] for one in rounds if one["name"] == "all facets" and not one["kept"]))
 
 
 def _bonmin(found: Plan) -> dict[str, Any]:
@@ -286,4 +309,5 @@ __all__ = [
     "reproduce",
     "reproduced",
     "table",
+    "with_linear_facets",
 ]

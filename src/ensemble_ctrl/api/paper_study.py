@@ -19,9 +19,11 @@ Floats = NDArray[np.float64]
 
 STUDIED = "five_obstacles"
 """The experiment that is planned at every order."""
-STEPS, MEMBERS = 80, 10_000
+STEPS, MEMBERS = 40, 10_000
 """Of its plans."""
 ORDERS = tuple(range(1, 17))
+BOTH: tuple[Form, ...] = ("published", "ours")
+"""Forms that are studied."""
 HALF_WIDTHS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5)
 """Of the traction around 1, in which truncation is measured."""
 DENSE = 2001
@@ -66,7 +68,7 @@ def study(orders: Sequence[int] = ORDERS, members: int = MEMBERS, progress: Prog
     from ensemble_ctrl.ocp import parallel
     from ensemble_ctrl.ocp.solvers import Iteration, Watch
 
-    work: list[tuple[int, Form]] = [(order, form) for order in orders for form in ("published", "ours")]
+    work: list[tuple[int, Form]] = [(order, form) for order in orders for form in BOTH]
 
     def one(k: int, watch: Watch) -> Reproduced:
         order, form = work[k]

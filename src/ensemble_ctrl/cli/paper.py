@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ensemble_ctrl.api.paper import Reproduced, Robot, as_data, experiment, reproduce, table
+from ensemble_ctrl.api.paper import Form, Reproduced, Robot, as_data, experiment, reproduce, table
 from ensemble_ctrl.api.results import SCHEMA, to_json
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
@@ -22,6 +22,7 @@ class PaperRun:
 
     experiments: tuple[str, ...]
     robots: tuple[Robot, ...]
+    forms: tuple[Form, ...]
     members: int
     bonmin_limit: float
     output: Path | None
@@ -43,7 +44,7 @@ def run_paper(asked: PaperRun) -> int:
         with stoppable(progress, folder.discard, "stopping"):
             if asked.study:
                 return run_study(asked, progress, folder)
-            rows = reproduce(asked.experiments, asked.robots, asked.members, asked.bonmin_limit, progress)
+            rows = reproduce(asked.experiments, asked.robots, asked.members, asked.bonmin_limit, asked.forms, progress)
             if progress.stop_signal is not None:
                 return codes.INTERRUPTED
             data = {"schema": SCHEMA, "rows": [as_data(row) for row in rows]}
@@ -95,12 +96,13 @@ def study_table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def draw_experiments(rows: Sequence[Reproduced], folder: Path) -> None:
-    """A figure of each experiment, with a panel for each robot and form."""
+    """A figure of each experiment, with a panel for each robot, published and ours."""
     from ensemble_ctrl.report.canvas import save
     from ensemble_ctrl.report.figures import draw_panels
 
     for name in dict.fromkeys(row.experiment for row in rows):
-        own = [row for row in rows if row.experiment == name]
+        same = [row for row in rows if row.experiment == name]
+        own = [row for row in same if row.form != "linear"] or same
         panels = [(_title(row), experiment(name, row.robot), row.controls) for row in own]
         save(draw_panels(panels), folder / f"{name}.png")
 

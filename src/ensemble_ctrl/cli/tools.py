@@ -237,6 +237,10 @@ def paper(
         list[str] | None,
         typer.Option("--robot", help="unicycle or bicycle [default: both].", metavar="ROBOT", show_default=False),
     ] = None,
+    forms: Annotated[
+        list[str] | None,
+        typer.Option("--form", help="published, ours or linear [default: all].", metavar="FORM", show_default=False),
+    ] = None,
     members: Annotated[int, typer.Option(help="Members replayed of each plan.", metavar="N", min=1)] = 100_000,
     bonmin_limit: Annotated[float, typer.Option(help="Seconds for each run of Bonmin.", metavar="N", min=0.1)] = 10.0,
     output: Annotated[
@@ -250,11 +254,11 @@ def paper(
 ) -> None:
     """Plan the paper's experiments as published, and beside them."""
     require_memory()
-    from ensemble_ctrl.api.paper import EXPERIMENTS, ROBOTS
+    from ensemble_ctrl.api.paper import EXPERIMENTS, FORMS, ROBOTS
     from ensemble_ctrl.cli.paper import PaperRun, run_paper
 
-    names, kinds = tuple(experiments or EXPERIMENTS), tuple(robots or ROBOTS)
-    asked = PaperRun(names, kinds, members, bonmin_limit, output, json, quiet, not no_plots, overwrite, study)  # type: ignore[arg-type]
+    names, kinds, shapes = tuple(experiments or EXPERIMENTS), tuple(robots or ROBOTS), tuple(forms or FORMS)
+    asked = PaperRun(names, kinds, shapes, members, bonmin_limit, output, json, quiet, not no_plots, overwrite, study)  # type: ignore[arg-type]
     raise typer.Exit(run_paper(asked))
 
 
