@@ -24,7 +24,7 @@ ONE_OF_EACH = [
     *[(family, seed) for family in ("parking", "doors", "plants", "stlplanning") for seed in (0, 1)],
     *[("mazes", seed) for seed in (1, 2)],
     *[("stlpy", seed) for seed in range(7)],
-    *[("plants", 2), ("stlplanning", 2), ("visits", 0), ("moving", 2), ("poles", 0)],
+    *[("plants", 2), ("plants", 3), ("stlplanning", 2), ("visits", 0), ("moving", 2), ("poles", 0)],
 ]
 """Every scenario at least once; those that are quick to draw."""
 

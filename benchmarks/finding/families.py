@@ -20,7 +20,7 @@ FAMILIES: dict[str, tuple[int, Callable[[int, Generator], Case]]] = {
     "stlplanning": (6, tours.stlplanning),
     "visits": (6, tours.visits),
     "moving": (6, driving.moving),
-    "plants": (6, swings.plants),
+    "plants": (8, swings.plants),
     "impossible": (6, impossible.impossible),
 }
 """By name: how many, and what draws one from a seed."""

@@ -53,6 +53,19 @@ class Escape(ec.OdeSystem):
         return [psi["k"] * x[0] ** 2 + u[0]]
 
 
+class Spin(ec.OdeSystem):
+    """A spin (Bloch vector) under one drive, to be turned over: members differ in how strongly the drive acts."""
+
+    name, states, positions = "spin", ("first", "y", "z"), ("first",)
+    controls, control_units, input_bounds = ("drive",), ("rad/s",), ((-2.0, 2.0),)
+    parameters = {"strength": 1.0}
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
+        """The Bloch equations, detuned by 0.1 rad/s, without decay."""
+        drive = psi["strength"] * u[0]
+        return [-0.1 * x[1], 0.1 * x[0] - drive * x[2], drive * x[1]]
+
+
 def pushes(model: type[ec.OdeSystem], rng: Generator, steps: int, step: float) -> Floats:
     """Commands that are worth knowing, found by driving the plant of the middle: shape (steps, 1)."""
     x, psi, rows = np.array([*START[model].values()]), model.parameters, []
@@ -81,9 +94,15 @@ def held(x: Floats, strength: float, phase: float) -> float:
     return float(-(x[0] ** 2) - 2.0 * strength * (x[0] + phase))
 
 
+def pulsed(x: Floats, strength: float, phase: float) -> float:
+    """A drive that turns the spin by three quarters of a half turn or more in four seconds."""
+    return float(np.pi / 4 * (0.4 + 0.6 * strength))
+
+
 START: dict[type[ec.OdeSystem], dict[str, float]] = {
     Pendulum: {"first": 0.0, "rate": 0.0},
     CartPole: {"first": 0.0, "v": 0.0, "angle": 0.08, "rate": 0.0},
     Escape: {"first": 0.9},
+    Spin: {"first": 0.0, "y": 0.0, "z": 1.0},
 }
-POLICY = {Pendulum: pumped, CartPole: balanced, Escape: held}
+POLICY = {Pendulum: pumped, CartPole: balanced, Escape: held, Spin: pulsed}

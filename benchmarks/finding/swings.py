@@ -1,4 +1,4 @@
-"""Swing-ups and unstable plants: where known commands take the fleet is what the task asks for."""
+"""Swing-ups, spin flips and unstable plants: where known commands take the fleet is what the task asks for."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy as np
 from numpy.random import Generator
 
 from .case import Case, text_of
-from .plants import START, CartPole, Escape, Pendulum, pushes
+from .plants import START, CartPole, Escape, Pendulum, Spin, pushes
 from .tube import Tube, driven
 
-MODELS = (Pendulum, CartPole, Escape)
-LENGTHS = {Pendulum: (4.0, 40), CartPole: (1.6, 32), Escape: (3.0, 30)}
+MODELS = (Pendulum, CartPole, Escape, Spin)
+LENGTHS = {Pendulum: (4.0, 40), CartPole: (1.6, 32), Escape: (3.0, 30), Spin: (4.0, 40)}
 """Seconds and steps."""
-SPREAD = {Pendulum: 0.02, CartPole: 0.01, Escape: 0.03}
+SPREAD = {Pendulum: 0.02, CartPole: 0.01, Escape: 0.03, Spin: 0.05}
 """How far the parameter is from its middle, at most, as a share of it."""
 
 
 def plants(seed: int, rng: Generator) -> Case:
-    """A pendulum, a pole on a cart, and a state that escapes, in turn."""
-    model = MODELS[seed % 3]
+    """A pendulum, a pole on a cart, a state that escapes, and a spin that turns over, in turn."""
+    model = MODELS[seed % len(MODELS)]
     duration, steps = LENGTHS[model]
     ((name, middle),) = model.parameters.items()
     fleet: dict[str, Any] = {
