@@ -130,5 +130,5 @@ print(f"largest steering angle: {steepest:.1f} degrees")
 # %% [markdown]
 # ## How different may they be?
 #
-# The widest range for which a certified plan is found takes some plans, and half a minute: `ensemble-plan widest
+# The widest range for which a certified plan is found takes about ten plans, and some seconds: `ensemble-plan widest
 # problem.yaml`, or `ensemble_ctrl.widest(car)`. For this car it is a traction of 0.53 to 1.47.
