@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate import certify
+from ensemble_ctrl.certificate import PROOFS, certify
+from ensemble_ctrl.certificate.certify import ArcsProof
 from ensemble_ctrl.certificate.enclosure import Flow
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.motion import Motion
@@ -201,3 +202,13 @@ def test_channels_are_those_with_a_bound() -> None:
         "disturbance", "position", "position", "command", "varies", "delay", "jitter",
     ]  # fmt: skip
     assert channels(fleet(Uncertainty(heading_hold=1.0))) == ()
+
+
+def test_an_enclosure_that_does_not_count_errors_proves_nothing_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Careless(ArcsProof):
+        counts_errors = False
+
+    monkeypatch.setitem(PROOFS, "arcs", Careless)
+    assert certify(problem(Uncertainty()), CONTROLS).proven == "yes"
+    refused = certify(problem(Uncertainty({"position": 1e-6})), CONTROLS)
+    assert (refused.proven, refused.reason) == ("undecided", "this enclosure does not count errors of the model")

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,6 +183,8 @@ def certify(
     specification = problem.specification
     chances = {id(chance.part): chance for chance in specification.chance}
     try:
+        if problem.fleet.uncertainty and not getattr(proof, "counts_errors", False):
+            raise Unenclosed("this enclosure does not count errors of the model")
         clearances = _clearances(proof, specification.avoid, np.inf if each else ENOUGH)
         parts = tuple(
             proof.share(chances[id(part)]) if id(part) in chances else proof.part(part) for part in specification.parts
@@ -230,7 +232,10 @@ def _distributions(problem: Problem, ranges: Mapping[str, Distribution] | None) 
 
 
 class Proof(Protocol):
-    """The bounds of one plan for members with parameters in some ranges."""
+    """The bounds of one plan for members with parameters in some ranges.
+
+    One that counts the errors of a fleet's model says so by an attribute ``counts_errors``; others are refused these.
+    """
 
     @property
     def boxes(self) -> int:
@@ -253,6 +258,7 @@ class Proof(Protocol):
 class ArcsProof:
     """The bounds of robots on arcs, from the closed form of their motion."""
 
+    counts_errors: ClassVar[bool] = True
     problem: Problem
     controls: Floats
     distributions: Mapping[str, Distribution]

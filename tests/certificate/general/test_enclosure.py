@@ -184,7 +184,7 @@ def test_a_member_of_other_commands_is_seen_outside() -> None:
 
 
 @pytest.mark.parametrize(("part", "by", "term"), [
-    (slice(0, 1), 1e-6, "_jump"), (slice(1, 2), 1e-6, ""), (slice(2, None), 1e-8, "_defect"),
+    (slice(0, 1), 1e-6, "jump"), (slice(1, 2), 1e-6, ""), (slice(2, None), 1e-8, "defect"),
 ])  # fmt: skip
 def test_the_radius_holds_for_any_polynomials(
     part: slice, by: float, term: str, monkeypatch: pytest.MonkeyPatch

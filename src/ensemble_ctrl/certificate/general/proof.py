@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,7 @@ class GeneralProof:
         By every bound, if the system can't be enclosed.
     """
 
+    counts_errors: ClassVar[bool] = True
     problem: Problem
     controls: Floats
     distributions: Mapping[str, Distribution]
