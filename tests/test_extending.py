@@ -58,7 +58,11 @@ class Corners:
     distributions: Mapping[str, ec.Distribution]
     boxes: int = 0
 
-    def clearance(self, avoid: Any) -> Bound:
+    def nearness(self, avoid: Any) -> float:
+        """All are looked at alike."""
+        return 0.0
+
+    def clearance(self, avoid: Any, enough: float = np.inf) -> Bound:
         """The largest facet distance of each step's corners; avoidance in all the horizon only."""
         (distribution,), fleet = self.distributions.values(), self.problem.fleet
         way = np.concatenate([np.zeros((1, 2)), np.cumsum(self.controls, axis=0)]) * self.problem.step
