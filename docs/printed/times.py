@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -124,6 +125,29 @@ def scaling_lines(rows: Rows, machine: str) -> Iterator[str]:
     yield from ("", f"Processor's time of whole processes, children included, on {machine}.")
 
 
+PARTS = ("start", "solve", "certify", "replay")
+
+
+def version_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Two versions on the same problems, side by side."""
+    yield from header("problem", "found", "proven", "cost", "iterations", *PARTS)
+    for row in rows:
+        pair = [row[which] for which in ("before", "after")]
+        if not any("failed" in facts for facts in pair):
+            told = (lambda f: f["found"], lambda f: f["proven"] == "yes")
+            kept = [" → ".join("yes" if tell(facts) else "no" for facts in pair) for tell in told]
+            cost = " → ".join(f"{facts['cost']:.4f}".replace("-", "−") for facts in pair)
+            work = " → ".join(str(facts["iterations"]) for facts in pair)
+            spent = [" → ".join(f"{facts['seconds'][part]:.2f}" for facts in pair) for part in PARTS]
+            yield f"| `{row['name']}` | {' | '.join((*kept, cost, work, *spent))} |"
+    good = [row for row in rows if not any("failed" in row[which] for which in ("before", "after"))]
+    yield ""
+    for part in PARTS:
+        ratios = [row["after"]["seconds"][part] / max(row["before"]["seconds"][part], 1e-3) for row in good]
+        yield f"- {part}: {statistics.median(ratios):.2f} of before, in the median of {len(good)}"
+    yield from ("", f"Seconds of the processor, children included, on {machine}.")
+
+
 def power(value: float) -> str:
     """An exponent to two digits behind the point; that of nothing without a sign."""
     return f"{round(value, 2) + 0.0:.2f}"
@@ -173,6 +197,7 @@ def many_lines(rows: Rows, machine: str) -> Iterator[str]:
 
 
 TABLES = {
+    "versions": Timed("docs/performance.md", "versions", version_lines),
     "scaling": Timed("docs/benchmarks.md", "scaling", scaling_lines),
     "replay": Timed("docs/replay.md", "replay", replay_lines),
     "replay_many": Timed("docs/replay.md", "replay_many", many_lines),

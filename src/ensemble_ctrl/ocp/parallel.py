@@ -8,6 +8,7 @@ fork, the solves run one after another in this process.
 
 from __future__ import annotations
 
+import gc
 import mmap
 import os
 import pickle
@@ -291,6 +292,7 @@ def _live(work: Work[Any], candidate: int, into: int, stop: mmap.mmap, parent: i
     """The life of a forked process; never returns, and runs nothing that its parent meant to run at its own end."""
     try:
         _State.forked = True
+        gc.freeze()  # what is there already is the parent's: looking through it for garbage would copy its memory
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to both; the parent asks to stop
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
