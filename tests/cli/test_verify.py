@@ -61,6 +61,13 @@ def test_each_obstacle_is_refined_on_demand_and_in_files_that_claim_it(command: 
     assert "certificate.json: it says clearances[0].proven" in command("verify", "far").err
 
 
+def test_more_members_than_can_be_kept_are_for_another_command(command: Command, results: Path) -> None:
+    outcome = command("verify", "results", "--members", "100000000")
+    assert outcome.code == 2
+    assert "--members: expected at most 10000000 members, each of which is kept, got 100000000" in outcome.err
+    assert "use ensemble-plan replay results" in outcome.err
+
+
 def test_another_range(command: Command, results: Path) -> None:
     wide = command("verify", "results", "--range", "traction=0.5:1.5")
     assert wide.code == 4

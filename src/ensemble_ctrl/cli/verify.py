@@ -16,6 +16,7 @@ from ensemble_ctrl.api.results import SCHEMA, controls_csv, planned, replay_summ
 from ensemble_ctrl.certificate import EFFORT, Certificate, as_data, differences
 from ensemble_ctrl.certificate.record import claims_each
 from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.root import UsageError
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.core.errors import ProblemError, RunawayError
 from ensemble_ctrl.core.storage import read_regular
@@ -29,6 +30,8 @@ from ensemble_ctrl.report.text import measured, proven
 
 HEADS = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN"}
 """Verdicts in the first line."""
+MOST_MEMBERS = 10_000_000
+"""Members that are replayed here, at most: their numbers are kept, 16 bytes and more of each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +64,9 @@ def verify_plan(
     each: bool = False,
 ) -> int:
     """Print what is proven; returns 0 if all is well, else 4."""
+    if members is not None and members > MOST_MEMBERS:
+        wanted = f"at most {MOST_MEMBERS} members, each of which is kept"
+        raise UsageError(f"--members: expected {wanted}, got {members}; use ensemble-plan replay {path} for more")
     plan = read_plan(path)
     ranges = dict(_range(text, plan) for text in requested)
     claim = (path if path.is_dir() else path.parent) / "certificate.json"
