@@ -33,6 +33,8 @@ FORMS: tuple[Form, ...] = ("published", "ours", "linear")
 """The last is ours with a path and facets by a linear model (HiGHS), of unicycles among obstacles."""
 MEMBERS, SUBSTEPS = 100_000, 10
 """Replayed members, and samples per step of each."""
+ITERATIONS = 600
+"""Of IPOPT, at most, for a published program: bicycles among eight obstacles need more than 300."""
 STEERING = 0.6
 """Largest steering angle of the bicycles, radians."""
 
@@ -140,6 +142,7 @@ def as_published(problem: Problem, bonmin_limit: float = 10.0) -> Problem:
         facets="all",
         polish=False,
         margin=0.0,
+        max_iterations=ITERATIONS,
         bonmin_limit=bonmin_limit,
     )
     return problem.with_(coordinates="modal", integrator="rk4", solve=solve)

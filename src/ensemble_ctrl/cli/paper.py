@@ -109,5 +109,7 @@ def draw_experiments(rows: Sequence[Reproduced], folder: Path) -> None:
 
 def _title(row: Reproduced) -> str:
     """The heading of one panel."""
+    if row.status == "no solution":
+        return f"{row.robot}, {row.form}: no solution"
     share = 100 * row.violating / max(row.members, 1)
     return f"{row.robot}, {row.form}: {share:.0f} % violate"
