@@ -43,6 +43,7 @@ SECTIONS = {
     "systems": "Other dynamics",
     "targets": "Targets of the whole fleet",
     "time": "As soon as possible",
+    "uncertain": "Errors of the model",
     "sweeps": "Sweeps",
     "risk": "Risk, and a share of the fleet",
     "distributions": "Other distributions of the parameter",
