@@ -15,7 +15,7 @@ from ensemble_ctrl.cli.root import NAME, Config, Json, Overrides, Overwrite, Qui
     epilog=examples_of(
         "ensemble-plan widest problem.yaml",
         "ensemble-plan widest problem.yaml --parameter traction --tolerance 0.001",
-        "ensemble-plan widest problem.yaml --box linear_traction --box angular_traction",
+        "ensemble-plan widest fleet.yaml --box linear_traction --box angular_traction",
     )
 )
 def widest(
