@@ -27,7 +27,7 @@ Tell = Callable[[Fleet, bool], None]
 """Called after each part of a fleet tried, with whether it was certified."""
 
 PATIENCE = 4.0
-"""A whole search may take so many times as long as the longest that found a plan,"""
+"""A try may take so many times as long as the longest that found a plan,"""
 LEAST_SECONDS = 20.0
 """and at least so many seconds."""
 
@@ -121,25 +121,28 @@ class Oracle:
         quick = problem.fleet.system.transcription == "positions" and goal_of(problem) is None
         for guess in guesses:
             if not self.stopped:
-                yield (
-                    Found(planner.continued(problem, guess, progress=self._watch))
-                    if quick
-                    else self._whole(problem, guess)
-                )
+                yield self._continued(problem, guess) if quick else self._whole(problem, guess)
         if routes == "search" and not self.stopped:
             yield self._whole(problem, None)
         elif routes == "screen" and quick and not self.stopped:
             controls = planner.screen(_brief(problem), progress=self._watch)
             if controls is not None and not self.stopped:
-                yield Found(planner.continued(problem, controls, progress=self._watch))
+                yield self._continued(problem, controls)
+
+    def _continued(self, problem: Problem, guess: Floats) -> Found:
+        """From the plan of another part."""
+        return self._timed(problem, lambda timed: Found(planner.continued(timed, guess, progress=self._watch)))
 
     def _whole(self, problem: Problem, guess: Floats | None) -> Found:
-        """All that the planner does, within a time that successes suggest."""
+        """All that the planner does."""
+        return self._timed(problem, lambda timed: Found(*minimum_time.solve(timed, progress=self._watch, guess=guess)))
+
+    def _timed(self, problem: Problem, work: Callable[[Problem], Found]) -> Found:
+        """What comes of work within a time that successes suggest."""
         began, limit = time.perf_counter(), problem.solve.time_limit
         if self.slowest:
             limit = min(limit, max(LEAST_SECONDS, PATIENCE * self.slowest))
-        timed = problem.with_(solve=replace(problem.solve, time_limit=limit))
-        found = Found(*minimum_time.solve(timed, progress=self._watch, guess=guess))
+        found = work(problem.with_(solve=replace(problem.solve, time_limit=limit)))
         if found.proven:
             self.slowest = max(self.slowest, time.perf_counter() - began)
         return replace(found, solution=replace(found.solution, problem=_asked(found.solution.problem, problem)))
