@@ -338,3 +338,12 @@ def test_ranges_that_widen() -> None:
     half = narrowed(fleet, 0.5)
     np.testing.assert_allclose([half.lower, half.upper], [[0.99], [1.01]])
     np.testing.assert_allclose(half.center, fleet.center)
+
+
+def test_tasks_without_a_place_to_go_have_no_curves_and_no_trees() -> None:
+    nowhere = load_text(
+        GAP, "nowhere", ["task=F[1,2] (x >= 50 and y >= 40) and G avoid(obstacles)", "horizon.steps=10"]
+    )
+    found = solve(nowhere)
+    assert found.status == "infeasible"
+    assert not {"curve", "tree"} & {route.kind for route in found.routes}

@@ -117,6 +117,8 @@ def promising(request: Request, batch: Sequence[Curves]) -> list[Guess]:
 
 def curved(problem: Problem, curves: Curves, trip: Trip, steps: int, stop: Callable[[], bool]) -> list[Guess]:
     """Guesses on a grid of `steps` along a trip: a short curve, and one that avoids the narrowest place of that."""
+    if not trip.legs:
+        return []
     around = surroundings(problem, curves.clearance)
     if curves.corridor:
         around = _within(around, trip, _radius(problem, curves))

@@ -45,11 +45,11 @@ class TreeGuesses:
     def propose(self, request: Request) -> Iterator[list[Guess]]:
         """Those of each batch."""
         problem = request.problem
-        (trip, *_) = trips(problem, 1)
-        for batch in BATCHES:
+        ways = [trip for trip in trips(problem, 1) if trip.legs]
+        for batch in BATCHES if ways else ():
 
             def work(stop: Stop, k: int, batch: tuple[tuple[int, int, int], ...] = batch) -> Guess | None:
-                return grown(problem, trip, request.steps, *batch[k], stop)
+                return grown(problem, ways[0], request.steps, *batch[k], stop)
 
             found = [guess for guess in request.side_by_side("trees", work, len(batch)) if guess is not None]
             if found:
