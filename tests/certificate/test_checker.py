@@ -108,6 +108,29 @@ def test_a_certificate_that_claims_more_is_found(saved: Path, tmp_path: Path) ->
     assert "certificate.json says something else:" in out
 
 
+def test_every_bound_of_an_error_is_read_back() -> None:
+    bounds = ec.Uncertainty(
+        {"position": 0.001, "heading": 0.002},
+        {"omega": 0.003},
+        {"v": 0.01, "omega": 0.02},
+        {"v": 0.004},
+        {"traction": 0.03},
+        delay=0.1,
+        jitter=0.005,
+        heading_hold=2.0,
+    )
+    problem = ec.load_text(TASK, "task")
+    data = data_of(problem.with_(fleet=problem.fleet.with_(uncertainty=bounds)))
+    assert problem_of(data).fleet.uncertainty.data() == bounds.data()
+    data["fleet"]["uncertainty"]["actuators"]["v"]["offset"] = 0.1
+    with pytest.raises(ProblemError, match=r"^fleet.uncertainty.actuators.v: expected absolute and share, got"):
+        problem_of(data)
+    del data["fleet"]["uncertainty"]["actuators"]
+    data["fleet"]["uncertainty"]["wind"] = 0.1
+    with pytest.raises(ProblemError, match="wind"):
+        problem_of(data)
+
+
 def test_a_fleet_that_says_more_is_refused() -> None:
     data = data_of(ec.load_text(TASK, "task"))
     data["fleet"]["wind"] = 3

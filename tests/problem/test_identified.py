@@ -87,3 +87,19 @@ def test_a_robot_that_stands_says_nothing() -> None:
     still = RobotLog(np.arange(4.0), np.zeros((4, 2)), np.zeros((4, 3)))
     with pytest.raises(ProblemError, match="never turns"):
         identify(Unicycle(), {"one": still})
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (["0,1,0,0,0,0"], "expected 3 rows or more of the robot, got 1"),
+        (["1,1,0,0,0,0", "0.5,1,0,0,0,0", "2,1,0,0,0,0"], "expected times of the robot that increase, got 0.5 s after 1 s"),
+        (["0,0,0,0,0,0", "1,0,0,0,0,0", "2,0,0,0,0,0"], "expected robots that drive and turn, got one: the robot never"),
+    ],
+)
+def test_a_log_that_explains_nothing_is_named(tmp_path: Path, rows: list[str], message: str) -> None:
+    path = tmp_path / "short.csv"
+    path.write_text("\n".join(["t,v,omega,x,y,heading", *rows]))
+    with pytest.raises(ProblemError) as caught:
+        identify_log(path, "unicycle", None, False)
+    assert str(caught.value).startswith(f"{path}: {message}")

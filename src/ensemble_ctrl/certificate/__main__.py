@@ -67,7 +67,8 @@ def _read(path: Path) -> Any:
 def _report(certificate: Certificate, found: Sequence[str]) -> list[str]:
     """What was proven, in a few lines."""
     ranges = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in certificate.ranges.items())
-    lines = [f"proven: {certificate.proven}, for {ranges or 'the one member'}, every instant"]
+    errors = ", every disturbance within the bounds" if certificate.uncertainty else ""
+    lines = [f"proven: {certificate.proven}, for {ranges or 'the one member'}, every instant{errors}"]
     lines += [f"clearance >= {certificate.clearance:.6g} m, rest of the task >= {certificate.robustness:.6g}"]
     lines += [certificate.reason] if certificate.reason else []
     agree = "certificate.json says the same" if not found else "certificate.json says something else:"

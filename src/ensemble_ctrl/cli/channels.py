@@ -116,12 +116,15 @@ def _lines(problem: Problem, found: Channels, placed: Path | None) -> Iterator[s
     for point in found.curve[1:]:
         yield f"  or         {point.channels} channels: clearance >= {at_least(point.clearance)} m"
     if placed is not None:
-        yield f"  files      {placed}/{name_of(0)} ..: a plan for each, to verify by itself"
+        several = " ..: a plan for each, to verify by itself" if len(found.channels) > 1 else ""
+        yield f"  files      {placed}/{name_of(0)}{several}"
 
 
 def _bound_text(found: Channels) -> str:
     """What is proven of how many channels are needed."""
     least = found.lower_bound
+    if len(found.channels) == 1 and found.missed is None:
+        return "one channel is the fewest"
     if least == 1:
         return "that no fewer channels are enough is not proven"
     members = "; ".join(member_text(member) for member in found.apart)

@@ -27,7 +27,11 @@ DIGITS = 4
 def identify_log(path: Path, model: str, wheelbase: float | None, as_json: bool) -> int:
     """Read a log, and print what explains it."""
     system = _system(model, wheelbase)
-    found = identify(system, read_log(path, system))
+    logs = read_log(path, system)
+    try:
+        found = identify(system, logs)
+    except ProblemError as error:
+        raise ProblemError(f"{path}: {str(error).removeprefix('log: ')}") from None
     if as_json:
         data = {
             "schema": SCHEMA,
@@ -74,7 +78,8 @@ def read_log(path: Path, system: ArcSystem) -> dict[str, RobotLog]:
         try:
             values = [float(row[names[name]]) for name in wanted]
         except (TypeError, ValueError):
-            raise ProblemError(f"{path}:{rows.line_num}: expected numbers for {', '.join(wanted)}") from None
+            got = ", ".join(str(row[names[name]]) for name in wanted)
+            raise ProblemError(f"{path}:{rows.line_num}: expected numbers for {', '.join(wanted)}, got {got}") from None
         if not np.isfinite(values).all():
             raise ProblemError(f"{path}:{rows.line_num}: expected finite numbers")
         by_robot[row[names["robot"]] if "robot" in names else "the robot"].append(values)

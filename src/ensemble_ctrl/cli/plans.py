@@ -238,7 +238,7 @@ def plot(
         list[str] | None,
         typer.Argument(
             help="Kinds of pictures [default: all]: trajectories, controls, moments, robustness, clearance, "
-            "certificate.",
+            "spread, certificate.",
             metavar="KIND",
             show_default=False,
             autocompletion=completion.kinds,

@@ -139,7 +139,7 @@ def _lines(found: Sweep, counts: dict[str, int], files: list[str], folder: Path)
     statuses = ", ".join(f"{count} {name}" for name, count in counts.items())
     seconds = sum(row["seconds"] or 0.0 for row in found.rows)
     return [
-        f"{found.name}: {some} rows over {', '.join(found.axes)}",
+        f"{found.name}: {some} row{'s' * (found.total != 1)} over {', '.join(found.axes)}",
         f"  status     {statuses}",
         f"  proven     {found.count('proven', 'yes')} of {found.count('found', True)} plans found",
         f"  effort     {seconds:.1f} s of planning",

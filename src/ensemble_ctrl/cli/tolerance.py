@@ -8,15 +8,19 @@ from pathlib import Path
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import SCHEMA, to_json
 from ensemble_ctrl.cli import codes
+from ensemble_ctrl.cli.root import UsageError
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.files.folder import require_free
 from ensemble_ctrl.planning.tolerance import measure
+from ensemble_ctrl.report.canvas import FORMATS
 from ensemble_ctrl.report.errors import tolerance_lines
 
 
 def measure_plan(path: Path, attacked: bool, chart: Path | None, as_json: bool, quiet: bool, overwrite: bool) -> int:
     """Measure and print; returns 0, or 4 if the plan is not proven for robots that follow their model."""
     if chart is not None:
+        if chart.suffix[1:].lower() not in FORMATS:
+            raise UsageError(f"--chart: expected a name that ends in .png, .pdf or .svg, got {chart.name!r}")
         require_free(chart, overwrite)
     plan = Plan.load(path)
     found = measure(plan.problem, plan.controls, attacked=attacked, tell=None if quiet else _tell)

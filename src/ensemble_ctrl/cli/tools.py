@@ -218,7 +218,7 @@ def sweep(
 
 @app.command(
     epilog=examples_of(
-        "ensemble-plan paper                  all of it: about 10 min on 2 cores",
+        "ensemble-plan paper                  all of it: half an hour on 2 cores",
         "ensemble-plan paper box five_obstacles --robot unicycle",
         "ensemble-plan paper box --members 1000 --json",
         "ensemble-plan paper --study --members 10000",

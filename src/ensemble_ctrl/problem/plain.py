@@ -20,6 +20,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import DISTRIBUTIONS, Distribution, Mixture, Samples
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.problem import Problem
+from ensemble_ctrl.problem.uncertainty import Uncertainty
 from ensemble_ctrl.systems import SYSTEMS, System
 
 Floats = NDArray[np.float64]
@@ -27,7 +28,18 @@ Data = Mapping[str, Any]
 
 SECTIONS = ("name", "fleet", "horizon", "regions", "obstacles", "motions", "task")
 """What a proof is about; the rest of a problem says how to plan, and how to check."""
-FLEET = ("model", "settings", "wheelbase", "parameters", "samples", "start", "input_bounds", "rate_bounds", "radius")
+FLEET = (
+    "model",
+    "settings",
+    "wheelbase",
+    "parameters",
+    "samples",
+    "start",
+    "input_bounds",
+    "rate_bounds",
+    "radius",
+    "uncertainty",
+)
 """The keys of a fleet's section that are read here; one with others says more than is proven."""
 
 
@@ -98,8 +110,20 @@ def _fleet(data: Data) -> Fleet:
         radius=float(data["radius"]),
         samples=columns or None,
         rate_bounds=np.array(rates) if "rate_bounds" in data else None,
+        uncertainty=_uncertainty(data.get("uncertainty", {})),
         **given,
     )
+
+
+def _uncertainty(data: Data) -> Uncertainty:
+    """Bounds of errors of the model; of commands, absolute ones and shares are written together."""
+    bounds = dict(data)
+    for name, pair in bounds.pop("actuators", {}).items():
+        if set(pair) != {"absolute", "share"}:
+            raise ProblemError(f"fleet.uncertainty.actuators.{name}: expected absolute and share, got {pair}")
+        bounds.setdefault("actuators", {})[name] = pair["absolute"]
+        bounds.setdefault("shares", {})[name] = pair["share"]
+    return Uncertainty(**bounds)
 
 
 def _unbounded(low: float | None, high: float | None) -> tuple[float, float]:

@@ -50,7 +50,7 @@ def parse_override(given: Given) -> Override:
     text = given[1] if isinstance(given, tuple) else given
     key, equals, value = expect("override", text, str, "KEY=VALUE").partition("=")
     if not equals or not _KEY.fullmatch(key.strip()):
-        raise TextError("expected KEY=VALUE with dots in the key", hint="for example  --set fleet.radius=0.3")
+        raise TextError("expected KEY=VALUE with dots in the key", hint="for example  fleet.radius=0.3")
     parts = re.findall(r"[^\s.\[\]]+", key)
     tree = Tree.read(value)
     if tree.repeated:

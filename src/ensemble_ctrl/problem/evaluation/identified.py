@@ -98,8 +98,12 @@ def identify(system: ArcSystem, logs: Mapping[str, RobotLog]) -> Identified:
 def _robot(system: ArcSystem, name: str, log: RobotLog) -> tuple[float, float, float, float]:
     """Factors of one robot and its largest residuals, per second."""
     steps = np.diff(log.times)
-    if len(steps) < FEWEST - 1 or (steps <= 0).any():
-        raise ProblemError(f"log: expected {FEWEST} rows or more of {name}, with times that increase, got others")
+    if len(log.times) < FEWEST:
+        raise ProblemError(f"log: expected {FEWEST} rows or more of {name}, got {len(log.times)}")
+    if (steps <= 0).any():
+        late = int(np.argmax(steps <= 0))
+        times = f"{log.times[late + 1]:g} s after {log.times[late]:g} s"
+        raise ProblemError(f"log: expected times of {name} that increase, got {times}")
     v, omega = system.rates(*log.controls[:-1].T)
     heading = np.unwrap(log.poses[:, 2])
     turned, moved = np.diff(heading), np.diff(log.poses[:, :2], axis=0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ensemble_ctrl.report.canvas import save
 from ensemble_ctrl.report.errors import amount
 from ensemble_ctrl.report.text import literal
 
@@ -33,7 +34,8 @@ def draw_tolerance(name: str, found: Tolerance, ax: Axes) -> Axes:
     ax.set_xlim(0.0, 1.35)
     for side in ("top", "right", "bottom"):
         ax.spines[side].set_visible(False)
-    ax.set_title(literal(f"{name}: tolerated of each kind of error, alone"), fontsize=10, loc="left", x=-0.4)
+    scale = "bars: share of what breaks it" if any(one.broken for one in kinds) else "bars have no scale"
+    ax.set_title(literal(f"{name}: tolerated of each kind of error, alone ({scale})"), fontsize=10, loc="left", x=-0.4)
     return ax
 
 
@@ -43,5 +45,5 @@ def write_tolerance(name: str, found: Tolerance, path: Path) -> Path:
 
     figure = Figure(figsize=(7.6, 0.45 * len(found.kinds) + 1.4), layout="constrained")
     draw_tolerance(name, found, figure.add_subplot())
-    figure.savefig(path)
+    save(figure, path, path.suffix[1:].lower())
     return path
