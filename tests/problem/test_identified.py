@@ -93,8 +93,14 @@ def test_a_robot_that_stands_says_nothing() -> None:
     ("rows", "message"),
     [
         (["0,1,0,0,0,0"], "expected 3 rows or more of the robot, got 1"),
-        (["1,1,0,0,0,0", "0.5,1,0,0,0,0", "2,1,0,0,0,0"], "expected times of the robot that increase, got 0.5 s after 1 s"),
-        (["0,0,0,0,0,0", "1,0,0,0,0,0", "2,0,0,0,0,0"], "expected robots that drive and turn, got one: the robot never"),
+        (
+            ["1,1,0,0,0,0", "0.5,1,0,0,0,0", "2,1,0,0,0,0"],
+            "expected times of the robot that increase, got 0.5 s",
+        ),
+        (
+            ["0,0,0,0,0,0", "1,0,0,0,0,0", "2,0,0,0,0,0"],
+            "expected robots that drive and turn, got one: the robot",
+        ),
     ],
 )
 def test_a_log_that_explains_nothing_is_named(tmp_path: Path, rows: list[str], message: str) -> None:
