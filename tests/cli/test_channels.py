@@ -56,6 +56,18 @@ def test_every_channel_has_a_plan_in_its_own_folder_that_verify_proves(command: 
     assert not (folder / "channels.png").exists()
 
 
+def test_what_is_said_of_fewer_channels(command: Command, pushed: Path) -> None:
+    one = command("channels", "pushed.yaml", "--set", "fleet.parameters.mass.range=[1.0, 1.05]", *QUICK, "--no-plots")
+    assert one.code == 0, one.err
+    assert "  bound      one channel is the fewest\n" in one.out
+    assert one.out.rstrip().endswith("plans/pushed-channels/channel-1")
+    none = command("channels", "pushed.yaml", "--set", "fleet.parameters.mass.range=[1.0, 1.05]", "--clearance", "9",
+        "--set", "obstacles.wall.box=[[4, 5], [4, 5]]", *QUICK)  # fmt: skip
+    assert none.code == 3, none.err
+    assert "could not be covered" in none.out
+    assert "bound" not in none.out
+
+
 def test_too_few_channels_leave_nothing_written(command: Command, pushed: Path) -> None:
     done = command("channels", "pushed.yaml", "--at-most", "1", *QUICK, "--json")
     assert done.code == 3

@@ -165,7 +165,7 @@ def test_every_route_is_listed_drawn_and_saved(command: Command, place: Path) ->
     done = command("small.yaml", "-v", "--set", "solve.routes=all")
     assert done.code == 0, done.err
     title, header, *rows = done.out.splitlines()[-4:]
-    assert title == "routes tried: 2 (o1 left: o1 lies to the left of the route)"
+    assert title == "routes tried: 2 (X left: obstacle X lies to the left of the route)"
     assert header.split() == ["length", "coarse", "cost", "fine", "cost", "clearance", "time", "outcome", "route"]
     assert {row.partition(" block ")[2] for row in rows} == {"left", "right"}
     saved = json.loads((place / "plans/small/summary.json").read_text())["details"]["routes"]

@@ -111,7 +111,8 @@ def _lines(problem: Problem, found: Channels, placed: Path | None) -> Iterator[s
         count = len(found.channels)
         yield f"{problem.name}: {count} broadcast channel{'s' * (count != 1)}, each certified for its group"
         yield from (_line(k, channel) for k, channel in enumerate(found.channels))
-    yield f"  bound      {_bound_text(found)}"
+    if found.missed is None or found.lower_bound > 1:
+        yield f"  bound      {_bound_text(found)}"
     yield f"  tried      {found.tried} groups"
     for point in found.curve[1:]:
         yield f"  or         {point.channels} channels: clearance >= {at_least(point.clearance)} m"
@@ -123,7 +124,7 @@ def _lines(problem: Problem, found: Channels, placed: Path | None) -> Iterator[s
 def _bound_text(found: Channels) -> str:
     """What is proven of how many channels are needed."""
     least = found.lower_bound
-    if len(found.channels) == 1 and found.missed is None:
+    if len(found.channels) == 1:
         return "one channel is the fewest"
     if least == 1:
         return "that no fewer channels are enough is not proven"

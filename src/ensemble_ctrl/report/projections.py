@@ -117,7 +117,7 @@ def draw_spread(problem: Problem, controls: Floats, ax: Axes) -> Axes:
     apart = np.ptp(paths, axis=0)
     for k, name in enumerate(problem.fleet.places):
         ax.plot(_times(problem, apart), apart[:, k], label=literal(name))
-    ax.set(xlabel="t [s]", ylabel="largest distance between members [m]", xlim=(0, problem.duration))
+    ax.set(xlabel="t [s]", ylabel="extent of the fleet [m]", xlim=(0, problem.duration))
     ax.set_ylim(0.0, max(1.05 * float(apart.max()), 0.01))
     ax.set_title(literal(f"{problem.name}: how the fleet spreads under one control"), wrap=True)
     ax.grid(alpha=0.3)

@@ -33,7 +33,11 @@ HEADER = f"{'length':>9}{'coarse cost':>13}{'fine cost':>11}{'clearance':>12}{'t
 
 def route_lines(routes: Sequence[Tried]) -> list[str]:
     """The table, a line each, shortest route first; costs are as minimised, clearances those of the coarse solve."""
-    return [f"routes tried: {len(routes)} (o1 left: o1 lies to the left of the route)", HEADER, *map(_line, routes)]
+    return [
+        f"routes tried: {len(routes)} (X left: obstacle X lies to the left of the route)",
+        HEADER,
+        *map(_line, routes),
+    ]
 
 
 def _line(route: Tried) -> str:
