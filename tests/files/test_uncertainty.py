@@ -84,6 +84,8 @@ def test_replays_and_summaries_say_that_members_are_disturbed() -> None:
     assert "50 members, each with a sampled disturbance" in lines
     assert "every disturbance within the bounds" in lines
     assert "v in steps of 0.01 m/s" in lines
+    missed = "\n".join(summary_lines(ec.Plan(plan.problem, STRAIGHT, "infeasible", {})))
+    assert "  try        smaller errors of the model (fleet.uncertainty), a longer horizon, " in missed
 
 
 @pytest.mark.parametrize(

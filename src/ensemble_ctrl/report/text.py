@@ -122,7 +122,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
     if plan.status in ("infeasible", "limit"):
         rows += [("" if i else "tried", line) for i, line in enumerate(_wrapped(tried(d)))]
     if plan.status == "infeasible" or "suggestions" in d:
-        rows += _suggested(d.get("suggestions", {}))
+        rows += _suggested(d.get("suggestions", {}), bool(problem.fleet.uncertainty))
     rows += proven(problem, plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
@@ -140,7 +140,7 @@ def _wrapped(texts: Iterable[str]) -> Iterator[str]:
     return (line for text in texts for line in wrap(text, WIDTH - 13))
 
 
-def _suggested(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
+def _suggested(suggestions: dict[str, Any], uncertain: bool) -> Iterator[tuple[str, str]]:
     """What would help, if that was searched for; what could, where nothing was found."""
     helps, failed = suggestions.get("helps", []), suggestions.get("failed", [])
     for i, found in enumerate(helps):
@@ -152,7 +152,11 @@ def _suggested(suggestions: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if suggestions.get("limited"):
         yield "", f"the {suggestions['seconds']:.0f} s for this were up: other changes were not tried"
     if not helps:
-        yield "try", "a longer horizon, higher input bounds, reversing, a narrower parameter range, or wider passages"
+        smaller = "smaller errors of the model (fleet.uncertainty), " if uncertain else ""
+        text = (
+            f"{smaller}a longer horizon, higher input bounds, reversing, a narrower parameter range, or wider passages"
+        )
+        yield from (("" if i else "try", line) for i, line in enumerate(_wrapped([text])))
 
 
 def _fleet(problem: Problem) -> str:
