@@ -925,7 +925,7 @@ def test_any_numbers_survive_dump(heading: float, axis: str, numbers: list[float
 
 def test_the_schema_knows_every_field() -> None:
     described = json.loads(json.dumps(config.schema()))
-    assert set(described["properties"]) - {"online"} == set(config.to_data(config.load(FIVE)))
+    assert set(described["properties"]) - {"online", "sweep"} == set(config.to_data(config.load(FIVE)))
     assert described["required"] == ["fleet", "horizon", "task"]
     assert described["additionalProperties"] is False
 

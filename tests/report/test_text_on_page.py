@@ -59,7 +59,7 @@ def test_of_every_plan(name: str, written: list[Figure], tmp_path: Path) -> None
     write_figures(plan.problem, plan.controls, tmp_path, routes=ROUTES)
     for kind in KINDS:
         write_plot(plan, kind, tmp_path / "x.png")
-    assert len(written) == 9
+    assert len(written) == 10
     assert not [beyond for figure in written if (beyond := cut(figure))]
 
 

@@ -13,7 +13,7 @@ from ensemble_ctrl.api.planned import no_row, unit_of
 from ensemble_ctrl.api.sweep.rows import Sweep
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.core.jobs import Checkpoint, Cluster, Outcome, Unit, outcomes
-from ensemble_ctrl.core.values import path_of
+from ensemble_ctrl.core.values import path_of, shown
 from ensemble_ctrl.files.config import Variants
 from ensemble_ctrl.files.config.overrides import Given
 
@@ -69,8 +69,17 @@ def sweep(
     """
     place = Cluster.parse(cluster)
     path = None if checkpoint is None else path_of("checkpoint", checkpoint)
-    listed = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
-    return run({str(name): Variants(name, overrides, axes, trust=trust) for name in listed}, place, path, progress)
+    files = {name: Variants(name, overrides, axes, trust=trust) for name in _names(sources)}
+    return run(files, place, path, progress)
+
+
+def _names(sources: object) -> list[str]:
+    """The names of one file or several."""
+    if isinstance(sources, str | os.PathLike):
+        return [str(path_of("sources", sources))]
+    if not isinstance(sources, list | tuple):
+        raise ProblemError(f"sources: expected the path of a problem file, or a list of paths, got {shown(sources)}")
+    return [str(path_of(f"sources[{i}]", name)) for i, name in enumerate(sources)]
 
 
 def run(files: dict[str, Variants], cluster: Cluster, checkpoint: Path | None, progress: Progress | None) -> Sweep:
