@@ -14,7 +14,8 @@ Hence ``|q - p| <= int V + W + H``, where `H` is what the heading adds, and both
    any remainder, so that ``H <= |e(0)| |p(t) - p(0)| + int D(s) |p(t) - p(s)| ds``.
 
 A loop on the heading, ``e' = -e / tau + ..``, keeps ``|e|`` below ``tau D``; then the first bound alone is used.  A
-command that begins up to `J` seconds early or late adds ``J`` times the change of the rates.  A robot that waits for
+step whose commands, all together, begin up to `J` seconds early or late adds ``J`` times the change of the rates: a
+bicycle whose speed is early and whose steering is late may have a turn rate of neither step.  A robot that waits for
 ``delta <= Delta`` is where its undelayed self was ``delta`` before, but for a drift while it waits; it lags behind by
 at most ``a Delta max |v|`` over the last `Delta` seconds.
 """

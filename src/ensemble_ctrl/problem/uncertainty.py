@@ -43,7 +43,8 @@ class Uncertainty:
     delay : float
         Longest delay of the commands, seconds: each robot has its own, from zero to this, and waits for so long.
     jitter : float
-        Seconds by which a command may begin earlier or later than its (delayed) grid time; at most half a step.
+        Seconds by which a step's commands, all of them together, may begin earlier or later than its (delayed) grid
+        time; at most half a step.
     heading_hold : float or None
         Time constant in seconds of the robot's own loop on its heading, by which it turns back to that of its model;
         None if it has none.
