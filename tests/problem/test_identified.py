@@ -109,3 +109,15 @@ def test_a_log_that_explains_nothing_is_named(tmp_path: Path, rows: list[str], m
     with pytest.raises(ProblemError) as caught:
         identify_log(path, "unicycle", None, False)
     assert str(caught.value).startswith(f"{path}: {message}")
+
+
+@pytest.mark.parametrize(("name", "unit"), [("t", "ms"), ("v", "km/h"), ("omega", "deg/s"), ("heading", "deg")])
+def test_a_column_in_another_unit_is_refused(tmp_path: Path, name: str, unit: str) -> None:
+    path = tmp_path / "units.csv"
+    header = ["t [s]", "v [m/s]", "omega [rad/s]", "x [m]", "y", "heading [rad]"]
+    path.write_text(",".join(header) + "\n0,1,1,0,0,0\n")
+    assert set(read_log(path, Unicycle())) == {"the robot"}
+    other = [f"{name} [{unit}]" if column.split(" ")[0] == name else column for column in header]
+    path.write_text(",".join(other) + "\n0,1,1,0,0,0\n")
+    with pytest.raises(ProblemError, match=rf"units.csv:1: expected {name} in .*, got '{name} \[{unit}\]'"):
+        read_log(path, Unicycle())

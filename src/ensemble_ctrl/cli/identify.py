@@ -63,7 +63,7 @@ def read_log(path: Path, system: ArcSystem) -> dict[str, RobotLog]:
     Raises
     ------
     ProblemError
-        For columns that are missing, and cells that are no numbers, with their line.
+        For columns that are missing or in other units, and cells that are no numbers, with their line.
     """
     text = read_regular(path, MOST_BYTES).decode("utf-8-sig", "replace").splitlines()
     rows = csv.DictReader(text)
@@ -73,6 +73,11 @@ def read_log(path: Path, system: ArcSystem) -> dict[str, RobotLog]:
     missing = [name for name in wanted if name not in names]
     if missing:
         raise ProblemError(f"{path}:1: expected the columns {', '.join(wanted)}, got none called {missing[0]!r}")
+    units = dict(zip(wanted, ("s", *system.control_units, "m", "m", "rad"), strict=True))
+    for name in wanted:
+        _, bracket, unit = names[name].partition("[")
+        if bracket and unit.rstrip(" ]") != units[name]:
+            raise ProblemError(f"{path}:1: expected {name} in {units[name]}, got {names[name].strip()!r}")
     by_robot: dict[str, list[list[float]]] = defaultdict(list)
     for row in rows:
         try:
