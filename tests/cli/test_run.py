@@ -126,7 +126,7 @@ def test_set_is_applied_before_validation_and_the_last_word_counts(command: Comm
     ("changes", "wanted"),
     [
         (["--set", "fleet.radis=1"], ["--set fleet.radis=1: error: fleet.radis: unknown field", "'radius'"]),
-        (["--set", "radius"], ["--set radius: error: expected KEY=VALUE", "--set fleet.radius=0.3"]),
+        (["--set", "radius"], ["--set radius: error: expected KEY=VALUE", "for example  fleet.radius=0.3"]),
         (["--set", "horizon.steps=[1"], ["--set horizon.steps=[1: error: not YAML"]),
         (["--set", "horizon.steps=0"], ["horizon.steps: expected", "got 0"]),
         (["--set", "fleet.model.x=1"], ["expected a section above 'x', got 'unicycle'"]),

@@ -125,8 +125,8 @@ def test_nothing_to_keep_out_of_is_just_the_nlp() -> None:
 
 
 def test_no_binaries_left_is_just_the_nlp(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        module, "NEIGHBOURHOODS", dict.fromkeys(["facets fixed", "again"], lambda s, g, m: module.best(s, g))
+    monkeypatch.setitem(
+        module.OFFERED, "near", dict.fromkeys(["facets fixed", "again"], lambda s, g, m: module.best(s, g))
     )
     solution = solve(small())
     check_no_worse(solution, by_nlp())
@@ -141,7 +141,7 @@ def test_facets_that_no_plan_keeps_are_reported(monkeypatch: pytest.MonkeyPatch)
         odd = np.arange(gaps.shape[1]) % 2 == 1
         return np.where(odd, sides.normal[:, :1] > 0.5, sides.normal[:, :1] < -0.5)
 
-    monkeypatch.setattr(module, "NEIGHBOURHOODS", {"impossible": torn})
+    monkeypatch.setitem(module.OFFERED, "near", {"impossible": torn})
     solution = solve(small())
     check_no_worse(solution, by_nlp())
     assert solution.rounds[-1].status == "infeasible"

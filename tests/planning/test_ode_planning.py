@@ -155,7 +155,7 @@ def test_the_example_is_at_most_20_lines_and_runs(monkeypatch: pytest.MonkeyPatc
 
 def test_what_needs_arcs_says_so_at_once() -> None:
     problem = ec.load(MASSES)
-    with pytest.raises(ec.UnsupportedError, match="online replanning is not for the double_integrator"):
+    with pytest.raises(ec.UnsupportedError, match="expected a system on arcs, got the double_integrator"):
         Receding(problem)
 
 

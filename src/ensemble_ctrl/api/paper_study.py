@@ -114,7 +114,7 @@ def reach(order: int) -> float:
     Examples
     --------
     >>> [round(reach(order), 1) for order in (0, 1, 4, 8)]
-    [1.0, 2.5, 9.1, 22.1]
+    [1.0, 2.5, 9.3, 22.1]
     """
     basis = LegendreBasis(order)
     s = np.linspace(-1.0, 1.0, DENSE)

@@ -28,12 +28,12 @@ def test_what_loops_say_is_so(chunk: int) -> None:
         assert judged is None or judged.faults == (), f"loop 7:{index}"
 
 
-def test_a_measurement_after_more_than_a_horizon_stops_the_robot() -> None:
-    """The plan that is left keeps its length, whatever the horizon has moved by."""
+def test_a_measurement_after_more_than_a_horizon_breaks_nothing() -> None:
+    """The plan that is left keeps its length, whatever the horizon has moved by: the robot stops, or goes on proven."""
     judged = run.one(0, 1710).judged
     assert judged is not None
     assert judged.faults == ()
-    assert judged.ending == "stopped"
+    assert judged.ending == "stopped" or (judged.ending == "success" and set(judged.proofs) == {"whole"})
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -38,7 +38,7 @@ def less(whole: Callable[..., Any], share: float, *args: Any) -> Any:
 
 
 BROKEN: dict[str, tuple[Any, str, str]] = {
-    "no defect": (enclosure.Pieces, "_defect", "drawn"),
+    "no defect": (enclosure.Pieces, "defect", "drawn"),
     "a tenth of the radius": (enclosure, "radii", "drawn"),
     "sizes of models": (models.Model, "size", "drawn"),
 }

@@ -95,7 +95,7 @@ def judged(path: Path) -> list[str]:
     if problem.motions:  # a problem of such a system has none
         problem = problem.with_(motions={})
     controls = commands(problem)
-    return list(disagreements(ec.certify(problem, controls), ec.certify(twin(problem), controls)))
+    return list(disagreements(ec.certify(problem, controls, each=True), ec.certify(twin(problem), controls, each=True)))
 
 
 def main() -> int:

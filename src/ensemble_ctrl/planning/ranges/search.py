@@ -38,9 +38,10 @@ def largest(
 
     Examples
     --------
-    >>> largest(lambda x: x <= 10, 1.0, 100.0, 0.5)
-    (9.96746826171875, 10.26123046875)
-    >>> largest(lambda x: x <= 7, 8, 32, 1)
+    >>> good, bad = largest(lambda x: x <= 10, 1.0, 100.0, 0.5)
+    >>> good <= 10 < bad <= good + 0.5
+    True
+    >>> largest(lambda x: x <= 7, 8, 32, 1, whole=True)
     (7.0, 8)
     """
     rounded: Callable[[float], float] = ceil if whole else float

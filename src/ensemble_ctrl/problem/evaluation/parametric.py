@@ -69,7 +69,7 @@ class ParameterCurves:
 
         None where they are no polynomials of a moderate degree, and for systems with an exact flow, which is as quick.
         """
-        if fleet.system.has_exact:
+        if fleet.system.has_exact or not fleet.dynamic:
             return None
         bending = members[:, list(fleet.dynamic)]
         low, high = bending.min(axis=0, initial=np.inf), bending.max(axis=0, initial=-np.inf)
