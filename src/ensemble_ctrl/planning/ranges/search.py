@@ -42,7 +42,7 @@ def largest(
     >>> good <= 10 < bad <= good + 0.5
     True
     >>> largest(lambda x: x <= 7, 8, 32, 1, whole=True)
-    (7.0, 8)
+    (7, 8)
     """
     rounded: Callable[[float], float] = ceil if whole else float
     bad, tried = float("inf"), first
