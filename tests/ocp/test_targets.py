@@ -115,7 +115,8 @@ def test_the_programs_root_is_that_of_a_matrix(seed: int, dimensions: int) -> No
     wanted = float(np.trace(np.real(sqrtm(root @ a @ root))))
     C = ca.SX.sym("C", dimensions, dimensions)
     found = float(ca.Function("root", [C], [_trace_of_root(b, C)])(a))
-    assert found == pytest.approx(wanted, rel=1e-5, abs=1e-3)
+    # ROUND under the root lets a root near 0 be as large as sqrt(3 ROUND)
+    assert found == pytest.approx(wanted, rel=1e-5, abs=2e-3)
 
 
 class Cart(DoubleIntegrator):
