@@ -60,8 +60,10 @@ class Reproduced:
         Of IPOPT.
     cost : float
         Of the problem's objective with the worst member's robustness, the same for both forms.
-    members, violating : int
-        Replayed members, and those that fail the task or enter an obstacle at one of `SUBSTEPS` times a step.
+    members : int
+        Replayed members.
+    violating : int
+        Those that fail the task or enter an obstacle at one of `SUBSTEPS` times a step.
     depth : float
         By how much the worst member fails, metres; 0 if none does.
     proven : str
