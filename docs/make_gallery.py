@@ -38,6 +38,7 @@ SECTIONS = {
     "minlp": "Facets chosen by Bonmin",
     "stl": "Benchmarks of stlpy, for a fleet",
     "fleets": "Several parameters, uncertain starts, bicycles",
+    "vehicles": "Vehicles",
     "moving": "Moving obstacles",
     "maps": "Maps from other tools",
     "systems": "Other dynamics",

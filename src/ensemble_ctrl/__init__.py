@@ -43,14 +43,28 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem.risk import Risk
     from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget
     from ensemble_ctrl.problem.uncertainty import Uncertainty
-    from ensemble_ctrl.systems import Bicycle, DoubleIntegrator, OdeSystem, Quadrotor, Unicycle
+    from ensemble_ctrl.systems import (
+        Bicycle,
+        DifferentialDrive,
+        DoubleIntegrator,
+        Mecanum,
+        OdeSystem,
+        Quadrotor,
+        SingleIntegrator,
+        Trailer,
+        Unicycle,
+    )
 
 _HOMES = {
     "Bicycle": "systems",
     "Certificate": "certificate",
+    "DifferentialDrive": "systems",
     "DoubleIntegrator": "systems",
+    "Mecanum": "systems",
     "OdeSystem": "systems",
     "Quadrotor": "systems",
+    "SingleIntegrator": "systems",
+    "Trailer": "systems",
     "Solid": "constraints",
     "Fleet": "problem.fleet",
     "Formation": "problem.target",
@@ -97,12 +111,14 @@ __all__ = [
     "Bicycle",
     "Certificate",
     "ConfigError",
+    "DifferentialDrive",
     "DoubleIntegrator",
     "EnsembleError",
     "Fleet",
     "Formation",
     "Interval",
     "LegendreBasis",
+    "Mecanum",
     "Mixture",
     "MomentTarget",
     "Objective",
@@ -119,10 +135,12 @@ __all__ = [
     "Risk",
     "RunawayError",
     "Samples",
+    "SingleIntegrator",
     "Solid",
     "SolveError",
     "SolveOptions",
     "SpreadTarget",
+    "Trailer",
     "TruncatedNormal",
     "Uncertainty",
     "Unicycle",

@@ -23,6 +23,7 @@ from ensemble_ctrl.files import config
 from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.problem import Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.problem.arguments.units import quantity
+from ensemble_ctrl.systems import SYSTEMS
 from tests.examples import examples
 from tests.paths import CONFIGS
 
@@ -258,7 +259,7 @@ CASES = {
     "unknown model": (
         ("unicycle", "unicicle"),
         (3, 10, "fleet.model"),
-        "'unicicle' is not one of unicycle, bicycle, double_integrator, planar_quadrotor, quadrotor",
+        f"'unicicle' is not one of {', '.join(SYSTEMS)}",
         "did you mean 'unicycle'?",
     ),
     "unknown field": (
@@ -755,8 +756,7 @@ def test_the_layout() -> None:
     with pytest.raises(ConfigError) as refusal:
         config.load_text(edited(("unicycle", "unicicle")), "bad.yaml")
     assert str(refusal.value) == (
-        "bad.yaml:3:10: error: fleet.model: 'unicicle' is not one of unicycle, bicycle, double_integrator, "
-        "planar_quadrotor, quadrotor\n"
+        f"bad.yaml:3:10: error: fleet.model: 'unicicle' is not one of {', '.join(SYSTEMS)}\n"
         "       3 |   model: unicicle\n"
         "         |          ^\n"
         "    hint: did you mean 'unicycle'?\n"

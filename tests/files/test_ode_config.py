@@ -11,6 +11,7 @@ import pytest
 import ensemble_ctrl as ec
 from ensemble_ctrl.cli.app import invoke
 from ensemble_ctrl.files.config import schema
+from ensemble_ctrl.systems import SYSTEMS
 
 GOOD = """\
 fleet:
@@ -99,7 +100,7 @@ def test_a_good_one() -> None:
         (
             "model: quadrotor",
             "model: quadrator",
-            "'quadrator' is not one of unicycle, bicycle, double_integrator, planar_quadrotor, quadrotor",
+            f"'quadrator' is not one of {', '.join(SYSTEMS)}",
         ),
     ],
 )
