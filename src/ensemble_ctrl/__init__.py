@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.api.sweep import sweep
     from ensemble_ctrl.api.widening import widest
     from ensemble_ctrl.certificate import Certificate, certify
-    from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
+    from ensemble_ctrl.constraints import Disc, Obstacle, Polyhedron, Solid
     from ensemble_ctrl.constraints.stl import parse
     from ensemble_ctrl.files.config import load, load_text
     from ensemble_ctrl.files.examples import example, examples
@@ -59,6 +59,7 @@ _HOMES = {
     "Bicycle": "systems",
     "Certificate": "certificate",
     "DifferentialDrive": "systems",
+    "Disc": "constraints",
     "DoubleIntegrator": "systems",
     "Mecanum": "systems",
     "OdeSystem": "systems",
@@ -112,6 +113,7 @@ __all__ = [
     "Certificate",
     "ConfigError",
     "DifferentialDrive",
+    "Disc",
     "DoubleIntegrator",
     "EnsembleError",
     "Fleet",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import ensemble_ctrl as ec
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.certify import SPLITS
-from ensemble_ctrl.certificate.clearance import Prover, grown, separation
+from ensemble_ctrl.certificate.clearance import Prover, separation
 from ensemble_ctrl.certificate.enclosure import Flow, Track
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.task import bound_task
@@ -210,7 +210,7 @@ def test_an_obstacle_grown_by_the_starts_is_as_close_as_the_closest_start(seed: 
     axes = [np.linspace(-h, h, 81) for h in shift]
     offsets = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     wanted = float(piece.distance(point + offsets).min())
-    got = float(grown(piece, shift).distance(point))
+    got = float(piece.widened(shift).distance(point))
     assert got <= wanted + 1e-12
     if wanted > 0:
         assert got >= wanted - 1e-2

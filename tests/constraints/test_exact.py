@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from ensemble_ctrl.certificate.clearance import grown
 from ensemble_ctrl.constraints import Obstacle, Polyhedron, convex_cover, convex_pieces
 from ensemble_ctrl.constraints.cells import Cells
 from ensemble_ctrl.constraints.exact import hull, intersection, space_corners
@@ -101,7 +100,7 @@ def test_a_region_has_no_point_that_was_not_given(corners: Array) -> None:
 @examples(40)
 @given(convex(), st.floats(0, 3), st.floats(0, 3))
 def test_a_grown_obstacle_holds_every_shifted_corner(corners: Array, right: float, up: float) -> None:
-    stored = rational(grown(made(Obstacle, corners), np.array([right, up])).vertices)
+    stored = rational(made(Obstacle, corners).widened(np.array([right, up])).vertices)
     for x, y in rational(corners):
         for dx in (right, -right):
             for dy in (up, -up):

@@ -490,7 +490,7 @@ CASES = {
         (O1, "{circle: [2, 2, 0.5]}"),
         (11, 8, "obstacles.o1.circle"),
         "unknown field",
-        "write a polygon whose sides lie around the circle",
+        "write  disc: {center: [x, y], radius: 0.5 m}",
     ),
     "polygon whose halves cancel": (
         (O1, "{polygon: [[2, 2], [6, 4], [6, 2], [2, 4]]}"),

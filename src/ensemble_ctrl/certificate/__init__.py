@@ -32,7 +32,7 @@ TRUSTED = tuple(
             *("masses", "schedule", "share", "task"),
         ),
         "constraints.": (
-            *("_rows", "_sides", "cover", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
+            *("_rows", "_sides", "cover", "disc", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
         ),
         "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
         "core.": ("errors", "plain", "readonly", "values"),

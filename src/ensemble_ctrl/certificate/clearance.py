@@ -20,11 +20,10 @@ from ensemble_ctrl.certificate.bound import Bound
 from ensemble_ctrl.certificate.disturbance import UNIT
 from ensemble_ctrl.certificate.enclosure import CELLS, START, Flow, Track, first_cells, lowered, signs_of
 from ensemble_ctrl.certificate.instants import Spans
-from ensemble_ctrl.constraints.exact import hull
-from ensemble_ctrl.constraints.obstacle import Obstacle
 
 if TYPE_CHECKING:
     from ensemble_ctrl.constraints.motion import Motion
+    from ensemble_ctrl.constraints.obstacle import Obstacle
     from ensemble_ctrl.problem.ensemble import Member
 
 Floats = NDArray[np.float64]
@@ -172,7 +171,7 @@ class Prover:
         if not (np.isfinite(self.error) and np.isfinite(self.growth).all()):
             return Bound(name, -np.inf, np.inf, {}, np.nan)
         enough += radius + self.error
-        piece = grown(obstacle, self.shift) if self.shift.any() else obstacle
+        piece = obstacle.widened(self.shift) if self.shift.any() else obstacle
         boxes, proven, best = self._near(piece, spans, motion, enough)
         spent = self.boxes
         for left in reversed(range(ROUNDS + 1)):
@@ -281,7 +280,8 @@ class Prover:
         sides = np.concatenate(
             [arms[0][near], arms[1][near], corners[near, len(self.signs) :] - corners[near, : len(self.signs)]], axis=1
         )
-        low[near] = np.maximum(low[near], separation(corners[near], sides, piece.vertices) - radius[near])
+        apart = separation(corners[near], sides, piece.core) - piece.rounding
+        low[near] = np.maximum(low[near], apart - radius[near])
         # sizes that decide which side is split: half of the way in time, and each parameter's width
         way = np.abs(coeffs[:, 0] * self.flow.v[boxes.step]) * span  # an arc of a full circle has no chord
         long = np.maximum(way, np.linalg.norm(there - here, axis=1)) / 2
@@ -341,15 +341,6 @@ class Prover:
 def _moved(motion: Motion | None, times: Floats) -> Floats:
     """Displacement of an obstacle at some times, shape (..., 2): members are looked at from where it is."""
     return np.zeros((*times.shape, 2)) if motion is None else motion.at(times)
-
-
-def grown(obstacle: Obstacle, shift: Floats) -> Obstacle:
-    """The Minkowski sum of an obstacle and the box ``[-shift, shift]``, rounded outwards: the hull of its corners."""
-    # the sum's corners are among vertices + (+-shift_x, +-shift_y)
-    low, high = (obstacle.vertices + way * shift for way in (-1, 1))
-    low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
-    corners = [np.column_stack([x, y]) for x in (low[:, 0], high[:, 0]) for y in (low[:, 1], high[:, 1])]
-    return Obstacle.polygon(hull(np.concatenate(corners)))
 
 
 def separation(corners: Floats, sides: Floats, vertices: Floats) -> Floats:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.constraints.disc import disc_of
 from ensemble_ctrl.constraints.stl.rewrite import reads_fleet
 
 if TYPE_CHECKING:
@@ -36,6 +37,13 @@ def fingerprint(problem: Problem, controls: Floats, distributions: Mapping[str, 
         [(name, piece.A.tolist(), piece.b.tolist()) for name, piece in problem.pieces],
         [(name, motion.times.tolist(), motion.offsets.tolist()) for name, motion in problem.motions.items()],
     ]
+    # the rows of a disc are those of a polygon around it
+    shapes = [*problem.regions.items(), *problem.pieces]
+    discs = [
+        (name, disc.center.tolist(), disc.radius) for name, shape in shapes if (disc := disc_of(shape)) is not None
+    ]
+    if discs:
+        numbers = [*numbers, discs]
     if fleet.uncertainty:
         numbers = [*numbers, fleet.uncertainty.data()]
     digest.update(repr(numbers).encode())

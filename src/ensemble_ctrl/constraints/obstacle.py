@@ -149,10 +149,36 @@ class Obstacle(ReadOnlyArrays):
         """Corners, counter-clockwise, shape (corners, 2), in metres; as given, where corners were given."""
         return self._corners
 
+    @property
+    def rounding(self) -> float:
+        """Metres by which `core` grows to be the obstacle: above 0 for a disc."""
+        return 0.0
+
+    @property
+    def core(self) -> Array:
+        """Corners of the convex polygon that makes the obstacle when it is grown by `rounding`, shape (corners, d)."""
+        return self.vertices
+
     @cached_property
     def edges(self) -> Array:
         """Both ends of every side, shape (sides, 2, 2), metres."""
         return np.stack([self.vertices, np.roll(self.vertices, -1, axis=0)], axis=1)
+
+    def widened(self, shift: Array) -> Obstacle:
+        """The Minkowski sum with the box ``[-shift, shift]``, rounded outwards: the hull of its corners."""
+        # the sum's corners are among vertices + (+-shift_x, +-shift_y)
+        low, high = (self.vertices + way * shift for way in (-1, 1))
+        low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
+        corners = [np.column_stack([x, y]) for x in (low[:, 0], high[:, 0]) for y in (low[:, 1], high[:, 1])]
+        return Obstacle.polygon(exact.hull(np.concatenate(corners)))
+
+    def outer_rows(self) -> tuple[Array, Array]:
+        """``G x <= h``, which holds throughout the set: shapes (facets, 2), (facets,)."""
+        return self.unit_rows()
+
+    def inner_rows(self) -> tuple[Array, Array]:
+        """``G x <= h``, which holds nowhere outside: shapes (facets, 2), (facets,)."""
+        return self.unit_rows()
 
     def facet_clearance(self, points: ArrayLike) -> Array:
         """``max_i (b_i - a_i x)`` with unit rows: (..., 2) to (...), metres.
@@ -254,7 +280,7 @@ class Obstacle(ReadOnlyArrays):
     def _distance(self, x: Array, y: Array) -> Array:
         """Signed distance of one block."""
         if self._rectangle is not None:
-            return _rectangle_distance(x, y, *self._rectangle)
+            return rectangle_distance(x, y, *self._rectangle)
         clearance, square = self._clearance(x, y), np.zeros(x.shape)
         # a corner is nearest past the end of one side and before the start of the next; else facet clearance
         *_, (corner, along, length) = self._sides
@@ -268,7 +294,7 @@ class Obstacle(ReadOnlyArrays):
         return np.where(square > 0, np.sqrt(square), clearance)
 
 
-def _rectangle_distance(x: Array, y: Array, centre: Array, axis: Array, half: Array) -> Array:
+def rectangle_distance(x: Array, y: Array, centre: Array, axis: Array, half: Array) -> Array:
     """Signed distance to a rectangle: clamp in its own frame."""
     dx, dy = x - centre[0], y - centre[1]
     # excess over the half sides in the rectangle's frame

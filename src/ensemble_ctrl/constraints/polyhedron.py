@@ -143,6 +143,14 @@ class Polyhedron(ReadOnlyArrays):
         above, below = np.isfinite(upper), np.isfinite(lower)
         return np.vstack([A[above], -A[below]]), np.concatenate([upper[above], -lower[below]])
 
+    def outer_rows(self) -> tuple[Array, Array]:
+        """``G x <= h``, which holds throughout the set: shapes (sides, n), (sides,)."""
+        return self.unit_rows()
+
+    def inner_rows(self) -> tuple[Array, Array]:
+        """``G x <= h``, which holds nowhere outside: shapes (sides, n), (sides,)."""
+        return self.unit_rows()
+
     def moment_bounds(self, basis: SignedMoments) -> tuple[Array, Array]:
         r"""Bounds on ``A m_k`` for every order k.
 

@@ -185,7 +185,7 @@ def _across_axes(
 
 def _by_shortest_way(points: Floats, piece: Obstacle, shift: Floats) -> tuple[Floats, Floats, Floats]:
     """Best normal, support and gap for one convex piece at every step, in any dimension."""
-    steps, rows, vertices = len(points), np.arange(len(points)), piece.vertices
+    steps, rows, vertices = len(points), np.arange(len(points)), piece.core
     facets, _ = piece.unit_rows()
     # start from the facet with the largest gap: where the hulls overlap, it is left soonest
     gaps = np.stack([_gap(points, vertices, np.broadcast_to(n, (steps, len(n))), shift) for n in facets])
@@ -215,7 +215,7 @@ def _gap(points: Floats, vertices: Floats, normal: Floats, shift: Floats) -> Flo
 
 def _by_direction(points: Floats, piece: Obstacle, shift: Floats) -> tuple[Floats, Floats, Floats]:
     """Best normal, support and gap for one convex piece at every step, in the plane."""
-    vertices = piece.vertices
+    vertices = piece.core
     # gap(n) = min n.p - max n.vertex - |n|.shift, along even directions and the edges' normals; the best is refined
     angles = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)
     edges = np.roll(vertices, -1, axis=0) - vertices
@@ -228,7 +228,8 @@ def _by_direction(points: Floats, piece: Obstacle, shift: Floats) -> tuple[Float
         angle, gap = _refined(points, vertices, shift, angle, width)
         width /= 5
     normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return normal, (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift, gap
+    support = (normal @ vertices.T).max(axis=1) + np.abs(normal) @ shift + piece.rounding
+    return normal, support, gap - piece.rounding
 
 
 def _refined(points: Floats, vertices: Floats, shift: Floats, angle: Floats, width: float) -> tuple[Floats, Floats]:

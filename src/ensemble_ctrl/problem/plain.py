@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
+from ensemble_ctrl.constraints import Disc, DiscRegion, Obstacle, Polyhedron, Solid
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.core.errors import ProblemError
@@ -152,6 +152,8 @@ def _distribution(data: Data) -> Distribution:
 
 def _region(shape: Data, places: Sequence[str]) -> Polyhedron:
     """A region from its one form."""
+    if "disc" in shape:
+        return DiscRegion(Disc(**shape["disc"]))
     if "box" in shape:
         return Polyhedron.box(shape["box"])
     if "polygon" in shape:
@@ -168,6 +170,8 @@ def _obstacle(shapes: Data | Sequence[Data], places: Sequence[str]) -> tuple[Obs
 
 def _piece(shape: Data, places: Sequence[str]) -> Obstacle:
     """One convex piece from its one form."""
+    if "disc" in shape:
+        return Disc(**shape["disc"])
     kind = Solid if len(places) == 3 else Obstacle
     if "box" in shape:
         return kind.box(shape["box"])

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.constraints.disc import obstacle_of
 from ensemble_ctrl.constraints.obstacle import Obstacle
-from ensemble_ctrl.constraints.solid import Solid
 from ensemble_ctrl.constraints.stl.formula import Always, Formula, Not, Share
 from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside
@@ -295,8 +295,7 @@ def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
     """The convex pieces of an obstacle, or the one of a region."""
     if name in problem.obstacles:
         return problem.obstacles[name]
-    region = problem.regions[name]
-    return ((Solid.hull if region.A.shape[1] == 3 else Obstacle.polygon)(region.vertices),)
+    return (obstacle_of(problem.regions[name]),)
 
 
 def clearances(problem: Problem, paths: Floats, most: float) -> Floats:

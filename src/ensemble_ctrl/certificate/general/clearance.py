@@ -163,7 +163,7 @@ class Prover:
             first = along[:, 0, 0].copy()
             along[:, 0, 0] = 0.0
             spread = (np.abs(along).sum(axis=(1, 2)) + (np.abs(normal) * pad).sum(axis=1)) * UP
-            gap = first - spread - (normal @ obstacle.vertices.T).max(axis=1) - 4 * rounding
+            gap = first - spread - (normal @ obstacle.core.T).max(axis=1) - obstacle.rounding - 4 * rounding
             low = np.maximum(low, gap - 8 * UNIT * np.abs(gap))
         # members in the middle and at the closest place: distances with the model's radius in their favour
         away = np.linalg.norm(np.maximum(pad - boxes.off, 0.0), axis=1) + 2 * rounding

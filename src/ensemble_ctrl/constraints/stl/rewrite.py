@@ -6,6 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import is_
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.constraints.polyhedron import Polyhedron
 from ensemble_ctrl.constraints.stl._text import resolved_time
@@ -182,17 +185,28 @@ def ground(
         For a name that isn't known, or a place in other dimensions than `position`.
     """
 
-    def change(leaf: Formula) -> Formula:
+    def change(leaf: Formula, negated: bool) -> Formula:
         match leaf:
             case Inside(name=name):
-                # inside of G x <= h: min_i (h_i - g_i x)
-                G, h = _place(regions, name, "region").unit_rows()
+                # inside of G x <= h: min_i (h_i - g_i x); outside of a disc: that of the rows around it
+                region = _place(regions, name, "region")
+                G, h = region.outer_rows() if negated else region.inner_rows()
                 return _joined(And, [_face(-g, bound, leaf, position) for g, bound in zip(G, h, strict=True)])
             case Avoid():
-                return _joined(And, [_outside(p, leaf, position, radius) for p in _avoided(leaf, regions, obstacles)])
+                found = _avoided(leaf, regions, obstacles)
+                rows = [p.inner_rows() if negated else p.outer_rows() for p in found]
+                return _joined(And, [_outside(*each, leaf, position, radius) for each in rows])
         return leaf
 
-    return map_leaves(formula, change)
+    return _grounded(formula, change, False)
+
+
+def _grounded(formula: Formula, change: Callable[[Formula, bool], Formula], negated: bool) -> Formula:
+    """Replace every leaf, by what it is and whether it is within an odd number of negations."""
+    if not formula.parts:
+        return change(formula, negated)
+    negated ^= isinstance(formula, Not)
+    return rebuilt(formula, [_grounded(part, change, negated) for part in formula.parts])
 
 
 def _avoided(leaf: Avoid, regions: Mapping[str, Polyhedron], obstacles: Map) -> list[Obstacle | Polyhedron]:
@@ -217,10 +231,11 @@ def _place(regions: Mapping[str, Polyhedron], name: str, kind: str) -> Polyhedro
     return regions[name]
 
 
-def _outside(place: Obstacle | Polyhedron, leaf: Avoid, position: Sequence[str], radius: float) -> Formula:
+def _outside(
+    G: NDArray[np.float64], h: NDArray[np.float64], leaf: Avoid, position: Sequence[str], radius: float
+) -> Formula:
     """On the free side of some facet, a radius away from its line."""
     # outside of G x <= h: max_i (g_i x - h_i - radius)
-    G, h = place.unit_rows()
     return _joined(Or, [_face(g, -bound - radius, leaf, position) for g, bound in zip(G, h, strict=True)])
 
 

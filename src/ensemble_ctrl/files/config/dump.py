@@ -9,7 +9,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
+from ensemble_ctrl.constraints import Disc, Obstacle, Polyhedron, Solid
+from ensemble_ctrl.constraints.disc import disc_of
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import Predicate
 from ensemble_ctrl.files.config.fleets import fleet_data
@@ -116,6 +117,8 @@ def _objective(objective: Objective, controls: tuple[str, ...]) -> Data:
 
 def _region(region: Polyhedron, places: Places) -> Data:
     """A region in the shortest form that is exact."""
+    if (disc := disc_of(region)) is not None:
+        return _disc(disc)
     if np.array_equal(region.A, np.eye(len(places))) and np.isfinite([region.lower, region.upper]).all():
         return {"box": np.column_stack([region.lower, region.upper]).tolist()}
     if np.isinf(region.upper).all() and np.isfinite(region.lower).all():
@@ -135,12 +138,19 @@ def _obstacle(pieces: tuple[Obstacle, ...], places: Places) -> Data | list[Data]
 
 def _piece(piece: Obstacle, places: Places) -> Data:
     """One convex piece in the shortest form that is exact."""
+    if (disc := disc_of(piece)) is not None:
+        return _disc(disc)
     box = np.column_stack([piece.vertices.min(axis=0), piece.vertices.max(axis=0)])
     if _same((Solid if len(box) == 3 else Obstacle).box(box), piece.A, piece.b):
         return {"box": box.tolist()}
     if len(places) == 2 and _same(Obstacle.polygon(piece.vertices), piece.A, piece.b):
         return {"polygon": piece.vertices.tolist()}
     return {"halfspaces": _inequalities(piece.A, piece.b, places)}
+
+
+def _disc(disc: Disc) -> Data:
+    """A disc."""
+    return {"disc": {"center": disc.center.tolist(), "radius": disc.radius}}
 
 
 def _corners_of(region: Polyhedron) -> Floats | None:

@@ -193,6 +193,7 @@ Positive = Annotated[float, BeforeValidator(quantity("number", above=0)), numeri
 Weight = Annotated[float, BeforeValidator(quantity("number", 0)), numeric("number", minimum=0)]
 Length = Annotated[float, BeforeValidator(quantity("length")), numeric("length")]
 Margin = Annotated[float, BeforeValidator(quantity("length", 0)), numeric("length", minimum=0)]
+Size = Annotated[float, BeforeValidator(quantity("length", above=0)), numeric("length", exclusiveMinimum=0)]
 Duration = Annotated[float, BeforeValidator(quantity("time", above=0)), numeric("time", exclusiveMinimum=0)]
 FreeDuration = Annotated[
     float | tuple[float, float],

@@ -101,8 +101,8 @@ def findings_of(error: ValidationError) -> list[Finding]:
     return [_finding(detail, guess=place < MOST_LISTED) for place, detail in found]
 
 
-ROUND = dict.fromkeys(["circle", "disc", "disk"], "write a polygon whose sides lie around the circle")
-"""What to write in place of shapes that there are not."""
+ROUND = dict.fromkeys(["circle", "disk", "round"], "write  disc: {center: [x, y], radius: 0.5 m}")
+"""What to write in place of other words for a disc."""
 
 
 def _finding(detail: Any, guess: bool) -> Finding:

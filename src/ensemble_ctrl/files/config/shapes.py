@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
+from ensemble_ctrl.constraints import Disc, DiscRegion, Obstacle, Polyhedron, Solid
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.files.config import fields as f
@@ -85,6 +85,20 @@ HalfPlane = Annotated[Predicate, BeforeValidator(_halfplane), WithJsonSchema({"t
 HalfPlanes = Annotated[list[HalfPlane], AfterValidator(_some)]
 
 
+class DiscShape(f.Model):
+    """All points within a radius of a centre, in the plane."""
+
+    center: f.Point
+    """`[x, y]`, metres."""
+    radius: f.Size
+    """Metres, above 0."""
+
+    @property
+    def disc(self) -> Disc:
+        """The disc."""
+        return Disc(self.center, self.radius)
+
+
 class RegionShape(f.Model):
     """A convex area, in exactly one of these forms; of a map in a file, one feature."""
 
@@ -92,6 +106,8 @@ class RegionShape(f.Model):
     """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
     """Corners `[[x, y], ...]`, in either direction; convex."""
+    disc: DiscShape | None = None
+    """`{center: [x, y], radius: 0.5 m}`."""
     halfspaces: HalfPlanes | None = None
     """Inequalities `["x + 2*y <= 3", ...]`; may be unbounded."""
     file: str | None = None
@@ -108,6 +124,7 @@ class RegionShape(f.Model):
         forms: dict[str, Callable[[Any], Polyhedron]] = {
             "box": Polyhedron.box,
             "polygon": lambda corners: _convex([area_of_polygon(corners)]),
+            "disc": lambda shape: DiscRegion(shape.disc),
             "halfspaces": lambda rows: _intersection(rows, places),
             "file": lambda name: _convex(_chosen(name, _content(name, 0.0, None, info), self.feature)),
         }
@@ -127,6 +144,8 @@ class ObstacleShape(f.Model):
     """`[[x low, x high], [y low, y high]]`, metres."""
     polygon: list[f.Point] | None = None
     """Corners `[[x, y], ...]`, in either direction; any simple polygon."""
+    disc: DiscShape | None = None
+    """`{center: [x, y], radius: 0.5 m}`."""
     halfspaces: HalfPlanes | None = None
     """Inequalities `["x + 2*y <= 3", ...]`; bounded."""
     wkt: str | None = None
@@ -151,6 +170,7 @@ class ObstacleShape(f.Model):
         forms: dict[str, Callable[[Any], Pieces]] = {
             "box": lambda box: (kind.box(box),),
             "polygon": lambda corners: area_of_polygon(corners).pieces,
+            "disc": lambda shape: (shape.disc,),
             "halfspaces": lambda rows: (kind(*_rows(rows, places)),),
             "wkt": lambda text: _pieces(areas_from_wkt(text)),
             "file": lambda name: _pieces(self._mapped(name, info)),

@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints import Obstacle, Polyhedron, Solid
+from ensemble_ctrl.constraints import Disc, DiscRegion, Obstacle, Polyhedron, Solid
+from ensemble_ctrl.constraints.disc import obstacle_of
 from ensemble_ctrl.constraints.stl import Formula, parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect, numbers, shown
@@ -81,7 +82,9 @@ def _region(name: str, value: Any) -> Polyhedron:
     """One region."""
     if isinstance(value, Polyhedron):
         return value
-    wanted = "a Polyhedron, or a box [[x low, x high], ...]"
+    if isinstance(value, Disc):
+        return DiscRegion(value)
+    wanted = "a Polyhedron, a Disc, or a box [[x low, x high], ...]"
     return Polyhedron.box(_sides(name, value, wanted))
 
 
@@ -92,7 +95,7 @@ def obstacles_of(name: str, value: Any) -> dict[str, tuple[Obstacle, ...]]:
     return {f"o{k + 1}": (piece,) for k, piece in enumerate(_pieces(name, value))}
 
 
-WANTED_OBSTACLE = "an Obstacle, a bounded Polyhedron, or a box [[x low, x high], ...]"
+WANTED_OBSTACLE = "an Obstacle, a Disc, a bounded Polyhedron, or a box [[x low, x high], ...]"
 
 
 def _pieces(name: str, value: Any) -> tuple[Obstacle, ...]:
@@ -111,7 +114,7 @@ def _piece(name: str, value: Any) -> Obstacle:
     if isinstance(value, Polyhedron):
         if not value.is_bounded or value.A.shape[1] not in (2, 3):
             raise ProblemError(f"{name}: expected {WANTED_OBSTACLE}, got one that is unbounded or of other dimensions")
-        return (Solid.hull if value.A.shape[1] == 3 else Obstacle.polygon)(value.vertices)
+        return obstacle_of(value)
     sides = _sides(name, value, WANTED_OBSTACLE)
     return (Solid if len(sides) == 3 else Obstacle).box(sides)
 

@@ -15,6 +15,8 @@ from ensemble_ctrl.problem.checks.reach import required
 from ensemble_ctrl.problem.checks.task import mentioned
 
 if TYPE_CHECKING:
+    from shapely import Polygon
+
     from ensemble_ctrl.problem.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -60,7 +62,7 @@ def _is_covered(region: Polyhedron, problem: Problem) -> bool:
     from shapely import Polygon, union_all
 
     # covered: the region less the obstacles, grown by the radius, has no area
-    grown = union_all([Polygon(piece.vertices).buffer(problem.fleet.radius) for piece in near])
+    grown = union_all([_shape(piece, problem.fleet.radius) for piece in near])
     area = Polygon(region.vertices)
     return bool(area.difference(grown).area <= SLACK * area.area)
 
@@ -106,13 +108,20 @@ def _starts(problem: Problem) -> Floats:
 
 def _some_start(problem: Problem, name: str, moved: Floats) -> bool:
     """Whether the box of start positions meets an obstacle, which has `moved` from where it is drawn."""
-    from shapely import Polygon, box
+    from shapely import box
 
     start, fleet = problem.fleet.start_place - moved, problem.fleet
     # box of start positions against the obstacle grown by the radius
     area = box(*(start - fleet.shift), *(start + fleet.shift))
-    shapes = [Polygon(piece.vertices).buffer(fleet.radius - SLACK) for piece in problem.obstacles[name]]
+    shapes = [_shape(piece, fleet.radius - SLACK) for piece in problem.obstacles[name]]
     return any(shape.intersects(area) for shape in shapes)
+
+
+def _shape(piece: Obstacle, more: float) -> Polygon:
+    """An obstacle grown by some metres, for shapely; a little less where that has round corners."""
+    from shapely import MultiPoint
+
+    return MultiPoint(piece.core).convex_hull.buffer(piece.rounding + more)
 
 
 def _grown(problem: Problem) -> str:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints import Polyhedron
+from ensemble_ctrl.constraints.disc import obstacle_of
 from ensemble_ctrl.constraints.stl import Always, And, Eventually, Formula, Inside, Until
 from ensemble_ctrl.problem.checks.finding import Finding
 
@@ -70,7 +71,7 @@ def _furthest(region: Polyhedron, problem: Problem) -> tuple[float, Floats]:
 def _distances(region: Polyhedron, points: Floats) -> Floats:
     """Distance of points from a region; a lower bound of it where the region is flat or unbounded."""
     if region.A.shape[1] == 2 and region.is_bounded and len(region.vertices) > 2:
-        return Obstacle.polygon(region.vertices).distance(points)
+        return obstacle_of(region).distance(points)
     return -region.margin(points)
 
 
