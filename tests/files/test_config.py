@@ -531,7 +531,7 @@ CASES = {
     "two forms": (
         (O1, "{wkt: 'POLYGON EMPTY', box: [[2, 3], [1, 3]]}"),
         (11, 7, "obstacles.o1"),
-        "expected exactly one of box, polygon, halfspaces, wkt, file, got box and wkt",
+        "expected exactly one of box, polygon, disc, halfspaces, wkt, file, got box and wkt",
         "",
     ),
     "broken WKT": (
