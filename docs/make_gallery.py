@@ -40,7 +40,6 @@ SECTIONS = {
     "fleets": "Several parameters, uncertain starts, bicycles",
     "vehicles": "Vehicles",
     "moving": "Moving obstacles",
-    "vehicles": "Vehicles",
     "maps": "Maps from other tools",
     "systems": "Other dynamics",
     "targets": "Targets of the whole fleet",
