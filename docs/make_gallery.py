@@ -1,28 +1,29 @@
-"""Run the problems of configs/ and write the gallery: ``python docs/make_gallery.py [NAME ...]``.
+"""Run the problems of configs/ and write the gallery: ``python docs/make_gallery.py [--cluster local:N] [NAME ...]``.
 
 Writes ``docs/_static/gallery/<name>.png`` (each below 80 KB), ``facts.json`` beside them, and ``docs/gallery.md``. Runs
 the problems named, else every problem whose row is stale, because the problem or the code that plans and proves has
 changed since. A row takes some seconds, all of them some minutes. What was run is kept in ``docs/_build`` until no
 row is stale; before that the page is not written, and after an end in between the same command goes on.
+
+Each row is a unit of `ensemble_ctrl.core.jobs` in a process of its own. One runs at a time, since some problems have a
+time limit; ``--cluster local:2`` runs two.
 """
 
 from __future__ import annotations
 
-import io
-import os
+import argparse
+import base64
 import shutil
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import printed
-from PIL import Image
+from printed import gallery
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.certificate import certify
+from ensemble_ctrl.core.jobs import Cluster, Outcome, outcomes
 from ensemble_ctrl.files.examples import title
 
 DOCS = Path(__file__).resolve().parent
@@ -31,8 +32,6 @@ PICTURES = DOCS / "_static" / "gallery"
 FACTS = PICTURES / "facts.json"
 WORK = DOCS / "_build" / "gallery"
 """What was run since the page was written."""
-LARGEST = 80_000
-"""Bytes of one picture."""
 SECTIONS = {
     "": "Experiments of the paper",
     "minlp": "Facets chosen by Bonmin",
@@ -60,7 +59,7 @@ those of the same fleet with nothing in its way.
 """
 
 
-def main(names: list[str]) -> None:
+def main(given: list[str]) -> None:
     """Run what is asked for, else what is stale, then write the page.
 
     Raises
@@ -68,14 +67,33 @@ def main(names: list[str]) -> None:
     SystemExit
         If a problem fails, or a row is stale in the end.
     """
+    parser = argparse.ArgumentParser(prog="make_gallery.py", description=__doc__.split("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help="problems to run, else those whose row is stale")
+    parser.add_argument("--cluster", type=Cluster.parse, default="local:1", help="local:N or tcp://HOST:PORT")
+    options = parser.parse_args(given)
     kept = printed.read(WORK / "facts.json")
     facts = printed.read(FACTS) | kept
-    for path in configs():
-        if path.stem in names if names else stale(path, facts):
-            facts[path.stem] = kept[path.stem] = run(path)
-            print(path.stem, facts[path.stem], flush=True)
-            printed.write(WORK / "facts.json", kept)
+    wanted = [path for path in configs() if (path.stem in options.names if options.names else stale(path, facts))]
+    failed = []
+    for done in outcomes(map(gallery.unit_of, wanted), options.cluster):
+        name = done.unit.name
+        if done.failure:
+            failed.append(done.failure)
+            continue
+        facts[name] = kept[name] = keep(done)
+        print(name, facts[name], flush=True)
+        printed.write(WORK / "facts.json", kept)
+    if failed:
+        raise SystemExit("\n".join(failed))
     publish(facts)
+
+
+def keep(done: Outcome) -> dict[str, Any]:
+    """Keep the picture of a row until the page is written; returns the row."""
+    WORK.mkdir(parents=True, exist_ok=True)
+    (WORK / f"{done.unit.name}.png").write_bytes(base64.b64decode(done.result["picture"]))
+    row: dict[str, Any] = done.result["row"]
+    return row
 
 
 def stale(path: Path, facts: dict[str, Any]) -> bool:
@@ -108,48 +126,6 @@ def configs() -> list[Path]:
     return sorted(
         (path for path in CONFIGS.rglob("*.yaml") if path.parent.name not in ("online", "channels")), key=place
     )
-
-
-def run(path: Path) -> dict[str, Any]:
-    """Plan one problem with the command; returns what is proven, and writes its picture.
-
-    Raises
-    ------
-    SystemExit
-        If the command fails; a problem without a plan still leaves its best attempt.
-    """
-    before = printed.source(path)
-    with TemporaryDirectory() as folder:
-        results = Path(folder) / "results"
-        command = [sys.executable, "-m", "ensemble_ctrl.cli", "run", str(path), "-o", str(results), "-q"]
-        ended = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
-        if not (results / "plan.npz").exists():
-            raise SystemExit(f"{path}: exit code {ended.returncode}\n{ended.stderr}")
-        plan = ec.Plan.load(results)
-        WORK.mkdir(parents=True, exist_ok=True)
-        shrink(results / "trajectories.png", WORK / f"{path.stem}.png")
-    certificate = certify(plan.problem, plan.controls)
-    return {
-        "source": before,
-        "exit": ended.returncode,
-        "cost": plan.details["cost"],
-        "proven": certificate.proven,
-        "clearance": printed.rounded_down(certificate.clearance) if certificate.clearances else None,
-        "robustness": printed.rounded_down(certificate.robustness) if certificate.parts else None,
-    }
-
-
-def shrink(source: Path, target: Path) -> None:
-    """A picture of few colours, made smaller until it is below `LARGEST`."""
-    picture = Image.open(source).convert("RGB")
-    for width in (720, 640, 560, 480, 400):
-        size = (width, round(width * picture.height / picture.width))
-        small = picture.resize(size, Image.Resampling.LANCZOS).quantize(200, dither=Image.Dither.NONE)
-        data = io.BytesIO()
-        small.save(data, "PNG", optimize=True)
-        if len(data.getvalue()) < LARGEST:
-            break
-    target.write_bytes(data.getvalue())
 
 
 def page(facts: dict[str, Any]) -> Iterator[str]:

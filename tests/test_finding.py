@@ -13,6 +13,7 @@ import pytest
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness
+from ensemble_ctrl.core.jobs import Cluster
 
 families: Any = importlib.import_module("benchmarks.finding.families")
 best: Any = importlib.import_module("benchmarks.finding.best")
@@ -120,12 +121,24 @@ def test_a_killed_run_goes_on_where_it_stopped() -> None:
         assert run.untried(wanted, [{**done, **change}]) == wanted, change
 
 
-def test_a_problem_is_tried_in_a_process_of_its_own() -> None:
+def test_problems_are_tried_in_processes_of_their_own(tmp_path: Path) -> None:
     about = run.key(families.drawn("impossible", 0), "planner", 60.0, "v1")
-    row = run.attempt(about)
+    file = tmp_path / "results.jsonl"
+    file.write_text('{"name": "maz', encoding="utf-8")
+    run.try_all([about, {**about, "family": "nothing"}], Cluster.parse("local:1"), file)
+    row, wrong = run.kept(file)
     assert run.about_of(row, about) == about
     assert row["outcome"] == "refused"
-    assert run.attempt({**about, "family": "nothing"})["outcome"] == "error"
+    assert (wrong["outcome"], wrong["message"]) == ("error", "KeyError: 'nothing'")
+    assert run.untried([about], run.kept(file)) == []
+
+
+def test_a_problem_that_takes_far_too_long_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "MORE", -59.9)
+    about = run.key(families.drawn("mazes", 5), "planner", 60.0, "v1")
+    (row,) = run.attempts([about], Cluster.parse("local:1"))
+    assert (row["outcome"], row["cost"]) == ("killed", None)
+    assert row["seconds"] == pytest.approx(0.1)
 
 
 def test_what_counts_as_right_and_wrong() -> None:

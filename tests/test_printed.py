@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 import importlib
+import json
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
 
+from ensemble_ctrl.core.jobs import Cluster, Content, Outcome, Unit, outcomes
 from tests.paths import ROOT
 
 BEGIN = re.compile(r"^<!-- begin (\w+): (.*) -->$", re.MULTILINE)
@@ -107,13 +111,16 @@ def test_the_gallery_refuses_to_leave_a_stale_row(
     rows = {path.stem: row | {"source": printed.source(path)} for path in two}
     ran: list[str] = []
 
-    def run(path: Path) -> dict[str, Any]:
-        ran.append(path.stem)
-        return rows[path.stem]
+    def outcomes(units: Iterable[Unit], cluster: Cluster) -> Iterator[Outcome]:
+        for unit in units:
+            ran.append(unit.name)
+            yield Outcome(unit, {"row": rows[unit.name], "picture": ""})
 
-    for name, value in (("run", run), ("configs", lambda: two), ("DOCS", tmp_path), ("WORK", tmp_path / "work")):
+    made = {"outcomes": outcomes, "configs": lambda: two, "DOCS": tmp_path, "WORK": tmp_path / "work"}
+    for name, value in made.items():
         monkeypatch.setattr(gallery, name, value)
     monkeypatch.setattr(gallery, "FACTS", tmp_path / "facts.json")
+    monkeypatch.setattr(gallery, "PICTURES", tmp_path / "pictures")
     printed.write(tmp_path / "facts.json", {path.stem: row | {"source": "old"} for path in two})
     with pytest.raises(SystemExit, match=r"stale: polyhedron; run python docs/make_gallery.py"):
         gallery.main(["box"])
@@ -124,6 +131,23 @@ def test_the_gallery_refuses_to_leave_a_stale_row(
     assert printed.read(tmp_path / "facts.json") == rows
     gallery.main([])
     assert len(ran) == 2
+
+
+def test_a_row_of_the_gallery_is_made_by_a_worker(scripts: dict[str, ModuleType]) -> None:
+    """As the page has it: the same proof from the same code, with a picture."""
+    gallery, printed = importlib.import_module("printed.gallery"), scripts["printed"]
+    (path,) = [path for path in scripts["make_gallery"].configs() if path.stem == "box"]
+    there = printed.read(scripts["make_gallery"].FACTS)["box"]
+    unit = gallery.unit_of(path)
+    units = [unit, replace(unit, content=Content(json.dumps({"path": str(path.parent / "nothing.yaml")})))]
+    done, failed = sorted(outcomes(units, Cluster.parse("local:1")), key=lambda one: bool(one.failure))
+    row = done.result["row"]
+    assert (row["exit"], row["proven"], row["source"]) == (0, "yes", printed.source(path))
+    assert row["clearance"] == there["clearance"]
+    assert row["robustness"] == pytest.approx(there["robustness"], abs=0.01)
+    assert base64.b64decode(done.result["picture"]).startswith(b"\x89PNG")
+    assert "box: RuntimeError: exit code 2" in failed.failure
+    assert "nothing.yaml" in failed.failure
 
 
 def test_a_row_is_of_its_problem_its_maps_and_the_code(

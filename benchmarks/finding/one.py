@@ -1,4 +1,4 @@
-"""Try one problem and print what came of it as JSON: ``python -m benchmarks.finding.one mazes 3 60 planner``."""
+"""Try one problem, as a unit of work; ``python -m benchmarks.finding.one mazes 3 60 planner`` prints the outcome."""
 
 from __future__ import annotations
 
@@ -13,6 +13,17 @@ from .case import Case
 from .families import drawn
 from .judge import cost, verdict
 from .plain import plain
+
+
+def prepare(text: str) -> dict[str, Any]:
+    """What a unit is about: a line of the results without what came of it."""
+    about: dict[str, Any] = json.loads(text)
+    return about
+
+
+def run(about: dict[str, Any], index: int) -> dict[str, Any]:
+    """What comes of a unit; there is one of each, index 0."""
+    return tried(drawn(about["family"], about["seed"]), about["limit"], about["program"])
 
 
 def tried(case: Case, seconds: float, program: str) -> dict[str, Any]:

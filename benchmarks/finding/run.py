@@ -1,8 +1,11 @@
 """Try every problem of every family: ``python -m benchmarks.finding.run [--family NAME] [--seconds 60] [--plain]``.
 
 Prints, per family, how many plans were found and proven, in what time, and at what cost against the best known. Each
-problem is tried in a process of its own; a line of JSON is kept for each, so that a run that was killed goes on where
-it stopped. Another version of the program, or another limit, is tried anew.
+problem is a unit of `ensemble_ctrl.core.jobs`, in a process of its own; a line of JSON is kept for each, so that a run
+that was killed goes on where it stopped. Another version of the program, or another limit, is tried anew.
+
+One problem is tried at a time, so that times can be compared; ``--cluster local:2`` tries two. Workers of a Dask
+cluster have to be started at the root of this checkout.
 """
 
 from __future__ import annotations
@@ -10,18 +13,16 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import os
-import signal
-import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from . import best
+from ensemble_ctrl.core.jobs import Cluster, Content, Outcome, Unit, outcomes
+from ensemble_ctrl.core.storage import Lines
+
+from . import best, one
 from .case import HERE, Case
 from .families import FAMILIES, drawn
 
@@ -39,7 +40,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--family", choices=FAMILIES, action="append", help="only this family; may be repeated")
     parser.add_argument("--problems", type=int, help="only the first so many of each family")
     parser.add_argument("--seconds", type=float, default=60.0, help="for each problem (60)")
-    parser.add_argument("--jobs", type=int, default=2, help="problems tried side by side (2)")
+    parser.add_argument("--cluster", type=Cluster.parse, default="local:1", help="where: local:N or tcp://HOST:PORT")
     parser.add_argument("--plain", action="store_true", help="the plain program, too")
     parser.add_argument("--record", action="store_true", help="keep the table for docs/benchmarks.md")
     parser.add_argument("--results", type=Path, default=RESULTS, help="file of what was tried already")
@@ -80,31 +81,42 @@ def untried(wanted: Sequence[Row], rows: Sequence[Row]) -> list[Row]:
     return [about for about in wanted if about not in [about_of(row, about) for row in rows]]
 
 
-@contextmanager
-def started(jobs: int) -> Iterator[ThreadPoolExecutor]:
-    """Threads that wait for the processes; when the run is interrupted, no further one begins."""
-    pool = ThreadPoolExecutor(jobs)
+def unit_of(about: Row) -> Unit:
+    """One problem as a unit, given up when it takes far too long."""
+    name = f"{about['name']} {about['program']}"
+    return Unit(one.__name__, Content(json.dumps(about)), name=name, limit=about["limit"] + MORE, alone=True)
+
+
+def row_of(about: Row, outcome: Outcome) -> Row:
+    """The line of a problem that was tried."""
+    if outcome.late:
+        return {**about, "outcome": "killed", "seconds": about["limit"] + MORE, "cost": None}
+    if outcome.failure:
+        message = outcome.error or outcome.killed
+        return {**about, "outcome": "error", "seconds": about["limit"], "cost": None, "message": message}
+    return {**about, **outcome.result}
+
+
+def attempts(rest: Sequence[Row], cluster: Cluster) -> Iterator[Row]:
+    """The lines of problems, as they end."""
+    waiting = {unit_of(about): about for about in rest}
+    for outcome in outcomes(list(waiting), cluster):
+        yield row_of(waiting[outcome.unit], outcome)
+
+
+def try_all(rest: Sequence[Row], cluster: Cluster, results: Path) -> None:
+    """Try problems, and keep a line of each as it ends."""
+    lines = Lines(results)
     try:
-        yield pool
+        # reading cuts off a half line, which the first new one would be joined to
+        for _ in lines.read():
+            pass
+        for number, row in enumerate(attempts(rest, cluster), 1):
+            lines.add(json.dumps(row).encode())
+            said = f"{row['name']} {row['program']}: {row['outcome']}, {row['seconds']:.1f} s {row.get('message', '')}"
+            print(f"[{number}/{len(rest)}] {said}", file=sys.stderr, flush=True)
     finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def attempt(about: Row) -> Row:
-    """One problem in a process of its own, ended with all its children when it takes far too long."""
-    words = [about["family"], about["seed"], about["limit"], about["program"]]
-    command = [sys.executable, "-m", "benchmarks.finding.one", *map(str, words)]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, cwd=ROOT, text=True, start_new_session=True, **pipes) as child:  # type: ignore[call-overload]
-        try:
-            out, err = child.communicate(timeout=about["limit"] + MORE)
-        except subprocess.TimeoutExpired:
-            os.killpg(child.pid, signal.SIGKILL)
-            return {**about, "outcome": "killed", "seconds": about["limit"] + MORE, "cost": None}
-    if child.returncode:
-        last = (err.strip().splitlines() or [f"exit code {child.returncode}"])[-1]
-        return {**about, "outcome": "error", "seconds": about["limit"], "cost": None, "message": last}
-    return {**about, **json.loads(out.strip().splitlines()[-1])}
+        lines.close()
 
 
 def learn(rows: Iterable[Row]) -> None:
@@ -191,17 +203,12 @@ def main() -> None:
     cases = [drawn(family, seed) for family, count in counts.items() for seed in range(count)]
     wanted = [key(case, program, given.seconds, version) for case in cases for program in programs]
     rest = untried(wanted, kept(given.results))
-    with started(given.jobs) as pool, given.results.open("a", encoding="utf-8") as file:
-        for number, done in enumerate(as_completed([pool.submit(attempt, about) for about in rest]), 1):
-            row = done.result()
-            print(json.dumps(row), file=file, flush=True)
-            said = f"{row['name']} {row['program']}: {row['outcome']}, {row['seconds']:.1f} s {row.get('message', '')}"
-            print(f"[{number}/{len(rest)}] {said}", file=sys.stderr, flush=True)
+    try_all(rest, given.cluster, given.results)
     rows = [row for row in kept(given.results) if about_of(row, wanted[0]) in wanted]
     learn(rows)
     found = summary(rows)
     if given.record:
-        record("finding", [row | {"limit": given.seconds, "jobs": given.jobs} for row in found])
+        record("finding", [row | {"limit": given.seconds, "jobs": given.cluster.workers} for row in found])
     print("\n".join(lines(found)))
 
 

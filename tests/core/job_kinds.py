@@ -80,3 +80,11 @@ def undefined(index: int, folder: Path) -> float:
 
 def child_of(index: int, folder: Path) -> dict[str, Any]:
     return {"pid": os.getpid(), "threads": os.environ["OMP_NUM_THREADS"]}
+
+
+def second_is_slow(index: int, folder: Path) -> int:
+    """The process it runs in, at once or never."""
+    with (folder / f"unit{index}").open("a") as file:
+        file.write("x")
+    time.sleep(60 if index == 1 else 0)
+    return os.getpid()

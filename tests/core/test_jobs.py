@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -73,6 +74,21 @@ def test_a_unit_that_kills_three_workers_is_named_and_left_out(cluster: Cluster,
     assert [outcome.result for outcome in found] == [0, 1, 2, None, 4, 5]
     assert found[3].failure == "unit 3: left out after it ended 3 workers (ended by SIGKILL)"
     assert (tmp_path / "tried").read_text() == "xxx"
+
+
+def test_a_unit_is_given_up_at_its_limit(cluster: Cluster, tmp_path: Path) -> None:
+    began = time.monotonic()
+    limited = [replace(unit, limit=2.0) for unit in units("second_is_slow", 4, tmp_path)]
+    found = sorted(outcomes(limited, cluster), key=lambda outcome: outcome.unit.index)
+    assert [outcome.failure for outcome in found] == ["", "unit 1: given up after 2 s", "", ""]
+    assert [outcome.late for outcome in found] == [False, True, False, False]
+    assert (tmp_path / "unit1").read_text() == "x", "it is not tried again"
+    assert time.monotonic() - began < 40
+
+
+def test_units_alone_share_no_process(cluster: Cluster, tmp_path: Path) -> None:
+    alone = [replace(unit, alone=True) for unit in units("child_of", 4)]
+    assert len({outcome.result["pid"] for outcome in outcomes(alone, cluster)}) == 4
 
 
 def test_units_of_workers_that_end_are_computed_by_others(cluster: Cluster, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from typing import Any
 
 from ensemble_ctrl.core.errors import WorkerError
@@ -22,6 +23,10 @@ PROGRAM = (
 )
 """What a worker runs; it finds modules where its parent does, and nowhere else."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+Asked = Mapping[str, str | int | float | bool]
+"""A unit without the text of its content, as strict JSON."""
 
 
 class Died(Exception):
@@ -68,7 +73,7 @@ class Child:
         assert self._process.stdout is not None
         return self._process.stdout.fileno()
 
-    def ask(self, kind: str, digest: str, index: int, text: str) -> None:
+    def ask(self, asked: Asked, text: str) -> None:
         """Give it a unit; the content's text only if it is not the last one that it was given.
 
         Raises
@@ -77,11 +82,11 @@ class Child:
             If it can't take it.
         """
         assert self._process.stdin is not None
-        asked: dict[str, Any] = {"kind": kind, "digest": digest, "index": index}
-        if self._holds != kind + digest:
-            self._holds, asked["content"] = kind + digest, text
+        held, line = str(asked["kind"]) + str(asked["digest"]), dict(asked)
+        if self._holds != held:
+            self._holds, line["content"] = held, text
         try:
-            self._process.stdin.write(json.dumps(asked).encode() + b"\n")
+            self._process.stdin.write(json.dumps(line).encode() + b"\n")
             self._process.stdin.flush()
         except OSError:
             raise Died(self._how()) from None
@@ -151,6 +156,17 @@ class Child:
         return f"a worker could not begin ({'; '.join([self._how(), *last])})"
 
 
-def asked_of(unit: Unit) -> tuple[str, str, int, str]:
+def asked_of(unit: Unit) -> Asked:
     """A unit as `Child.ask` takes it."""
-    return unit.kind, unit.content.digest, unit.index, unit.content.text
+    return {
+        "kind": unit.kind,
+        "digest": unit.content.digest,
+        "index": unit.index,
+        "limit": unit.limit,
+        "alone": unit.alone,
+    }
+
+
+def is_spent(asked: Asked, answer: Mapping[str, Any]) -> bool:
+    """Whether a worker is of no more use after its answer: it has grown, or was for this unit alone."""
+    return bool(asked["alone"] or answer["memory"] > LARGEST)

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ensemble_ctrl.core.errors import UnsupportedError, WorkerError
-from ensemble_ctrl.core.jobs.child import LARGEST, Child, Died
-from ensemble_ctrl.core.jobs.unit import DEATHS, Outcome, Stop, Unit
+from ensemble_ctrl.core.jobs.child import Asked, Child, Died, asked_of, is_spent
+from ensemble_ctrl.core.jobs.unit import DEATHS, LATE, Outcome, Stop, Unit
 from ensemble_ctrl.core.jobs.versions import versions
 
 WAIT = 0.2
@@ -31,7 +31,7 @@ _BUSY: dict[str, Child] = {}
 """Those at work, by the key of their task."""
 
 
-def compute(key: str, text: str, kind: str, digest: str, index: int, wanted: dict[str, str]) -> dict[str, Any]:
+def compute(key: str, text: str, asked: Asked, wanted: dict[str, str]) -> dict[str, Any]:
     """Compute one unit; runs on a worker of the cluster.
 
     Returns
@@ -40,16 +40,18 @@ def compute(key: str, text: str, kind: str, digest: str, index: int, wanted: dic
         The answer of the worker process, or ``{"died": how}`` if it ended.
     """
     child = getattr(_HERE, "child", None)
-    if child is None or not child.alive or child.versions != wanted:
+    if child is None or not child.alive or child.versions != wanted or asked["alone"]:
+        if child is not None:
+            child.end()
         child = _HERE.child = Child(wanted)
     _BUSY[key] = child
     try:
-        child.ask(kind, digest, index, text)
+        child.ask(asked, text)
         answer = child.finished()
     except Died as death:
         answer = {"died": str(death)}
     del _BUSY[key]
-    if "died" in answer or answer["memory"] > LARGEST:
+    if "died" in answer or is_spent(asked, answer):
         child.end()
         _HERE.child = None
     return answer
@@ -145,17 +147,7 @@ class Dask:
             if unit is None:
                 return
             key = f"{unit.key}:{deaths}"
-            future = self.client.submit(
-                compute,
-                key,
-                self._text(unit),
-                unit.kind,
-                unit.content.digest,
-                unit.index,
-                versions(),
-                key=key,
-                pure=True,
-            )
+            future = self.client.submit(compute, key, self._text(unit), asked_of(unit), versions(), key=key, pure=True)
             self._sent[future] = unit, deaths
 
     def _text(self, unit: Unit) -> Any:
@@ -175,7 +167,7 @@ class Dask:
             answer = future.result()
         if "died" not in answer:
             yield Outcome(unit, **answer)
-        elif deaths + 1 < DEATHS:
+        elif deaths + 1 < DEATHS and answer["died"] != LATE:
             self._again.append((unit, deaths + 1))
         else:
             yield Outcome(unit, killed=answer["died"])

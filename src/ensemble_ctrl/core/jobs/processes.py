@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from selectors import EVENT_READ, DefaultSelector
 from typing import Any
 
-from ensemble_ctrl.core.jobs.child import LARGEST, Child, Died, asked_of
-from ensemble_ctrl.core.jobs.unit import DEATHS, Outcome, Stop, Unit
+from ensemble_ctrl.core.jobs.child import Child, Died, asked_of, is_spent
+from ensemble_ctrl.core.jobs.unit import DEATHS, LATE, Outcome, Stop, Unit
 from ensemble_ctrl.core.jobs.versions import versions
 
 WAIT = 0.2
@@ -64,11 +64,11 @@ class Processes:
             unit = self._again.popleft() if self._again else next(units, None)
             if unit is None:
                 return
-            child = self._free()
+            child = Child(versions()) if unit.alone else self._free()
             self._busy[child] = unit
             selector.register(child, EVENT_READ)
             try:
-                child.ask(*asked_of(unit))
+                child.ask(asked_of(unit), unit.content.text)
             except Died as death:
                 yield from self._buried(child, str(death), selector)
 
@@ -92,7 +92,7 @@ class Processes:
             return
         selector.unregister(child)
         unit = self._busy.pop(child)
-        if answer["memory"] > LARGEST:
+        if is_spent(asked_of(unit), answer):
             child.end()
         else:
             self._idle.append(child)
@@ -100,11 +100,11 @@ class Processes:
         yield Outcome(unit, **answer)
 
     def _buried(self, child: Child, how: str, selector: DefaultSelector) -> Iterator[Outcome]:
-        """A worker that ended: its unit is tried again on another, but not for ever."""
+        """A worker that ended: its unit is tried again on another, but not for ever, nor once it was too slow."""
         selector.unregister(child)
         unit = self._busy.pop(child)
         self._deaths[unit] = self._deaths.get(unit, 0) + 1
-        if self._deaths[unit] < DEATHS:
+        if self._deaths[unit] < DEATHS and how != LATE:
             self._again.append(unit)
         else:
             del self._deaths[unit]

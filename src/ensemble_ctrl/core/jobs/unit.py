@@ -10,6 +10,8 @@ from typing import Any, Protocol
 
 DEATHS = 3
 """Workers that a unit may end before it is left out."""
+LATE = "ended by SIGALRM"
+"""How a worker ends whose unit takes longer than its limit."""
 Stop = Callable[[], bool]
 """Whether to begin no more units, and to leave those that are at work."""
 
@@ -47,12 +49,18 @@ class Unit:
         Which part of it.
     name : str
         What messages call it.
+    limit : float
+        Seconds after which it is given up, without another try; 0 for any time.
+    alone : bool
+        Whether it has a worker of its own, so that its time does not depend on what others left in memory.
     """
 
     kind: str
     content: Content
     index: int = 0
     name: str = ""
+    limit: float = 0.0
+    alone: bool = False
 
     @property
     def key(self) -> str:
@@ -72,7 +80,8 @@ class Outcome:
     error : str
         The exception that it raised, in words; empty without one.
     killed : str
-        How the last of `DEATHS` workers ended that were given it; empty if it is not left out.
+        How the last worker ended that was given it: of `DEATHS`, or the first if that was by the limit; empty if it
+        is not left out.
     seconds : float
         What it took; 0 if it was kept from an earlier run.
     memory : int
@@ -87,8 +96,15 @@ class Outcome:
     memory: int = 0
 
     @property
+    def late(self) -> bool:
+        """Whether it was given up at its limit."""
+        return self.killed == LATE
+
+    @property
     def failure(self) -> str:
         """Why there is no result, with the unit's name; empty if there is one."""
+        if self.late:
+            return f"{self.unit.name}: given up after {self.unit.limit:g} s"
         if self.killed:
             return f"{self.unit.name}: left out after it ended {DEATHS} workers ({self.killed})"
         return f"{self.unit.name}: {self.error}" if self.error else ""
