@@ -26,6 +26,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "problem.risk, problem.target, problem.arguments, problem.units",
         "problem.ensemble, problem.integrated, problem.capabilities, problem.uncertainty",
         "problem.fleet",
+        "problem.signals",
         "problem.checks, problem.drawing, problem.specification",
         "problem.problem",
         "problem.renamed, problem.plain",

@@ -3,6 +3,7 @@ import math
 import pickle
 import sys
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,6 +22,7 @@ from ensemble_ctrl.constraints.stl import (
     Predicate,
     Share,
     Until,
+    Within,
     check_names,
     leaves,
     name_errors,
@@ -208,3 +210,41 @@ def test_the_end_of_the_horizon_is_put_in() -> None:
     assert str(formula) == "F[14,16] in(goal) and x >= 1 U[16,16] y >= 0"
     with pytest.raises(ProblemError, match="ends after it starts"):
         resolve(parse("F[14,T] in(goal)"), 10.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "half", "centre"),
+    [
+        ("heading within 10 deg of 90 deg", np.radians(10), np.radians(90)),
+        ("heading within 0.1 of -3 rad", 0.1, -3.0),
+        ("heading within 33.3333 deg of + 1", 33.3333 * (np.pi / 180), 1.0),
+    ],
+)
+def test_angles_are_read_and_printed_with_or_without_their_unit(text: str, half: float, centre: float) -> None:
+    formula = parse(text)
+    assert formula == Within("heading", half, centre)
+    assert parse(str(formula)) == formula
+    assert parse("heading <= 10 deg") == parse(f"heading <= {10 * (np.pi / 180)!r}")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "heading within 10 of 90 deg",
+            "column 16: .*below 180 deg, got 572.958 deg; write 10 deg, if degrees are meant",
+        ),
+        ("2*heading within 1 of 2", "column 1: expected the name of one angle before 'within', got an expression"),
+        (
+            "G heading within 10 deg 90",
+            "column 25: expected 'of', or a unit .*; write  heading within 10 deg of 90 deg",
+        ),
+        ("heading within 10 m of 90", "column 19: expected 'of', or a unit"),
+        ("heading within 10 deg of x", "column 26: expected a number, got 'x'"),
+        ("heading within 10 deg of 900 deg", "column 16: expected an angle from -360 deg to 360 deg, got 900 deg"),
+        ("x >= y within 3 of 2", "column 8: expected .*, got 'within'"),
+    ],
+)
+def test_angles_that_are_written_wrong_are_refused_at_their_column(text: str, message: str) -> None:
+    with pytest.raises(FormulaError, match=message):
+        parse(text)

@@ -28,15 +28,15 @@ TRUSTED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "certificate.": (
-            *("bound", "certify", "clearance", "disturbance", "enclosure", "errors", "fingerprint", "instants"),
-            *("masses", "schedule", "share", "task"),
+            *("bound", "certify", "clearance", "commands", "disturbance", "enclosure", "errors", "fingerprint"),
+            *("instants", "masses", "schedule", "share", "signals", "task"),
         ),
         "constraints.": (
             *("_rows", "_sides", "cover", "disc", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
         ),
         "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
         "core.": ("errors", "plain", "readonly", "values"),
-        "problem.": ("specification",),
+        "problem.": ("signals", "specification"),
     }.items()
     for module in modules
 )

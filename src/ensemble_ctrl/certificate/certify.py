@@ -19,9 +19,11 @@ from ensemble_ctrl.certificate.fingerprint import fingerprint
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.share import boxes, weighed
 from ensemble_ctrl.certificate.task import TaskBound, bound_task
+from ensemble_ctrl.constraints.stl.rewrite import leaves
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.plain import at_least
 from ensemble_ctrl.core.values import shown
+from ensemble_ctrl.problem.signals import names_in
 from ensemble_ctrl.problem.specification import (
     NOTHING_AVOIDED,
     NOTHING_REQUIRED,
@@ -292,7 +294,8 @@ class ArcsProof:
 
     def share(self, chance: ChanceConstraint) -> TaskBound:
         """The robustness of a part for a share of the fleet."""
-        return _share(self.problem, self.controls, self.distributions, self._fleet, chance)
+        found = _share(self.problem, self.controls, self.distributions, self._fleet, chance)
+        return replace(found, unit=_unit(self.problem, chance.part))
 
 
 def _general(problem: Any, controls: Floats, distributions: Mapping[str, Distribution]) -> Proof:
@@ -343,7 +346,13 @@ def part_bound(
         bound = bound_task(problem, controls, ranges, part.formula, fleet, split, cells, enough)
         if bound.proven >= wanted or bound.sampled < wanted:
             break
-    return replace(bound, part=str(part))
+    return replace(bound, part=str(part), unit=_unit(problem, part))
+
+
+def _unit(problem: Problem, part: TaskPart) -> str:
+    """What follows the robustness of a part; empty for metres."""
+    unit = problem.fleet.unit_of({name for leaf in leaves(part.formula) for name in names_in(leaf)})
+    return "" if unit == "m" else unit
 
 
 def _share(

@@ -106,6 +106,34 @@ def arc_errors(
     return Errors(np.where(np.isnan(place), np.inf, place * up), _lags(rates, step) * up, bounds.delay)
 
 
+def signal_errors(
+    problem: Problem, controls: Floats, step: float, fastest: float, sharpest: float
+) -> dict[str, Floats]:
+    """By how much headings, speeds, turn rates and commands of a robot may be off in each step, shape (steps,).
+
+    Notes
+    -----
+    *Guarantee*: upper bounds; infinite for rates and commands of robots that may be early or late, and for the turn
+    rate under a loop on the heading, which nothing here bounds.
+    """
+    names, still = problem.fleet.system.controls, np.zeros(len(controls))
+    bounds = problem.fleet.uncertainty
+    if not bounds:
+        return dict.fromkeys((*names, "v", "omega", "heading"), still)
+    rates = _Rates.of(problem, controls, fastest, sharpest)
+    up = 1 + 64 * UNIT * (len(controls) + 8)
+    untimely = still + (np.inf if bounds.delay or bounds.jitter else 0.0)
+    held = still + (0.0 if bounds.heading_hold is None else np.inf)
+    found = dict(zip(names, bounds.command_errors(names, controls).T * up + untimely[:, None].T, strict=True))
+    # who lags behind has turned less by at most b Delta max |omega|; commands that may change places give no bound
+    omega = problem.fleet.arcs.rates(*controls.T)[1]
+    lag = bounds.delay * sharpest * float(np.abs(omega).max())
+    heading = _turns(rates, step) * up + lag * up
+    heading = heading + (np.inf if bounds.jitter > step / 2 else 0.0)
+    found |= {"v": rates.speed * up + untimely, "omega": rates.turn * up + untimely + held, "heading": heading}
+    return {name: np.where(np.isnan(error), np.inf, error) for name, error in found.items()}
+
+
 @dataclass(frozen=True, eq=False)
 class _Rates:
     """Bounds by step: `way` is ``a |v|``, `speed` V, `turn` D; `drift` W; jumps are of early and late commands."""

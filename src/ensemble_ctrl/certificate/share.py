@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.enclosure import Flow, Range, Track
 from ensemble_ctrl.certificate.instants import Mesh
 from ensemble_ctrl.certificate.masses import MASS_ERROR
-from ensemble_ctrl.certificate.task import CellSignals, scheduled
+from ensemble_ctrl.certificate.signals import CellSignals
+from ensemble_ctrl.certificate.task import scheduled
 from ensemble_ctrl.problem.specification import ChanceConstraint
 
 if TYPE_CHECKING:
@@ -113,9 +114,9 @@ def _value(problem: Problem, controls: Floats, fleet: Fleet, chance: ChanceConst
         found = scheduled(problem, controls, distributions, part.formula, SUBSTEPS)
         if found is None:
             continue
-        fine, schedule = found
+        fine, schedule, commands = found
         for rows in blocks:
-            signals = CellSignals.of(fine, members[rows], np.zeros_like(members[rows]))
+            signals = CellSignals.of(fine, commands, members[rows], np.zeros_like(members[rows]))
             values[rows] = np.minimum(values[rows], schedule.value(signals))
     return values
 

@@ -16,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.bound import ALIKE, last_lowest
+from ensemble_ctrl.certificate.commands import Commands
 from ensemble_ctrl.certificate.disturbance import UNIT
-from ensemble_ctrl.certificate.enclosure import CELLS, Flow, Ranged, Track, first_cells, lowered
-from ensemble_ctrl.certificate.masses import MASS_ERROR, Masses, masses
+from ensemble_ctrl.certificate.enclosure import CELLS, Flow, Ranged, Track, first_cells, signs_of
+from ensemble_ctrl.certificate.masses import Masses, masses
 from ensemble_ctrl.certificate.schedule import MOST, Schedule
-from ensemble_ctrl.constraints.stl.formula import Formula, Share
-from ensemble_ctrl.constraints.stl.leaves import Predicate
-from ensemble_ctrl.constraints.stl.rewrite import negation_normal_form, reads_fleet
+from ensemble_ctrl.certificate.signals import UP, CellSignals
+from ensemble_ctrl.constraints.stl.formula import Formula
+from ensemble_ctrl.constraints.stl.rewrite import leaves, negation_normal_form, reads_fleet
+from ensemble_ctrl.problem.signals import names_in
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -41,8 +43,6 @@ BLOCK = 1_000_000
 TURN = 0.5
 """Radians that a member turns at most in a piece of time to begin with, but for `MOST_PARTS`."""
 MOST_PARTS = 64
-UP = 1 + 1e-12
-"""Factor by which half widths are rounded up."""
 
 
 @dataclass(frozen=True)
@@ -78,95 +78,9 @@ class TaskBound:
     unit: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class CellSignals:
-    """Bounds of predicates over the elements of a flow's mesh; each member is a parameter cell."""
-
-    centres: Floats
-    half: Floats
-    position: Floats
-    slope: Floats
-    curvature: Floats
-    bulge: Floats
-    error: float
-    away: Floats
-    upper: bool = False
-    masses: Masses | None = None
-
-    @classmethod
-    def of(
-        cls, flow: Flow, centres: Floats, half: Floats, upper: bool = False, masses: Masses | None = None
-    ) -> CellSignals:
-        """Enclosures of the cells ``centres +- half``, both of shape (cells, parameters); `masses` if all are there."""
-        # p in p(c) + sum_k +-half_k dp/dq_k + curvature at grid times, and the bulge of the curve in between
-        track = Track.of(flow, centres)
-        n = np.arange(flow.steps)[None, :]
-        bulge = flow.growth(n, flow.step[None], flow.coefficients(centres)[:, None], half[:, None])
-        curvature = flow.remainder(half)
-        # upper bounds are of robots that follow their model, which is within all bounds of its errors
-        away = np.zeros(flow.steps) if upper else flow.error + flow.lag
-        return cls(centres, half, track.position, track.slope, curvature, bulge, flow.rounding(), away, upper, masses)
-
-    @property
-    def members(self) -> int:
-        """How many cells."""
-        return len(self.centres)
-
-    def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
-        """Bounds of a predicate, shape (cells, last - first + 1)."""
-        coefficients, offset = predicate.normalised()
-        by_name = dict(coefficients)
-        row = np.array([by_name.get("x", 0.0), by_name.get("y", 0.0)])
-        # A_k -+ (R_k + eps) at grid times, A_k = mu(p(t_k, c)) -+ sum_j h_j |n . dp_j|; in between the worse end -+ D
-        some = slice(first // 2, (last + 1) // 2 + 1)
-        value = self.position[:, some] @ row + offset
-        reach = (np.abs(self.slope[:, some] @ row) * self.half[:, None]).sum(axis=-1)
-        spread = reach + self.curvature[:, some] + (self.error + 4 * UNIT * abs(offset))
-        sign = 1.0 if self.upper else -1.0
-        ends = value + sign * spread
-        bulge = self.bulge[:, some.start : some.stop - 1] + self.away[some.start : some.stop - 1]
-        between = (np.maximum if self.upper else np.minimum)(ends[:, :-1], ends[:, 1:]) + sign * bulge
-        # errors of the model hold throughout a piece, its ends included: at an instant the smaller of two counts
-        ends = ends + sign * np.minimum(np.append(self.away, np.inf), np.insert(self.away, 0, np.inf))[some]
-        bound = _interleaved(ends, between)[:, first - 2 * some.start :][:, : last - first + 1]
-        return -lowered(-bound) if self.upper else lowered(bound)
-
-    def mean(self) -> CellSignals:
-        """The mean member.
-
-        With a uniform distribution cells weigh the same: centres average, and curvature over a cell averages to a
-        third. With another distribution a cell's mean may be anywhere in it.
-        """
-        if self.masses is None or self.masses.even:
-            # even mass: the linear parts cancel, and the mean of the squares of uniform [-1, 1] is 1/3
-            away = self.curvature.max(axis=0, keepdims=True) / 3
-            position = self.position.mean(axis=0, keepdims=True)
-        else:
-            # else the mean of the middles, off by the mean of the reaches, and by what masses may be wrong
-            share = self.masses.mass / self.masses.total
-            reach = (np.linalg.norm(self.slope, axis=-1) * self.half[:, None]).sum(axis=-1) + self.curvature
-            position = np.einsum("c,ctd->td", share, self.position)[None]
-            wrong = 0.0 if self.masses.counted else len(share) * MASS_ERROR
-            apart = np.linalg.norm(self.position - position, axis=-1) + reach
-            away = (share @ reach)[None] * UP + wrong * apart.max(axis=0, keepdims=True)
-        one = replace(self, centres=self.centres[:1], half=np.zeros_like(self.half[:1]), masses=None)
-        slope, bulge = np.zeros_like(self.slope[:1]), self.bulge.max(axis=0, keepdims=True)
-        error = self.error * (1 + len(self.centres))
-        return replace(one, position=position, slope=slope, curvature=away, bulge=bulge, error=error)
-
-    def ranked(self, value: Floats, share: Share) -> Floats:
-        """The largest value that cells of at least this mass reach; minus infinity if no cells do.
-
-        With upper bounds of the cells it is an upper bound, too: members that reach more are in cells that do.
-        """
-        if self.masses is None:
-            raise AssertionError("a share is of all cells")
-        return self.masses.reached(value, share, self.upper)
-
-
 def scheduled(
     problem: Problem, controls: Floats, ranges: Mapping[str, Ranged], formula: Formula, split: int
-) -> tuple[Flow, Schedule] | None:
+) -> tuple[Flow, Schedule, Commands] | None:
     """The flow on the instants that a formula needs, each step in so many parts; None if it looks past the end.
 
     Its leaves are predicates, its windows numbers. Steps in which members turn far have more parts.
@@ -180,7 +94,10 @@ def scheduled(
     while parts.sum() > MOST and parts.max() > 1:
         parts = np.maximum(parts // 2, 1)
     schedule = Schedule.of(plain, problem.duration, parts)
-    return None if schedule is None else (flow.on(schedule.mesh), schedule)
+    if schedule is None:
+        return None
+    fine = flow.on(schedule.mesh)
+    return fine, schedule, Commands.of(problem, controls, flow, fine, schedule.mesh)
 
 
 def bound_task(
@@ -205,15 +122,15 @@ def bound_task(
     found = scheduled(problem, controls, ranges, formula, split)
     if found is None:
         return TaskBound(str(formula), -np.inf, np.inf, {}, covered=False)
-    flow, schedule = found
+    flow, schedule, commands = found
     if not np.isfinite(flow.rounding()):
         return TaskBound(str(formula), -np.inf, np.inf, {})
     # parameters that only move the start enter linearly: their sides stay whole first, halved where that fails
     shifts: NDArray[np.bool_] = np.asarray(~flow.directions[:, :3].any(axis=1))
-    wide = reads_fleet(formula)
-    bound = _refined(flow, schedule, fleet, wide, shifts, (cells, enough))
+    wide, affine = reads_fleet(formula), any(set(names_in(leaf)) - {"x", "y"} for leaf in leaves(formula))
+    bound = _refined(flow, schedule, commands, fleet, wide, shifts, (cells, enough), affine)
     if shifts.any() and bound.proven < 0 <= bound.sampled:
-        again = _refined(flow, schedule, fleet, wide, np.zeros_like(shifts), (cells, enough))
+        again = _refined(flow, schedule, commands, fleet, wide, np.zeros_like(shifts), (cells, enough), affine)
         bound = again if again.proven > bound.proven else bound
     return replace(bound, part=str(formula))
 
@@ -286,14 +203,16 @@ def refined(cells: Cells, fleet: Ensemble, fleet_wide: bool, most: float, enough
 
 @dataclass(frozen=True, eq=False)
 class FlowCells:
-    """Cells of robots on arcs; never halved along `whole_sides`."""
+    """Cells of robots on arcs; never halved along `whole_sides`. `affine` for a formula on headings and rates."""
 
     flow: Flow
     schedule: Schedule
+    commands: Commands
     names: Sequence[str]
     whole_sides: NDArray[np.bool_]
     centre: Floats
     half: Floats
+    affine: bool = False
 
     @property
     def cost(self) -> float:
@@ -302,39 +221,62 @@ class FlowCells:
 
     def low(self, mass: Masses | None) -> Floats:
         """Lower bounds for all members of each."""
-        return _evaluate(self.flow, self.schedule, self.centre, self.half, False, mass)
+        return self._evaluate(self.centre, self.half, False, mass)
 
     def middle(self, mass: Masses | None) -> Floats:
         """Those of members in the middle of the sides that are halved."""
-        return _evaluate(self.flow, self.schedule, self.centre, self.half * self.whole_sides, False, mass)
+        return self._evaluate(self.centre, self.half * self.whole_sides, False, mass)
 
     def high(self, mass: Masses) -> Floats:
         """Upper bounds of a formula that reads the fleet."""
-        return _evaluate(self.flow, self.schedule, self.centre, self.half, True, mass)
+        return self._evaluate(self.centre, self.half, True, mass)
 
     def tried(self, low: Floats) -> tuple[float, float, Member]:
-        """The middles, and the worst of them moved to the ends of the sides that stay whole."""
+        """The middles, and the worst of them moved to the ends of the sides that stay whole.
+
+        Where predicates are affine in the parameters, the corners of the worst cell as well: the bound is met there.
+        """
         # an upper bound of one member's robustness is one of the least, too
         value = self.middle(None)
-        seen = _with_ends(self.flow, self.centre, value, self.whole_sides)
-        high = _evaluate(self.flow, self.schedule, seen, np.zeros_like(seen), True)
+        seen, goal = _with_ends(self.flow, self.centre, value, self.whole_sides), float(value.min())
+        if self.affine:
+            k = int(low.argmin())
+            corners = self.centre[k] + signs_of(len(self.flow.lower)) * self.half[k]
+            corners = np.clip(corners, self.flow.lower, self.flow.upper)
+            goal = min(goal, float(self._evaluate(corners, np.zeros_like(corners), False).min()))
+            seen = np.concatenate([seen, corners])
+        high = self._evaluate(seen, np.zeros_like(seen), True)
         k = last_lowest(high)
-        return float(value.min()), float(high[k]), dict(zip(self.names, seen[k].tolist(), strict=True))
+        return goal, float(high[k]), dict(zip(self.names, seen[k].tolist(), strict=True))
 
     def halved(self, open_: NDArray[np.bool_], together: bool) -> FlowCells:
         """The open ones in two each."""
         centre, half = _halved(self.flow, self.centre[open_], self.half[open_], ~self.whole_sides, together)
         return replace(self, centre=centre, half=half)
 
+    def _evaluate(self, centres: Floats, half: Floats, upper: bool, mass: Masses | None = None) -> Floats:
+        """Bounds of the formula at time 0, one a cell; one that reads the fleet needs all cells, and their mass."""
+        everything = [slice(0, len(centres))]
+        blocks = everything if mass is not None else _blocks(len(centres), self.flow.steps)
+        signals = (CellSignals.of(self.flow, self.commands, centres[rows], half[rows], upper, mass) for rows in blocks)
+        return np.concatenate([self.schedule.value(s) for s in signals])
+
 
 def _refined(
-    flow: Flow, schedule: Schedule, fleet: Fleet, wide: bool, whole_sides: NDArray[np.bool_], effort: tuple[int, float]
+    flow: Flow,
+    schedule: Schedule,
+    commands: Commands,
+    fleet: Fleet,
+    wide: bool,
+    whole_sides: NDArray[np.bool_],
+    effort: tuple[int, float],
+    affine: bool,
 ) -> TaskBound:
     """The bound by cells of the flow's parameters, but for those of `whole_sides`; `effort` is `cells` and `enough`."""
     count = int((~whole_sides).sum())
     each = effort[0] or CELLS.get(count, 2)
     centres, half = first_cells(flow.lower, flow.upper, np.where(whole_sides, 1, each))
-    first = FlowCells(flow, schedule, fleet.names, whole_sides, centres, half)
+    first = FlowCells(flow, schedule, commands, fleet.names, whole_sides, centres, half, affine)
     return refined(first, fleet, wide, MAX_CELLS.get(count, MANY_CELLS), effort[1])
 
 
@@ -376,24 +318,7 @@ def _bending(flow: Flow, half: Floats) -> Floats:
     return whole - np.stack([flow.remainder(without[:, k])[:, -1] for k in range(half.shape[1])], axis=1)
 
 
-def _evaluate(
-    flow: Flow, schedule: Schedule, centres: Floats, half: Floats, upper: bool, mass: Masses | None = None
-) -> Floats:
-    """Bounds of the formula at time 0, one a cell; one that reads the fleet needs all cells, and their mass."""
-    everything = [slice(0, len(centres))]
-    blocks = everything if mass is not None else _blocks(len(centres), flow.steps)
-    signals = (CellSignals.of(flow, centres[rows], half[rows], upper, mass) for rows in blocks)
-    return np.concatenate([schedule.value(s) for s in signals])
-
-
 def _blocks(cells: int, steps: int) -> list[slice]:
     """Cells in turn, so many that their arrays stay small."""
     size = max(1, BLOCK // steps)
     return [slice(first, first + size) for first in range(0, cells, size)]
-
-
-def _interleaved(ends: Floats, between: Floats) -> Floats:
-    """Grid times and intervals in turn, shape (cells, 2 steps + 1)."""
-    out = np.empty((len(ends), ends.shape[1] + between.shape[1]))
-    out[:, ::2], out[:, 1::2] = ends, between
-    return out

@@ -6,8 +6,8 @@ certificate, which shares nothing with this.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
 
@@ -46,19 +46,25 @@ class Growth:
         Names of the columns.
     round : bool
         Whether `at` is a length in any direction.
+    signals : mapping of str to ndarray of shape (steps + 1,)
+        By how much headings, speeds, turn rates and commands may be off at the grid times.
     """
 
     within: Floats
     at: Floats
     states: tuple[str, ...]
     round: bool
+    signals: Mapping[str, Floats] = field(default_factory=dict)
 
     def lost(self, predicate: Predicate) -> Floats:
         """What a predicate loses at most, at all grid times."""
         by_name = dict(predicate.normalised()[0])
         row = np.abs([by_name.get(name, 0.0) for name in self.states])
         # |c| r in any direction, else sum_i |c_i| r_i
-        return np.asarray(self.at[:, 0] * np.linalg.norm(row) if self.round else self.at @ row)
+        lost = np.asarray(self.at[:, 0] * np.linalg.norm(row) if self.round else self.at @ row)
+        for name in by_name.keys() & self.signals.keys():
+            lost = lost + abs(by_name[name]) * self.signals[name]
+        return lost
 
 
 class Lowered(StateSignals):
@@ -117,7 +123,13 @@ def _on_arcs(problem: Problem, controls: Floats) -> Growth:
     # a delay counts where times do: in the task, not beside what stands still
     lag = bounds.delay * float(a.max()) * np.abs(v)
     at = np.concatenate([within[:1], within]) + np.concatenate([lag[:1], lag])
-    return Growth(within, np.tile(at[:, None], (1, 2)), ("x", "y"), True)
+    turned = off.max(axis=0) + bounds.delay * (b * np.abs(omega)).max()
+    errors = fleet.uncertainty.command_errors(fleet.system.controls, controls)
+    each = dict(zip(fleet.system.controls, errors.T, strict=True))
+    each |= {"heading": turned, "v": speed.max(axis=0), "omega": turn.max(axis=0)}
+    # a grid time is an end of two steps
+    signals = {name: np.maximum(np.append(value, 0.0), np.insert(value, 0, 0.0)) for name, value in each.items()}
+    return Growth(within, np.tile(at[:, None], (1, 2)), ("x", "y"), True, signals)
 
 
 def _held(turn: Floats, jumps: Floats, step: float, hold: float) -> Floats:

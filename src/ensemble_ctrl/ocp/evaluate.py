@@ -18,6 +18,7 @@ from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.signals import columns, with_signals
 
 Floats = NDArray[np.float64]
 
@@ -113,13 +114,21 @@ def _worst(problem: Problem, controls: Floats, order: int, within: Range | None)
     # members at Gauss nodes and corners, each also at the corners of the box of starts
     shifts = fleet.shift * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]] if fleet.shift.any() else [[0, 0]])
     nodes = TensorBasis((LegendreBasis(order),) * dynamic).nodes
-    ends = positions(problem, controls, fleet.corners)
+    corners = fleet.corners
     if within is not None:
         nodes = members_within(np.concatenate([nodes, list(product(*[(-1.0, 1.0)] * dynamic))]), within)
-        ends = ends[:0]
-    inner = positions(problem, controls, fleet.dynamic_members(nodes))
-    paths = np.concatenate([ends, *(inner + shift for shift in shifts)])
-    return StateSignals(paths, ("x", "y"), problem.duration / len(controls))
+        corners = corners[:0]
+    inner = fleet.dynamic_members(nodes)
+    paths = positions(problem, controls, inner)
+    members = np.concatenate([corners, *[inner] * len(shifts)])
+    ends = positions(problem, controls, corners) if len(corners) else paths[:0]
+    return _signals(problem, np.concatenate([ends, *(paths + shift for shift in shifts)]), controls, members)
+
+
+def _signals(problem: Problem, paths: Floats, controls: Floats, members: Floats) -> StateSignals:
+    """Positions of members with what else the task reads of them."""
+    step = problem.duration / len(controls)
+    return StateSignals(with_signals(problem, paths, controls, members, step), columns(problem), step)
 
 
 def _fleet(problem: Problem, controls: Floats) -> StateSignals:
@@ -131,4 +140,5 @@ def _fleet(problem: Problem, controls: Floats) -> StateSignals:
     members = problem.fleet.sample(20_000, seed=0)
     if members.shape[1] == 1:
         members = np.sort(members, axis=0)
-    return StateSignals(positions(problem, controls, members[25::50]), ("x", "y"), problem.duration / len(controls))
+    some = members[25::50]
+    return _signals(problem, positions(problem, controls, some), controls, some)

@@ -26,6 +26,7 @@ from ensemble_ctrl.constraints.stl import Formula, Ops, Predicate, Share, Signal
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.ocp.disturbance import Growth
 from ensemble_ctrl.ocp.program import Block, Build
+from ensemble_ctrl.ocp.signals import Commanded, SignalRow
 
 Floats = NDArray[np.float64]
 Values = NDArray[np.object_]
@@ -80,7 +81,8 @@ class Level:
     index: int
 
 
-Minimum = tuple[Row | Level, ...]
+Term = Row | SignalRow | Level
+Minimum = tuple[Term, ...]
 
 
 class GuessValues:
@@ -92,9 +94,12 @@ class GuessValues:
         The points under the guess, metres.
     places : mapping
         For each reading the matrix from the points to those that its rows hold for.
+    signals : Commanded, optional
+        What rows about headings and rates are worth.
     """
 
-    def __init__(self, curve: Floats, places: Mapping[Reading, Floats]) -> None:
+    def __init__(self, curve: Floats, places: Mapping[Reading, Floats], signals: Commanded | None = None) -> None:
+        self.signals = signals
         self.curves = {of: np.einsum("ij,tjd->tid", matrix, curve) for of, matrix in places.items()}
         self.levels: dict[int, float] = {}
         self._known: dict[Minimum, float] = {}
@@ -112,10 +117,13 @@ class GuessValues:
         top = scaled.max()
         self.levels[level] = float(top + np.log(np.exp(scaled - top).mean())) / SHARPNESS
 
-    def _term(self, term: Row | Level) -> float:
+    def _term(self, term: Term) -> float:
         """The value of one term."""
         if isinstance(term, Level):
             return self.levels[term.index]
+        if isinstance(term, SignalRow):
+            assert self.signals is not None
+            return self.signals.value(term)
         # min_i sum_j c_j P_ij + offset
         at = self.curves[term.of][term.at][:, list(term.columns)]
         return float((at @ np.array(term.coefficients) + term.offset).min())
@@ -132,11 +140,15 @@ class PointSignals:
     members: int = 1
     states: tuple[str, ...] = ("x", "y")
     errors: Growth | None = None
+    signals: Commanded | None = None
 
     def leaf(self, predicate: Predicate, first: int, last: int) -> Values:
-        """One row for each time, shape (1, last - first + 1)."""
+        """One row for each time, shape (1, last - first + 1); of headings and rates one for each kind of member."""
         coefficients, offset = predicate.normalised()
         by_name = dict(coefficients)
+        if self.signals is not None and self.of != "mean" and self.signals.reads(by_name):
+            lost = np.zeros(self.steps + 1) if self.errors is None else self.errors.lost(predicate)
+            return _matrix([self.signals.rows(by_name, offset - float(lost[k]), k) for k in range(first, last + 1)])
         unknown = [name for name in by_name if name not in self.states]
         if unknown:
             wanted = " and ".join(self.states)
@@ -242,6 +254,7 @@ def task_rows(
     places: Floats | None = None,
     some: tuple[Sequence[Formula], Floats] | None = None,
     errors: Growth | None = None,
+    commanded: Commanded | None = None,
 ) -> TaskRows:
     """Rows that keep `level` at or below the robustness of every part.
 
@@ -269,13 +282,15 @@ def task_rows(
         Ground formulas for some members alone, and the matrix from the points to theirs.
     errors : Growth, optional
         Errors of the model, which take from every row.
+    commanded : Commanded, optional
+        Headings and rates of robots on arcs.
     """
     # for each reading the matrix from variables to the places at which its rows hold
     everybody = np.eye(layout.count) if places is None else places
     readings: dict[Reading, Floats] = {"all": everybody, "mean": mean[None, :]}
     fewer, readings["some"] = ((), everybody) if some is None else some
-    guess = GuessValues(curve, readings)
-    signals = PointSignals(layout.steps, step, tuple(shift.tolist()), states=states, errors=errors)
+    guess = GuessValues(curve, readings, commanded)
+    signals = PointSignals(layout.steps, step, tuple(shift.tolist()), states=states, errors=errors, signals=commanded)
     ops = LevelOps(layout, guess)
     read = [(part, signals) for part in parts] + [(part, replace(signals, of="some")) for part in fewer]
     # the walk over the formula: rows and levels whose minimum is the whole task's robustness
@@ -286,8 +301,10 @@ def task_rows(
     # `low <= term` for every term of a minimum: rows on points, and order between levels
     pairs = [(low, term) for low, part in ops.below for term in part]
     rows = [(low, term) for low, term in pairs if isinstance(term, Row)]
+    read_off = [(low, term) for low, term in pairs if isinstance(term, SignalRow)]
     order = [(low, term.index) for low, term in pairs if isinstance(term, Level)]
     blocks = [
+        *(commanded.blocks(read_off) if commanded is not None and read_off else []),
         *(
             b
             for of, matrix in readings.items()

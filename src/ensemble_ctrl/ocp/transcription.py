@@ -30,7 +30,7 @@ from ensemble_ctrl.ocp.cost import CommandCost
 from ensemble_ctrl.ocp.disturbance import growth
 from ensemble_ctrl.ocp.facet_binaries import Choice, binary_blocks
 from ensemble_ctrl.ocp.hyperplanes import separate
-from ensemble_ctrl.ocp.layout import Numbers
+from ensemble_ctrl.ocp.layout import Layout, Numbers
 from ensemble_ctrl.ocp.modal_moments import Moments
 from ensemble_ctrl.ocp.moment_form import Read, moment_blocks, region_blocks
 from ensemble_ctrl.ocp.parametrisation import Entry, Iterate, Parametrisation, parametrise, register
@@ -46,6 +46,7 @@ from ensemble_ctrl.ocp.rows import (
     robustness_term,
     slack_term,
 )
+from ensemble_ctrl.ocp.signals import Commanded
 from ensemble_ctrl.ocp.solvers import Nlp
 from ensemble_ctrl.ocp.states import States
 from ensemble_ctrl.ocp.task import TaskRows, task_rows
@@ -175,8 +176,16 @@ def _task(
         places,
         (fewer, truncation.inner @ places) if fewer else None,
         None if in_moments else growth(problem, controls),
+        _commanded(problem, model, controls),
     )
     return task, bool(parts or fewer)
+
+
+def _commanded(problem: Problem, model: Parametrisation, controls: Floats) -> Commanded | None:
+    """What rows about headings and rates are made of, where the task has any."""
+    if not problem.specification.signals or not isinstance(model.layout, Layout):
+        return None
+    return Commanded(problem, model.layout, controls)
 
 
 def _avoidance(

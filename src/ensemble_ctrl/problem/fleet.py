@@ -205,7 +205,7 @@ class Fleet(Ensemble):
 
         A unit, or words like ``in mixed units (m, m/s)`` and ``in m or the unit of temp``.
         """
-        return unit_of(self.state_units, set(names) or set(self.places))
+        return unit_of(self.state_units | dict(self.system.signals), set(names) or set(self.places))
 
     @cached_property
     def place_columns(self) -> slice | list[int]:
@@ -318,7 +318,7 @@ class Fleet(Ensemble):
     @property
     def own_heading(self) -> float:
         """Start heading in radians in the system's own convention."""
-        return self.arcs.own_heading(self.heading)
+        return float(self.arcs.own_heading(self.heading))
 
     @cached_property
     def directions(self) -> Floats:

@@ -21,6 +21,7 @@ from ensemble_ctrl.constraints.stl.formula import Always, Formula, Not, Share
 from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, conjuncts, ground, kept_out, reads_fleet, resolve
+from ensemble_ctrl.problem.signals import angle_range, signals_read
 
 if TYPE_CHECKING:
     from ensemble_ctrl.constraints.motion import Motion
@@ -155,8 +156,15 @@ class TaskPart:
         """A formula over the map and the states of a problem."""
         fleet = problem.fleet
         resolved = resolve(written, problem.duration)
-        shapes = problem.regions, problem.obstacles
-        grounding = partial(ground, resolved, *shapes, position=fleet.places, radius=fleet.radius)
+        grounding = partial(
+            ground,
+            resolved,
+            problem.regions,
+            problem.obstacles,
+            position=fleet.places,
+            radius=fleet.radius,
+            angles=partial(angle_range, problem),
+        )
         return cls(written, resolved, *_window(problem, resolved), grounding)
 
     @cached_property
@@ -206,6 +214,8 @@ class Specification:
         Every other conjunct that no other one implies, in the order of the task.
     chance : tuple of ChanceConstraint
         Those of `parts` that are ``share(p, f)`` with p below 1, where `f` is read for each member.
+    signals : tuple of str
+        What the task refers to besides the states of trajectories, such as the heading of robots on arcs.
     """
 
     task: Formula
@@ -214,6 +224,7 @@ class Specification:
     parts: tuple[TaskPart, ...]
     chance: tuple[ChanceConstraint, ...]
     sources: tuple[object, ...]
+    signals: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, problem: Problem) -> Specification:
@@ -226,6 +237,7 @@ class Specification:
             parts,
             tuple(_chance(problem, part) for part in parts if _is_chance(part.written)),
             _sources(problem),
+            signals_read(problem),
         )
 
     @property

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, leaves, member_robustness
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import affordable, states
+from ensemble_ctrl.problem.signals import columns, with_signals
 from ensemble_ctrl.problem.specification import TaskPart
 
 Floats = NDArray[np.float64]
@@ -85,7 +86,7 @@ class Profile:
 
 def distance_label(problem: Problem) -> str:
     """What charts of robustness measure: metres, where a task can refer to nothing but the position."""
-    unit = "m" if problem.fleet.states == problem.fleet.places else "SI"
+    unit = "m" if columns(problem) == problem.fleet.places else "SI"
     return f"distance from failing [{unit}]"
 
 
@@ -99,7 +100,10 @@ def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series,
     members = np.concatenate([problem.fleet.spread(affordable(MEMBERS, problem.steps)), problem.fleet.corners])
     whole = states(problem, controls, members)
     times = np.linspace(0.0, problem.duration, whole.shape[1])
-    found = [*_kept_out(problem, whole[..., problem.fleet.place_columns], times), *_asked(problem, whole)]
+    found = [
+        *_kept_out(problem, whole[..., problem.fleet.place_columns], times),
+        *_asked(problem, with_signals(problem, whole, controls, members, problem.step)),
+    ]
     return times, tuple(sorted(found, key=lambda one: _worst(one, times))[:CURVES])
 
 
@@ -129,7 +133,8 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
         closest = least(avoid.distances(paths, times).min(axis=1, initial=np.inf))
         clearances[avoid.name] = np.minimum(clearances.get(avoid.name, np.inf), closest)
     # rho of each part for every member
-    signals = StateSignals(whole, fleet.states, problem.step / SUBSTEPS)
+    step, fine = problem.step / SUBSTEPS, np.repeat(controls, SUBSTEPS, axis=0)
+    signals = StateSignals(with_signals(problem, whole, fine, members, step), columns(problem), step)
     parts = {
         str(part): least(np.asarray(member_robustness(part.formula, signals, ExactOps()))[:, 0])
         for part in problem.specification.parts
@@ -164,7 +169,7 @@ def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series
 
 def _asked(problem: Problem, whole: Floats) -> Iterator[Series]:
     """The other places and predicates of the task, once each."""
-    signals = StateSignals(whole, problem.fleet.states, problem.step)
+    signals = StateSignals(whole, columns(problem), problem.step)
     seen: set[str] = set()
     for part in problem.specification.parts:
         for leaf in leaves(part.written):

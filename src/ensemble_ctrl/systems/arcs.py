@@ -28,6 +28,9 @@ FACTORS: Mapping[str, tuple[float, float]] = {
 }
 """Parameters of every robot on arcs, with the rates at which each raises the linear and the angular factor."""
 
+SIGNALS: Mapping[str, str] = {"heading": "rad", "v": "m/s", "omega": "rad/s"}
+"""What a task may refer to besides the position, with units: a member's heading, speed and turn rate."""
+
 
 @dataclass(frozen=True)
 class ArcSystem(System):
@@ -53,6 +56,7 @@ class ArcSystem(System):
     state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad")
     positions: ClassVar[tuple[str, ...]] = ("x", "y")
     heading_state: ClassVar[str] = "heading"
+    signals: ClassVar[Mapping[str, str]] = SIGNALS
     transcription: ClassVar[str] = "positions"
     enclosure: ClassVar[str] = "arcs"
     on_arcs: ClassVar[bool] = True
@@ -96,8 +100,8 @@ class ArcSystem(System):
         half = x[2] / 2
         return np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)])
 
-    def own_heading(self, heading: float) -> float:
-        """A heading from +x, counter-clockwise, in the system's own convention, radians."""
+    def own_heading(self, heading: Any) -> Any:
+        """A heading from +x, counter-clockwise, in the system's own convention, radians; and the other way round."""
         return heading if self.heading_from == "x" else np.pi / 2 - heading
 
     def rates(self, first: Any, second: Any, arrays: Arrays = np) -> tuple[Any, Any]:
@@ -202,6 +206,21 @@ class ArcSystem(System):
         # theta_n = theta_0 + psi_2 Omega_n
         own = coefficients[:, 2, None] + coefficients[:, 1, None] * turned
         return np.asarray(own if self.heading_from == "x" else np.pi / 2 - own)
+
+    def signal(self, name: str, controls: Floats, coefficients: Floats, step: float) -> Floats:
+        """One of `signals` at the ends of all steps, shape (members, steps + 1).
+
+        Rates are those of the step that begins there; at the end, of the last. `v` and `omega` are the member's own:
+        its factors times the rates of the commands, counter-clockwise. Any other name is that of a command.
+        """
+        if name == "heading":
+            return self.headings(controls, coefficients, step)
+        v, omega = self.rates(*np.asarray(controls, dtype=float).T)
+        sign = 1.0 if self.heading_from == "x" else -1.0
+        one = np.ones(len(coefficients))
+        rates = {"v": (coefficients[:, 0], v), "omega": (sign * coefficients[:, 1], omega)}
+        factor, rate = rates.get(name) or (one, controls[:, self.controls.index(name)])
+        return np.asarray(factor[:, None] * np.append(rate, rate[-1:]))
 
     def generators(self) -> tuple[Floats, Floats]:
         r"""Matrices of the bilinear form on the lifted state ``(px, py, cos, sin)``.

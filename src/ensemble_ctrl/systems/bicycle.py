@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import number
-from ensemble_ctrl.systems.arcs import ArcSystem
+from ensemble_ctrl.systems.arcs import SIGNALS, ArcSystem
 from ensemble_ctrl.systems.arrays import Arrays
 
 Floats = NDArray[np.float64]
@@ -47,6 +47,7 @@ class Bicycle(ArcSystem):
     input_bounds: ClassVar[tuple[tuple[float, float], ...]] = ((-2.0, 2.0), (-0.6, 0.6))
     command_kind: ClassVar[str] = "drive"
     turns_in_place: ClassVar[bool] = False
+    signals: ClassVar[Mapping[str, str]] = {**SIGNALS, "delta": "rad"}
     monotone: ClassVar[tuple[tuple[float, float], ...]] = ((-np.inf, np.inf), (-1.57, 1.57))
 
     def __post_init__(self) -> None:

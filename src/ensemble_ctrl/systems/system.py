@@ -45,6 +45,8 @@ class System:
         Units of the parameters, for labels.
     heading_state : str, optional
         The state that is a heading in the plane, radians from +x counter-clockwise, if there is one.
+    signals : mapping of str to str
+        What a task may refer to besides `spoken`, with the unit of each.
     transcription, enclosure : str
         By name: which optimisation variables represent members (`ensemble_ctrl.planning.planner`), and what encloses
         them in a proof (`ensemble_ctrl.certificate`).
@@ -88,6 +90,7 @@ class System:
     parameters: Mapping[str, float] = {}
     parameter_units: ClassVar[Mapping[str, str]] = {}
     heading_state: ClassVar[str] = ""
+    signals: ClassVar[Mapping[str, str]] = {}
     transcription: ClassVar[str] = "states"
     enclosure: ClassVar[str] = "general"
     on_arcs: ClassVar[bool] = False

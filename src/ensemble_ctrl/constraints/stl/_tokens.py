@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import NamedTuple
 
@@ -39,7 +40,7 @@ SPELLINGS = {
 """Every spelling of a token, the one that is printed first."""
 
 _KINDS: dict[str, str] = {text: kind for kind, texts in SPELLINGS.items() for text in texts.split()} | {
-    text: text for text in ["in", "avoid", "mean", "share", "abs", *"()[]{},:"]
+    text: text for text in ["in", "avoid", "mean", "share", "abs", "within", *"()[]{},:"]
 }
 _OPERATORS = {text for kind in SPELLINGS if kind not in ("T", "U", "F", "G") for text in SPELLINGS[kind].split()} | {
     *("until", "eventually", "finally", "always", "globally")
@@ -49,6 +50,8 @@ _OPERATORS = {text for kind in SPELLINGS if kind not in ("T", "U", "F", "G") for
 _STRANGE = frozenset(["==", "!=", "=", "≠", "^", "**"])
 """Symbols that the language has no use for, but a hint."""
 
+ANGLE_UNITS = {"deg": math.pi / 180, "rad": 1.0}
+"""Units of an angle by name, with the factor to radians."""
 TIME_UNITS = {"s": (1, 1), "ms": (1, 1000), "min": (60, 1), "h": (3600, 1)}
 """Units of time by name, with the factor to seconds as numerator and denominator (500 ms are 500 / 1000)."""
 
@@ -142,6 +145,15 @@ class Tokens:
             return token
         self._at, self._last = before
         return None
+
+    def angle_unit(self) -> float:
+        """Pass the unit of an angle, if one comes next: its factor to radians, 1 without."""
+        before = self._at, self._last
+        token = self.next()
+        if token.text in ANGLE_UNITS:
+            return ANGLE_UNITS[token.text]
+        self._at, self._last = before
+        return 1.0
 
     def window(self) -> str | None:
         """Pass the opening of a window, ``[``, ``_[`` or ``_{[``; returns what has to follow its closing bracket."""

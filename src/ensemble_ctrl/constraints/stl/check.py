@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 
 from ensemble_ctrl.constraints.stl.formula import Always, Eventually, Formula, Release, Until
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Predicate, Within
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, leaves, resolve
 from ensemble_ctrl.constraints.stl.text import FormulaError
 from ensemble_ctrl.core.errors import MOST_LETTERS, MOST_LISTED, shortened
@@ -51,6 +51,8 @@ def _unknown_names(
                 for name, _ in leaf.coefficients:
                     if name not in coordinates:
                         yield leaf.column, "a state", name, states
+            case Within(state=name) if name not in coordinates:
+                yield leaf.column, "a state", name, states
 
 
 def _unknown(column: int, kind: str, name: str, known: list[str], obstacles: set[str], guess: bool) -> FormulaError:

@@ -69,6 +69,73 @@ class Predicate(Formula):
         )
 
 
+MOST_TURNS = 100
+"""Whole turns either way that an angle may make where a task reads it by `Within`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Within(Formula):
+    """An angle within `half` of `centre`, whole turns aside; robustness is `half` less the distance, radians.
+
+    Parameters
+    ----------
+    state : str
+        Name of the angle, such as ``heading``.
+    half : float
+        Radians, above 0 and below pi.
+    centre : float
+        Radians, from -2 pi to 2 pi.
+    column : int
+        1-based place in the text it came from, 0 if none; not compared.
+    """
+
+    state: str
+    half: float
+    centre: float
+    column: int = field(default=0, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not _STATE.fullmatch(self.state) or self.state in RESERVED:
+            raise ProblemError(f"Within.state: expected a state's name, got {self.state!r}")
+        if not 0 < self.half < math.pi:
+            raise ProblemError(f"Within.half: expected an angle above 0 and below 180 deg, got {_degrees(self.half)}")
+        if not abs(self.centre) <= 2 * math.pi:
+            wanted = "an angle from -360 deg to 360 deg"
+            raise ProblemError(f"Within.centre: expected {wanted}, got {_degrees(self.centre)}")
+        object.__setattr__(self, "half", float(self.half))
+        object.__setattr__(self, "centre", float(self.centre))
+        object.__setattr__(self, "depth", 1)
+
+    def apart(self, other: Within) -> bool:
+        """Whether no angle is within both, by more than rounding."""
+        distance = abs(math.remainder(self.centre - other.centre, 2 * math.pi))
+        return distance > self.half + other.half + 1e-9
+
+    def turns(self, low: float, high: float) -> list[tuple[Predicate, Predicate]]:
+        """Pairs of bounds, one for each whole turn, of which one pair holds for an angle from low to high (radians).
+
+        Raises
+        ------
+        ProblemError
+            For a range of more than `MOST_TURNS` either way.
+        """
+        first, last = ((end - self.centre) / (2 * math.pi) for end in (low, high))
+        if not -MOST_TURNS <= first <= last <= MOST_TURNS:
+            wanted = f"an angle that turns at most {MOST_TURNS} times within the input bounds"
+            raise ProblemError(f"{self}: expected {wanted}, got one from {_degrees(low)} to {_degrees(high)}")
+        pairs = []
+        for k in range(math.floor(first), math.ceil(last) + 1):
+            # half - |angle - centre - 2 pi k| is the smaller of these two
+            middle = self.centre + 2 * math.pi * k
+            up = Predicate(((self.state, 1.0),), self.half - middle, str(self), self.column)
+            down = Predicate(((self.state, -1.0),), self.half + middle, str(self), self.column)
+            pairs.append((up, down))
+        return pairs
+
+    def __str__(self) -> str:
+        return f"{self.state} within {_angle(self.half)} of {_angle(self.centre)}"
+
+
 @dataclass(frozen=True, slots=True)
 class Known(Formula):
     """A robustness that is known already; only progression along a measured past makes it.
@@ -125,3 +192,15 @@ def _signed(value: float, name: str) -> str:
     """One term of a sum with its sign."""
     size = "" if abs(value) == 1 else f"{number(abs(value))}*"
     return f"{'-' if value < 0 else '+'} {size}{name}"
+
+
+def _degrees(angle: float) -> str:
+    """An angle for a person."""
+    return f"{math.degrees(angle):g} deg"
+
+
+def _angle(value: float) -> str:
+    """The shortest text that reads back as the same angle: in degrees, if that is shorter."""
+    degrees = number(float(f"{math.degrees(value):.10g}"))
+    in_degrees = float(degrees) * (math.pi / 180) == value
+    return f"{degrees} deg" if in_degrees and value else number(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import is_
@@ -24,10 +25,12 @@ from ensemble_ctrl.constraints.stl.formula import (
     Share,
     Until,
 )
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Predicate
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Predicate, Within
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import rest_of
 
+SOME_TURNS = (-16 * math.pi, 16 * math.pi)
+"""Radians between which an angle is looked for whose range is not known."""
 ALL_OBSTACLES = "obstacles"
 """The name of all obstacles together in a task."""
 
@@ -97,15 +100,15 @@ def negation_normal_form(formula: Formula, negate: bool = False) -> Formula:
     Returns
     -------
     Formula
-        With the same robustness, and `Not` only around `Inside` and `Avoid`; a predicate takes the sign into
-        its coefficients.
+        With the same robustness, and `Not` only around `Inside`, `Avoid` and `Within`; a predicate takes the sign
+        into its coefficients.
     """
     match formula:
         case Not(child=child):
             return negation_normal_form(child, not negate)
         case Predicate():
             return formula.negated() if negate else formula
-        case Inside() | Avoid():
+        case Inside() | Avoid() | Within():
             return Not(formula) if negate else formula
         case Known(value=value):
             return Known(-value) if negate else formula
@@ -158,8 +161,9 @@ def ground(
     *,
     position: Sequence[str] = ("x", "y"),
     radius: float = 0.0,
+    angles: Callable[[str], tuple[float, float]] = lambda state: SOME_TURNS,
 ) -> Formula:
-    """Replace named places by linear predicates over the position, so that predicates are the only leaves.
+    """Replace named places and wrapped angles by linear predicates, so that predicates are the only leaves.
 
     Parameters
     ----------
@@ -171,13 +175,15 @@ def ground(
         Names of the states in a place's columns.
     radius : float
         Metres by which what is avoided grows.
+    angles : callable
+        From the name of an angle to the radians that it is between; up to eight turns either way if not given.
 
     Returns
     -------
     Formula
         ``in(r)`` as the conjunction of the faces of `r`, with robustness `Polyhedron.margin`; ``avoid(o)`` as
         a disjunction over the facets of every piece, with robustness `Obstacle.facet_clearance` minus
-        `radius`.
+        `radius`; ``angle within a of b`` as a disjunction over whole turns.
 
     Raises
     ------
@@ -196,6 +202,8 @@ def ground(
                 found = _avoided(leaf, regions, obstacles)
                 rows = [p.inner_rows() if negated else p.outer_rows() for p in found]
                 return _joined(And, [_outside(*each, leaf, position, radius) for each in rows])
+            case Within():
+                return _joined(Or, [And(pair) for pair in leaf.turns(*angles(leaf.state))])
         return leaf
 
     return _grounded(formula, change, False)

@@ -12,11 +12,13 @@ From loose to tight::
             | "(" formula ")" | "mean" "(" formula ")" | "share" "(" number "," formula ")"
             | "in" "(" place ")" | "avoid" "(" place ")" | "true" | "false"
             | sum compare sum {compare sum}            compare is ">=", "<=", ">" or "<"
+            | state "within" angle "of" ["+" | "-"] angle    whole turns aside
     window  = "[" time ("," | ":") time "]"            without one, the rest of the horizon
     time    = number [unit] | "T" ["-" number [unit]]  T is the duration; "inf)" may end a window
     sum     = ["+" | "-"] product {("+" | "-") product}
     product = factor {("*" | "/") factor}              linear in the states
-    factor  = number | state | "(" sum ")" | "abs" "(" sum ")"
+    factor  = angle | state | "(" sum ")" | "abs" "(" sum ")"
+    angle   = number ["deg" | "rad"]
 
 Other spellings of the words and symbols are in `_tokens.SPELLINGS`. So ``F[0,5] a and b`` is ``(F[0,5] a) and b``,
 and ``iff``, ``=>`` and ``U`` group to the right. A state is a letter and then letters, digits and ``_``; a place may
@@ -31,8 +33,8 @@ from ensemble_ctrl.constraints.stl._build import Operand, Operator, Sum, built
 from ensemble_ctrl.constraints.stl._tokens import FormulaError, Token, Tokens
 from ensemble_ctrl.constraints.stl._window import read_window
 from ensemble_ctrl.constraints.stl.formula import Formula
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known
-from ensemble_ctrl.core.errors import shortened
+from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Within
+from ensemble_ctrl.core.errors import ProblemError, shortened
 from ensemble_ctrl.core.values import expect
 
 __all__ = ["FormulaError", "parse"]
@@ -128,7 +130,7 @@ class _Parser:
             kind, column = token.kind, token.column
             whole = before.level <= UNARY and before.kind not in _SUMS  # the place takes any formula
             if kind == "name" or kind == "number":
-                self._operands.append(_factor(token))
+                self._operands.append(_factor(token, self._tokens))
                 return
             if kind == "(":
                 self._wait(Operator("(" if whole else "sum(", 0, column, 1))
@@ -182,6 +184,10 @@ class _Parser:
             self._brackets -= 1
             self._apply(self._waiting.pop())
             return False
+        if kind == "within":
+            self._combine(COMPARE + 1)
+            self._operands[-1] = self._within(token)
+            return False
         level = LEVELS[kind]
         self._combine(level if level > COMPARE else level + 1)  # and, or, => become one list; U groups right
         if kind == self._waiting[-1].kind and kind in _LISTS:
@@ -197,6 +203,28 @@ class _Parser:
         self._wait(operator)
         return True
 
+    def _within(self, token: Token) -> Within:
+        """The rest of ``state within angle of angle``."""
+        angle = self._operands[-1]
+        assert isinstance(angle, Sum)
+        if list(angle.terms.values()) != [1.0] or angle.offset or angle.bars:
+            raise FormulaError(angle.column, "the name of one angle before 'within'", "an expression")
+        (state,) = angle.terms
+        number = self._tokens.take("number", "a number")
+        half = float(number.text) * self._tokens.angle_unit()
+        of = self._tokens.next()
+        if of.text != "of":
+            raise of.refused("'of', or a unit (deg, rad)", "write  heading within 10 deg of 90 deg")
+        sign = self._tokens.skip("sign")
+        centre = float(self._tokens.take("number", "a number").text) * self._tokens.angle_unit()
+        if sign is not None and sign.text == "-":
+            centre = -centre
+        try:
+            return Within(state, half, centre, column=angle.column)
+        except ProblemError as error:
+            wanted, _, came = str(error).partition(": expected ")[2].rpartition(", got ")
+            raise FormulaError(number.column, wanted, came, _plain_degrees(number, half)) from None
+
     def _possible(self) -> tuple[str, ...]:
         """The kinds of token that may follow what was read last."""
         after_formula = _IN_BRACKET if self._brackets else _AT_TOP
@@ -211,8 +239,8 @@ class _Parser:
             case "sum(" | "abs":
                 return ("sign", "times", ")")
             case "(":
-                return ("compare", "sign", "times", ")")
-        return ("compare", "sign", "times")
+                return ("compare", "sign", "times", "within", ")")
+        return ("compare", "sign", "times", "within")
 
     def _wait(self, operator: Operator) -> None:
         """Keep an operator or an open bracket until its last operand is read."""
@@ -229,11 +257,17 @@ class _Parser:
         self._operands[-operator.count :] = [built(operator, self._operands[-operator.count :])]
 
 
-def _factor(token: Token) -> Sum:
-    """A number or a state."""
+def _plain_degrees(number: Token, half: float) -> str:
+    """A hint for what may be degrees without their unit."""
+    plain = half == float(number.text) and math.pi <= half < 180
+    return f"write {number.text} deg, if degrees are meant" if plain else ""
+
+
+def _factor(token: Token, tokens: Tokens) -> Sum:
+    """A number, with the unit of an angle if there is one, or a state."""
     if token.kind == "name":
         return Sum({token.text: 1.0}, 0.0, token.column)
-    value = float(token.text)
+    value = float(token.text) * tokens.angle_unit()
     if math.isinf(value):
         raise FormulaError(token.column, "a finite number", shortened(token.text))
     return Sum({}, value, token.column)

@@ -16,6 +16,7 @@ from shapely.geometry import MultiPoint
 from shapely.ops import unary_union
 
 from ensemble_ctrl.ocp.guesses import ompl_paths
+from ensemble_ctrl.ocp.guesses.aimed import final_heading
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
 from ensemble_ctrl.ocp.guesses.ompl_paths import Surroundings, curve
 from ensemble_ctrl.ocp.guesses.registry import Guess, Request, Stop
@@ -209,7 +210,8 @@ def _driven_legs(
         places = _ends(problem, trip, leg.corners[-1]) if last else leg.corners[-1:]
         # headings at each place: straight ahead first, then in equal turns
         ahead = float(np.arctan2(*(leg.corners[-1] - pose[:2])[::-1]))
-        headings = ahead + 2 * np.pi * np.arange(HEADINGS) / HEADINGS
+        wanted = final_heading(problem) if k == len(trip.legs) - 1 else None
+        headings = ahead + 2 * np.pi * np.arange(HEADINGS) / HEADINGS if wanted is None else np.array([wanted])
         goals = np.array([(*place, heading) for place in places for heading in headings])
         radius, seed = _radius(problem, curves), problem.solve.seed + k + 1
         found = curve(around, radius, reverses(problem), pose, goals, curves.iterations, seed, stop)

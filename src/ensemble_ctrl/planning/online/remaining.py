@@ -42,6 +42,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.capabilities import FEATURES, supports
 from ensemble_ctrl.problem.checks import Finding
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.signals import signals_read
 from ensemble_ctrl.problem.specification import AvoidThroughout, TaskPart
 
 Floats = NDArray[np.float64]
@@ -57,6 +58,9 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
     if reads_fleet(problem.task):
         message = f"a loop drives one robot, and this speaks of the whole fleet: {problem.task}"
         yield Finding(("task",), message, "say what the robot has to do")
+    if signals := signals_read(problem):
+        message = f"the proofs of a loop are about positions, and the task is about {', '.join(signals)}"
+        yield Finding(("task",), message, "plan it as a whole, without online")
     if problem.fleet.uncertainty:
         message = "the proofs of a loop do not count these errors"
         yield Finding(("fleet", "uncertainty"), message, "what a loop counts of them is said under online")

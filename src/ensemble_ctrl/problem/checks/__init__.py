@@ -23,6 +23,7 @@ from ensemble_ctrl.problem.checks.numbers import (
 )
 from ensemble_ctrl.problem.checks.places import area_findings, start_findings
 from ensemble_ctrl.problem.checks.reach import reach_findings
+from ensemble_ctrl.problem.checks.signals import signal_findings
 from ensemble_ctrl.problem.checks.support import dimension_findings, support_findings
 from ensemble_ctrl.problem.checks.target import place_findings, target_findings
 from ensemble_ctrl.problem.checks.task import STATES, task_findings, unused_findings
@@ -93,6 +94,7 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
     checks = (
         area_findings,
         task_findings,
+        signal_findings,
         minimum_time_findings,
         motion_findings,
         start_findings,

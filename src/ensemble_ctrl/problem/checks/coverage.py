@@ -20,6 +20,7 @@ from ensemble_ctrl.constraints.stl import (
     Predicate,
     Release,
     Until,
+    Within,
     leaves,
     negation_normal_form,
     resolve,
@@ -169,8 +170,8 @@ def _at_start(formula: Formula) -> Iterator[Formula]:
     """The leaves that no temporal operator is around."""
     if isinstance(formula, Always | Eventually | Until | Release | Known):
         return
-    if isinstance(formula, Inside | Avoid | Predicate) or (
-        isinstance(formula, Not) and isinstance(formula.child, Inside | Avoid | Predicate)
+    if isinstance(formula, Inside | Avoid | Predicate | Within) or (
+        isinstance(formula, Not) and isinstance(formula.child, Inside | Avoid | Predicate | Within)
     ):
         yield formula
         return

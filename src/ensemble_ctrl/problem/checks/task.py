@@ -32,7 +32,8 @@ MORE_STEPS = 1000
 
 def task_findings(problem: Problem) -> Iterator[Finding]:
     """Unknown names, and windows that end after the plan."""
-    for error in name_errors(problem.task, problem.regions, problem.obstacles, problem.fleet.states):
+    known = (*problem.fleet.states, *problem.fleet.system.signals)
+    for error in name_errors(problem.task, problem.regions, problem.obstacles, known):
         yield _from_formula(error)
     try:
         check_windows(problem.task, problem.duration)

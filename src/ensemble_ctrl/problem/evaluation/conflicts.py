@@ -13,7 +13,6 @@ from ensemble_ctrl.constraints.stl import (
     ExactOps,
     Formula,
     Inside,
-    Predicate,
     StateSignals,
     leaves,
     member_robustness,
@@ -22,6 +21,7 @@ from ensemble_ctrl.core.errors import RunawayError
 from ensemble_ctrl.problem.evaluation.sampled import affordable, replay, states
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
+from ensemble_ctrl.problem.signals import columns, names_in, with_signals
 from ensemble_ctrl.problem.specification import TaskPart
 
 Floats = NDArray[np.float64]
@@ -77,7 +77,7 @@ def units_of_parts(problem: Problem) -> dict[str, str]:
 
 def _states(problem: Problem, leaf: Formula) -> tuple[str, ...]:
     """The states that a leaf is about."""
-    return tuple(name for name, _ in leaf.coefficients) if isinstance(leaf, Predicate) else problem.fleet.places
+    return names_in(leaf) or problem.fleet.places
 
 
 def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
@@ -92,6 +92,7 @@ def _conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
     """Everything that fails, where all states are known."""
     parameters = problem.fleet.grid(affordable(MEMBERS, problem.steps, SAMPLES))
     paths = states(problem, controls, parameters)
+    whole = with_signals(problem, paths, controls, parameters, problem.step)
     run = replay(problem, controls, parameters=parameters, substeps=SAMPLES)
     places = unit_of_parts(problem, [])
     found = [
@@ -100,13 +101,13 @@ def _conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
         if c.distance < 0
     ]
     for part in problem.specification.parts:
-        found += _failing(problem, part, paths, parameters)
+        found += _failing(problem, part, whole, parameters)
     return tuple(sorted(found, key=lambda c: -c.amount))
 
 
 def _failing(problem: Problem, part: TaskPart, paths: Floats, parameters: Floats) -> list[Conflict]:
     """The conflict of one conjunct, if its worst member fails it."""
-    signals = StateSignals(paths, problem.fleet.states, problem.step)
+    signals = StateSignals(paths, columns(problem), problem.step)
     # rho of this conjunct at t = 0 for every member; the least one decides
     values = np.asarray(member_robustness(part.formula, signals, ExactOps()))[:, 0]
     worst = int(values.argmin())

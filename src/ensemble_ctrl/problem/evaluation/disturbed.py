@@ -70,7 +70,7 @@ def drawn(fleet: Fleet, robots: int, steps: int, seed: int | list[int]) -> Float
 def disturbed(
     problem: Problem, controls: Floats, members: Floats, settings: Floats, substeps: int = 1, last: int | None = None
 ) -> Floats:
-    """States of disturbed robots, in the columns of `Fleet.states`.
+    """States of disturbed robots, with the signals that the task reads (`ensemble_ctrl.problem.signals.columns`).
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def disturbed(
 
     Returns
     -------
-    ndarray, shape (robots, steps * substeps + 1, states)
+    ndarray, shape (robots, steps * substeps + 1, columns)
     """
     run = _OnArcs if problem.fleet.system.on_arcs else _ByRule
     controls = np.asarray(controls, dtype=float)
@@ -167,7 +167,7 @@ class _OnArcs(_Run):
         return late, late[:, None] + np.arange(len(self.controls)) * self.ticks + shift
 
     def states(self) -> Floats:
-        """Positions, shape (robots, steps * substeps + 1, 2)."""
+        """Positions and signals, shape (robots, steps * substeps + 1, columns)."""
         arcs, tick = self.fleet.arcs, self.step / self.ticks
         linear, angular, heading, x, y = self.fleet.coefficients(self.members).T
         place, off, (late, begins) = np.stack([x, y]), np.zeros(len(self.members)), self.begins
@@ -176,9 +176,9 @@ class _OnArcs(_Run):
         pushes = [self.pushes(name) for name in arcs.states]
         turning = pushes[2] if arcs.heading_from == "x" else -pushes[2]
         rows, now, turned = np.arange(len(begins)), np.full(len(begins), -1), np.zeros(len(begins))
-        found = np.empty((self.last * self.substeps + 1, *place.shape))
-        found[0] = place
-        every = self.ticks // self.substeps
+        names = self.problem.specification.signals
+        found = np.empty((self.last * self.substeps + 1, 2 + len(names), len(rows)))
+        found[0, :2], every = place, self.ticks // self.substeps
         for i in range(self.last * self.ticks):
             n = i // self.ticks
             now = now + (begins[rows, now + 1] <= i)
@@ -190,14 +190,26 @@ class _OnArcs(_Run):
             gained = self._gained(extra, off, tick)
             rate = angular * model + gained
             along = heading + angular * turned + off + rate * tick / 2
+            if names and i % every == 0:  # at a sample the rates of the tick that begins
+                found[i // every, 2:] = self._read(now, n, speed, rate, along - rate * tick / 2)
             chord = speed * tick * np.sinc(rate * tick / 2 / np.pi)
             moves = chord * np.stack([np.cos(along), np.sin(along)])
             place = place + (moves if arcs.heading_from == "x" else moves[::-1])
             place = place + tick * np.stack([pushes[0][:, n], pushes[1][:, n]])
             off, turned = off + gained * tick, turned + model * tick
             if (i + 1) % every == 0:
-                found[(i + 1) // every] = place
+                found[(i + 1) // every, :2] = place
+        if names:  # at the end those of the last one
+            found[-1, 2:] = self._read(now, n, speed, rate, heading + angular * turned + off)
         return found.transpose(2, 0, 1)
+
+    def _read(self, now: Ints, n: int, speed: Floats, rate: Floats, own: Floats) -> list[Floats]:
+        """The signals that the task reads, from a speed, a turn rate and a heading in the system's own convention."""
+        arcs = self.fleet.arcs
+        commands = dict(zip(arcs.controls, self.commands(np.maximum(now, 0), n), strict=True))
+        turn = rate if arcs.heading_from == "x" else -rate
+        values = commands | {"v": speed, "omega": turn, "heading": arcs.own_heading(own)}
+        return [values[name] for name in self.problem.specification.signals]
 
     def _rates(self, now: Ints, n: int) -> tuple[Floats, Floats]:
         """Speed and turn rate of the commands that are carried out; none before the first."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Signals, StateSignals
 from ensemble_ctrl.problem.problem import Problem
+from ensemble_ctrl.problem.signals import columns
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -59,7 +60,7 @@ Grouping = Callable[[Floats], Group]
 
 @dataclass(frozen=True, eq=False)
 class StatesGroup:
-    """A group whose states were all computed, shape (members, times, n_x)."""
+    """A group whose states, and signals that the task reads, were all computed, shape (members, times, columns)."""
 
     problem: Problem
     states: Floats
@@ -86,7 +87,7 @@ class StatesGroup:
     @cached_property
     def signals(self) -> StateSignals:
         """The states as they are."""
-        return StateSignals(self.states, self.problem.fleet.states, self.problem.duration / (self.states.shape[1] - 1))
+        return StateSignals(self.states, columns(self.problem), self.problem.duration / (self.states.shape[1] - 1))
 
     def places(self, when: Ints) -> Floats:
         """Positions at some of the times."""

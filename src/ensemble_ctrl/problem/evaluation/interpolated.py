@@ -45,6 +45,10 @@ class ArcCurves:
         Seconds between two times.
     error : float
         Metres.
+    controls : ndarray, shape (steps, 2)
+        Commands.
+    signals : tuple of str
+        What is read besides the position (`ArcSystem.signal`), exactly.
 
     Notes
     -----
@@ -59,9 +63,13 @@ class ArcCurves:
     half: float
     step: float
     error: float
+    controls: Floats
+    signals: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, fleet: Fleet, controls: Floats, step: float, members: Floats) -> ArcCurves | None:
+    def of(
+        cls, fleet: Fleet, controls: Floats, step: float, members: Floats, signals: tuple[str, ...] = ()
+    ) -> ArcCurves | None:
         """The curves for angular factors up to those of some members, under controls of one row a step.
 
         None where too many polynomials are needed, or there are too many times for all of them.
@@ -84,7 +92,8 @@ class ArcCurves:
             table, length, turn * (abs(middle) + half), len(v)
         )
         factor, start = float(np.abs(robots[:, 0]).max()), float(np.abs(robots[:, 3:]).max())
-        return cls(fleet, table, middle, half, step, factor * error + 4 * UNIT * (start + factor * length))
+        error = factor * error + 4 * UNIT * (start + factor * length)
+        return cls(fleet, table, middle, half, step, error, controls, signals)
 
     def covers(self, members: Floats) -> bool:
         """Whether the polynomials are for members of shape (members, parameters)."""
@@ -108,12 +117,13 @@ class ArcCurves:
 
     def group(self, members: Floats) -> ArcGroup:
         """The group of members of shape (members, parameters)."""
-        linear, angular, heading, *start = self.fleet.coefficients(members).T
+        robots = self.fleet.coefficients(members)
+        linear, angular, heading, *start = robots.T
         z = np.zeros_like(angular) if self.half == 0.0 else (angular - self.middle) / self.half
         weights = polynomials(z, self.table.shape[1])
         weights *= linear
         turn = heading if self.fleet.arcs.heading_from == "x" else -heading
-        return ArcGroup(self, weights.T, turn, np.stack(start))
+        return ArcGroup(self, weights.T, turn, np.stack(start), robots)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,12 +140,15 @@ class ArcGroup:
         Angle by which the shared curve is turned, radians.
     start : ndarray, shape (2, members)
         Metres.
+    robots : ndarray, shape (members, 5)
+        The member coefficients.
     """
 
     curves: ArcCurves
     weights: Floats
     turn: Floats
     start: Floats
+    robots: Floats
 
     @cached_property
     def _among(self) -> int:
@@ -146,7 +159,7 @@ class ArcGroup:
     def middle(self) -> Floats:
         """The curve of one member."""
         k = self._among
-        one = ArcGroup(self.curves, self.weights[[k]], self.turn[[k]], self.start[:, [k]])
+        one = ArcGroup(self.curves, self.weights[[k]], self.turn[[k]], self.start[:, [k]], self.robots[[k]])
         return np.asarray(one.places(np.arange(self.curves.table.shape[2]))[:, 0].T)
 
     @cached_property
@@ -164,16 +177,26 @@ class ArcGroup:
 
     @property
     def signals(self) -> GroupSignals:
-        """Coordinates at the times that a formula reads."""
-        return GroupSignals(self.during, self.curves.fleet.states, self.curves.step, len(self.turn), self.curves.steps)
+        """Coordinates, and what else is read, at the times that a formula reads."""
+        names = (*self.curves.fleet.states, *self.curves.signals)
+        return GroupSignals(self.during, names, self.curves.step, len(self.turn), self.curves.steps)
 
     def places(self, when: Ints) -> Floats:
         """Positions at some of the times."""
         return self._moved(np.stack([self.weights @ axis for axis in self.curves.table[:, :, when]]))
 
     def during(self, first: int, last: int) -> Floats:
-        """Positions at the times first..last, shape (2, members, last - first + 1), metres."""
-        return self._moved(np.stack([self.weights @ axis for axis in self.curves.table[:, :, first : last + 1]]))
+        """Positions and signals at the times first..last, shape (columns, members, last - first + 1)."""
+        places = self._moved(np.stack([self.weights @ axis for axis in self.curves.table[:, :, first : last + 1]]))
+        more = [signal[None, :, first : last + 1] for signal in self._signals]
+        return np.concatenate([places, *more]) if more else places
+
+    @cached_property
+    def _signals(self) -> list[Floats]:
+        """What is read besides the position at all times, each of shape (members, times)."""
+        curves = self.curves
+        arcs = curves.fleet.arcs
+        return [arcs.signal(name, curves.controls, self.robots, curves.step) for name in curves.signals]
 
     def _moved(self, curves: Floats) -> Floats:
         """Curves from the origin along the heading of zero, turned and moved to where each robot starts."""

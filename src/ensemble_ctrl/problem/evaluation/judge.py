@@ -17,6 +17,7 @@ from ensemble_ctrl.problem.evaluation.groups import Group, Grouping, StatesGroup
 from ensemble_ctrl.problem.evaluation.interpolated import ArcCurves
 from ensemble_ctrl.problem.evaluation.parametric import ParameterCurves
 from ensemble_ctrl.problem.problem import Problem
+from ensemble_ctrl.problem.signals import with_signals
 from ensemble_ctrl.problem.specification import TaskPart
 
 Floats = NDArray[np.float64]
@@ -91,8 +92,10 @@ class Judge:
         """Polynomials that give every member's states, where there are some."""
         if self.together or self.dice is not None:
             return None
-        kind = ArcCurves if self.problem.fleet.system.on_arcs else ParameterCurves
-        return kind.of(self.problem.fleet, self.fine, self.problem.duration / len(self.fine), self.covered)
+        fleet, step = self.problem.fleet, self.problem.duration / len(self.fine)
+        if fleet.system.on_arcs:
+            return ArcCurves.of(fleet, self.fine, step, self.covered, self.problem.specification.signals)
+        return ParameterCurves.of(fleet, self.fine, step, self.covered)
 
     @property
     def size(self) -> int:
@@ -145,8 +148,9 @@ class Judge:
             seed = [self.dice, crc32(members.tobytes())]
             settings = drawn(problem.fleet, len(members), len(self.controls), seed)
             return StatesGroup(problem, disturbed(problem, self.controls, members, settings, self.substeps))
-        states = problem.fleet.trajectories(self.fine, members, problem.duration / len(self.fine))
-        return StatesGroup(problem, states)
+        step = problem.duration / len(self.fine)
+        states = problem.fleet.trajectories(self.fine, members, step)
+        return StatesGroup(problem, with_signals(problem, states, self.fine, members, step))
 
     def _parts(self, group: Group, members: Ints) -> Floats:
         """Robustness of the parts of the task, shape (parts, members)."""
