@@ -175,3 +175,11 @@ def test_a_replay_reads_signals_alike_by_polynomials_and_by_states() -> None:
 def test_units_are_said() -> None:
     one = problem("G heading >= -9 and G v >= -9 and G x >= -9")
     assert [part.unit for part in certify(one, CONTROLS).parts] == ["rad", "m/s", ""]
+
+
+def test_nothing_is_claimed_of_an_angle_that_turns_further_than_its_task_was_written_out_for() -> None:
+    one = problem("G[3,4] not heading within 40 deg of 0 deg", Unicycle(), None)
+    turning = np.column_stack([np.full(STEPS, 0.1), np.full(STEPS, 50.0)])  # beyond the input bounds, sixteen turns
+    assert certify(one, turning).proven != "yes"
+    wide = {"angular_traction": Interval(0.8, 60.0)}
+    assert certify(one, np.column_stack([np.full(STEPS, 0.1), np.ones(STEPS)]), wide).proven != "yes"

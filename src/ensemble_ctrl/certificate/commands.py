@@ -8,7 +8,7 @@ without remainder.  Where two steps meet, a rate has the values of both, and a b
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.disturbance import UNIT, signal_errors
 from ensemble_ctrl.certificate.enclosure import Flow
 from ensemble_ctrl.certificate.instants import Mesh
+from ensemble_ctrl.constraints.stl.leaves import Within
+from ensemble_ctrl.constraints.stl.rewrite import leaves
+from ensemble_ctrl.problem.signals import angle_range
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
@@ -38,11 +41,14 @@ class Commands:
     errors : mapping of str to ndarray of shape (pieces,)
         By how much each of `values`, and `heading` in radians, of a robot may be off from its member's; infinite where
         that is not known.
+    unknown : frozenset of str
+        Angles that turn further than a task took into account that reads them whole turns aside.
     """
 
     flow: Flow
     values: Mapping[str, Floats]
     errors: Mapping[str, Floats]
+    unknown: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, problem: Problem, controls: Floats, coarse: Flow, fine: Flow, mesh: Mesh) -> Commands:
@@ -56,11 +62,12 @@ class Commands:
             fine,
             {name: value[some] for name, value in values.items()},
             {name: error[some] for name, error in errors.items()},
+            frozenset(_beyond(problem, coarse, values, errors["heading"])),
         )
 
     def reads(self, coefficients: Mapping[str, float]) -> bool:
-        """Whether a predicate is about these signals alone."""
-        return coefficients.keys() <= {"heading", *self.values}
+        """Whether a predicate is about these signals alone, and all that was written about them is in it."""
+        return coefficients.keys() <= {"heading", *self.values} - self.unknown
 
     def bounds(
         self, coefficients: Mapping[str, float], offset: float, centres: Floats, half: Floats, upper: bool
@@ -126,3 +133,23 @@ class Commands:
         """By how much the model's errors may lower a predicate in each piece."""
         used = [(abs(value), self.errors[name]) for name, value in coefficients.items()]
         return np.asarray(sum((value * error for value, error in used), np.zeros(self.flow.steps)))
+
+
+def _beyond(problem: Problem, flow: Flow, values: Mapping[str, Floats], error: Floats) -> Iterator[str]:
+    """Angles read by `Within` that may leave the range for which its whole turns were written out.
+
+    With commands beyond the input bounds, or ranges of parameters beyond the fleet's, a turn may be missing.
+    """
+    for name in {leaf.state for leaf in leaves(problem.task) if isinstance(leaf, Within)}:
+        low, high = angle_range(problem, name)
+        if name == "heading":
+            # own headings |g + b Omega - g_0| from the middle of the start, both ways of counting alike
+            ends = flow.coefficients(flow.corners)
+            turn = float(np.abs(np.append(flow.turned, flow.turned[-1] + flow.step[-1] * flow.omega[-1])).max())
+            reach = float(np.abs(ends[:, 1]).max()) * turn + float(error.max())
+            start = np.pi / 2 - ends[:, 2] if flow.swapped else ends[:, 2]
+            seen = float(start.min()) - reach, float(start.max()) + reach
+        else:
+            seen = float(values[name].min()), float(values[name].max())
+        if not low <= seen[0] <= seen[1] <= high:
+            yield name

@@ -174,12 +174,12 @@ class Flow:
     @cached_property
     def fastest(self) -> float:
         """Largest absolute factor on the speed."""
-        return float(np.abs(self.coefficients(self._ends()))[:, 0].max())
+        return float(np.abs(self.coefficients(self.corners))[:, 0].max())
 
     @cached_property
     def sharpest(self) -> float:
         """Largest absolute factor on the turn rate."""
-        return float(np.abs(self.coefficients(self._ends()))[:, 1].max())
+        return float(np.abs(self.coefficients(self.corners))[:, 1].max())
 
     def coefficients(self, members: Floats) -> Floats:
         """Coefficients of members of shape (..., parameters), shape (..., 5)."""
@@ -268,7 +268,8 @@ class Flow:
         place = float(ends[START].max()) + way + 8 * self.extent
         return 4 * UNIT * ((self.steps + 32) * way * (1 + angle) + 32 * place)
 
-    def _ends(self) -> Floats:
+    @property
+    def corners(self) -> Floats:
         """Members at the corners of the ranges, shape (corners, parameters)."""
         # the factors are affine in the parameters: their extremes are at corners of the box
         signs = signs_of(len(self.lower))
