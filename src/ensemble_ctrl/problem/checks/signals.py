@@ -138,8 +138,12 @@ class _Wanted:
 
 
 def _wanted(problem: Problem) -> Iterator[_Wanted]:
-    """The leaves about one state or signal that every plan has to do."""
-    for part in problem.specification.parts:
+    """The leaves about one state or signal that every plan has to do; none where windows make no sense."""
+    try:
+        parts = problem.specification.parts
+    except ProblemError:
+        return
+    for part in parts:
         formula = part.resolved
         if not isinstance(formula, Always | Eventually):
             continue
