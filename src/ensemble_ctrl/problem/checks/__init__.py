@@ -11,6 +11,7 @@ from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.core.errors import ProblemError, first_of
 from ensemble_ctrl.problem.checks.coverage import coverage, coverage_findings, coverage_text
 from ensemble_ctrl.problem.checks.finding import Finding, Path, Severity, path_text
+from ensemble_ctrl.problem.checks.impossible import impossible_findings
 from ensemble_ctrl.problem.checks.minimum_time import minimum_time_findings
 from ensemble_ctrl.problem.checks.motion import motion_findings
 from ensemble_ctrl.problem.checks.numbers import (
@@ -22,7 +23,6 @@ from ensemble_ctrl.problem.checks.numbers import (
     number_findings,
 )
 from ensemble_ctrl.problem.checks.places import area_findings, start_findings
-from ensemble_ctrl.problem.checks.reach import reach_findings
 from ensemble_ctrl.problem.checks.signals import signal_findings
 from ensemble_ctrl.problem.checks.support import dimension_findings, support_findings
 from ensemble_ctrl.problem.checks.target import place_findings, target_findings
@@ -100,7 +100,7 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
         start_findings,
         place_findings,
         uncertainty_findings,
-        reach_findings,
+        impossible_findings,
         unused_findings,
         coverage_findings,
         work_findings,

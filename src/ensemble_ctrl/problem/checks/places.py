@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Share, conjuncts
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding, Severity
-from ensemble_ctrl.problem.checks.reach import required
+from ensemble_ctrl.problem.checks.presence import alternatives
 from ensemble_ctrl.problem.checks.task import mentioned
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 def area_findings(problem: Problem) -> Iterator[Finding]:
     """Regions without a point or without an end, and goals that obstacles cover."""
     inside, _ = mentioned(problem)
-    needed = {leaf.name for leaf, _ in required(problem.task, 0.0, problem.duration)}
+    needed = set.intersection(*({presence.leaf.name for presence in way} for way in alternatives(problem)))
     for name, region in problem.regions.items():
         path = ("regions", name)
         if region.is_empty:

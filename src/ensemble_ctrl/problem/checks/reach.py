@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.disc import obstacle_of
-from ensemble_ctrl.constraints.stl import Always, And, Eventually, Formula, Inside, Until
+from ensemble_ctrl.constraints.stl import Inside
 from ensemble_ctrl.problem.checks.finding import Finding
+from ensemble_ctrl.problem.checks.presence import Presence
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
@@ -23,9 +24,10 @@ SLACK = 1e-9
 """Metres, for each metre of a coordinate above one: only what is certain is a finding."""
 
 
-def reach_findings(problem: Problem) -> Iterator[Finding]:
-    """Regions that have to be reached before the slowest member can be there."""
-    for leaf, deadline in required(problem.task, 0.0, problem.duration):
+def reach_findings(problem: Problem, way: Sequence[Presence]) -> Iterator[Finding]:
+    """Regions of a way of doing the task that have to be reached before the slowest member can be there."""
+    for presence in way:
+        leaf, deadline = presence.leaf, min(presence.latest, problem.duration)
         region = problem.regions.get(leaf.name)
         if region is None or region.is_empty:
             continue
@@ -34,28 +36,8 @@ def reach_findings(problem: Problem) -> Iterator[Finding]:
         slack = SLACK * max(1.0, float(np.abs(start).max()))
         if deadline <= 0.0 and distance > slack:
             yield _wrong_start(leaf, distance, start)
-        elif deadline > 0.0 and distance > _top_speed(problem) * min(deadline, problem.duration) + slack:
-            yield _out_of_reach(leaf, distance, min(deadline, problem.duration), problem)
-
-
-def required(formula: Formula, latest: float, duration: float) -> Iterator[tuple[Inside, float]]:
-    """Every region that all members have to be in at some time up to a latest one."""
-
-    def end(time: float | None) -> float:
-        return duration if time is None else time
-
-    match formula:
-        case Inside():
-            yield formula, latest
-        case And():
-            for part in formula.parts:
-                yield from required(part, latest, duration)
-        case Always(child=child, a=a):
-            yield from required(child, latest + (a or 0.0), duration)
-        case Eventually(child=child, b=b):
-            yield from required(child, latest + end(b), duration)
-        case Until(right=right, b=b):
-            yield from required(right, latest + end(b), duration)
+        elif deadline > 0.0 and distance > top_speed(problem) * deadline + slack:
+            yield _out_of_reach(leaf, distance, deadline, problem)
 
 
 def _furthest(region: Polyhedron, problem: Problem) -> tuple[float, Floats]:
@@ -75,7 +57,7 @@ def _distances(region: Polyhedron, points: Floats) -> Floats:
     return -region.margin(points)
 
 
-def _top_speed(problem: Problem) -> float:
+def top_speed(problem: Problem) -> float:
     """Speed that the slowest member can't exceed, in m/s; none is known of systems that do not move on arcs."""
     if not problem.fleet.system.on_arcs:
         return np.inf
@@ -92,7 +74,7 @@ def _wrong_start(leaf: Inside, distance: float, start: Floats) -> Finding:
 
 def _out_of_reach(leaf: Inside, distance: float, deadline: float, problem: Problem) -> Finding:
     """A finding for a region that is too far."""
-    speed = _top_speed(problem)
+    speed = top_speed(problem)
     message = (
         f"region {leaf.name!r} is {distance:.3g} m from the start, but at top speed the slowest member "
         f"(traction {problem.fleet.slowest:g}) drives {speed * deadline:.3g} m by {deadline:g} s"
