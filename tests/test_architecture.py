@@ -45,7 +45,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "api.channels, api.comparison, api.widening, api.paper, api.results, api.portable",
         "api.paper_study",
         "api.planned",
-        "api.many, api.sweep",
+        "api.edit, api.many, api.sweep",
         "cli",
     )
 )

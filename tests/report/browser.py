@@ -28,6 +28,8 @@ def executable() -> str | None:
 class Page:
     """One tab; `complaints` collects everything that the console or the log says, and `requests` what was fetched."""
 
+    _loaded = False
+
     def __init__(self, to_browser: int, from_browser: int) -> None:
         self._out, self._in = os.fdopen(to_browser, "wb"), from_browser
         self._buffer, self._count, self._session = b"", 0, ""
@@ -54,10 +56,53 @@ class Page:
 
     def open(self, path: Path) -> None:
         """Load a file and wait until it is there."""
+        self.visit(path.resolve().as_uri())
+
+    def visit(self, address: str) -> None:
+        """Load an address and wait until it is there."""
         self._loaded = False
-        self.call("Page.navigate", url=path.resolve().as_uri())
+        self.call("Page.navigate", url=address)
         while not self._loaded:
             self._next()
+
+    def reload(self) -> None:
+        """Load the page anew."""
+        self._loaded = False
+        self.call("Page.reload")
+        while not self._loaded:
+            self._next()
+
+    def mouse(self, kind: str, x: float, y: float, held: int = 0, modifiers: int = 0) -> None:
+        """A mouse event, ``mousePressed``, ``mouseMoved`` or ``mouseReleased``, at a place of the window."""
+        button = {} if kind == "mouseMoved" and not held else {"button": "left", "clickCount": 1}
+        more = {"buttons": held, "modifiers": modifiers}
+        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **button, **more)
+
+    def click(self, x: float, y: float, modifiers: int = 0) -> None:
+        """Press and release."""
+        self.mouse("mousePressed", x, y, 1, modifiers)
+        self.mouse("mouseReleased", x, y, 0, modifiers)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 6) -> None:
+        """Press, move in some steps, release."""
+        self.mouse("mousePressed", *start, held=1)
+        for k in range(1, steps + 1):
+            x, y = (a + (b - a) * k / steps for a, b in zip(start, end, strict=True))
+            self.mouse("mouseMoved", x, y, held=1)
+        self.mouse("mouseReleased", *end)
+
+    def key(self, key: str, modifiers: int = 0, code: int = 0) -> None:
+        """Press and release a key by its name; a letter is typed."""
+        text = {"text": key} if len(key) == 1 and not modifiers else {}
+        for kind in ("keyDown", "keyUp"):
+            more = text if kind == "keyDown" else {}
+            self.call(
+                "Input.dispatchKeyEvent", type=kind, key=key, modifiers=modifiers, windowsVirtualKeyCode=code, **more
+            )
+
+    def type(self, text: str) -> None:
+        """Type a text where the focus is."""
+        self.call("Input.insertText", text=text)
 
     def run(self, expression: str) -> Any:
         """The value of an expression in the page; promises are waited for."""

@@ -262,6 +262,33 @@ def paper(
     raise typer.Exit(run_paper(asked))
 
 
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan edit problem.yaml       draw, drag, prove in the browser",
+        "ensemble-plan edit                    a new problem.yaml from nothing",
+        "ensemble-plan edit office.yaml --no-browser --port 8765",
+    )
+)
+def edit(
+    file: Annotated[
+        Path, typer.Argument(help="Problem file (YAML); a new one is written when you save.", metavar="FILE")
+    ] = Path("problem.yaml"),
+    port: Annotated[
+        int, typer.Option(help="Port on 127.0.0.1 [default: a free one].", metavar="N", min=0, max=65535)
+    ] = 0,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Open no browser; print the address.")] = False,
+    until_closed: Annotated[
+        bool, typer.Option("--until-closed", help="End when the last page is closed, not only with Ctrl-C.")
+    ] = False,
+    trust: Trust = False,
+) -> None:
+    """Edit a problem in the browser, with its plan and proof."""
+    require_memory()
+    from ensemble_ctrl.cli.edit import edit_file
+
+    raise typer.Exit(edit_file(file, port, not no_browser, until_closed, trust))
+
+
 @app.command()
 def models() -> None:
     """List the models, their controls and parameters."""

@@ -59,7 +59,7 @@ def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any]
     ribbons = tubes(problem, controls)
     marks = conflict_places(plan)
     drawing, motion = map_and_motion(problem, controls, ribbons, marks)
-    style, script = (_asset(f"page.{kind}") for kind in ("css", "js"))
+    style, script = _asset("drawing.css") + _asset("page.css"), _asset("page.js")
     sections = [
         _section("Map", _map(problem, drawing, bool(ribbons), bool(marks)), "wide"),
         _section("Certificate", _certificate(plan), "narrow"),
@@ -76,13 +76,39 @@ def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any]
         script_hash=digest,
         name=escape(problem.name),
         style=style,
-        verdict_class=_verdict_class(plan),
+        verdict_class=verdict_class(plan),
         verdict=escape(verdict(plan)),
         facts=_rows(summary_rows(plan)),
         sections="\n".join(sections),
         motion=motion,
         script=script,
     )
+
+
+def cards(plan: PlanLike) -> dict[str, str]:
+    """What the page has below its map, as HTML by its title: certificate, controls, robustness, clearance.
+
+    Notes
+    -----
+    *Guarantee*: every text that comes from the problem is escaped.
+    """
+    found = {
+        "Certificate": _certificate(plan),
+        "Controls": _controls(plan.problem, plan.controls),
+        "Robustness over time": _robustness(plan.problem, plan.controls),
+        "Clearance over the parameter": _clearance(plan),
+    }
+    return {title: body for title, body in found.items() if body}
+
+
+def verdict_class(plan: PlanLike) -> str:
+    """The verdict's colour: ``good`` only where nothing stands against it, else ``open`` or ``bad``."""
+    run, certificate = plan.replayed, plan.certificate
+    if plan.status == "infeasible" or (run is not None and run.violating.any()):
+        return "bad"
+    if certificate is not None and certificate.proven != "yes":
+        return "bad" if certificate.proven == "no" else "open"
+    return "good" if plan.status == "planned" and run is not None and certificate is not None else "open"
 
 
 def _asset(name: str) -> str:
@@ -98,16 +124,6 @@ def _section(title: str, body: str, width: str = "") -> str:
 def _rows(pairs: Sequence[tuple[str, str]]) -> str:
     """Labels and texts as a list."""
     return "<dl>" + "".join(f"<dt>{escape(label)}</dt><dd>{escape(text)}</dd>" for label, text in pairs) + "</dl>"
-
-
-def _verdict_class(plan: PlanLike) -> str:
-    """The verdict's colour: good only where nothing stands against it."""
-    run, certificate = plan.replayed, plan.certificate
-    if plan.status == "infeasible" or (run is not None and run.violating.any()):
-        return "bad"
-    if certificate is not None and certificate.proven != "yes":
-        return "bad" if certificate.proven == "no" else "open"
-    return "good" if plan.status == "planned" and run is not None and certificate is not None else "open"
 
 
 def _map(problem: Problem, drawing: str, proven: bool, marked: bool) -> str:

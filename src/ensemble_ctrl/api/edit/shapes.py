@@ -1,0 +1,116 @@
+"""What of a problem file can be dragged: areas, start and target as places of the file with numbers in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ensemble_ctrl.core.errors import EnsembleError
+from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.arguments.units import quantity
+from ensemble_ctrl.problem.drawing import shadow
+
+Data = dict[str, Any]
+SECTIONS = {"obstacles": "obstacle", "regions": "region"}
+"""Sections of areas, and what one of them is called."""
+FORMS = ("box", "polygon")
+"""Forms whose numbers are in the file."""
+_LENGTH, _ANGLE = quantity("length"), quantity("angle")
+
+
+def shapes(data: Any, problem: Problem | None) -> list[Data]:
+    """The areas of a file.
+
+    Parameters
+    ----------
+    data : plain data
+        Of the file's text, whether or not it is a problem.
+    problem : Problem or None
+        The problem, for what is in files or half-planes.
+
+    Returns
+    -------
+    list of dict
+        ``kind``, ``name``, ``path`` of the form's numbers in the file; ``form``: box, polygon, or fixed for what the
+        text alone can change; ``points``: for a box ``[[low, high], ...]``, for a polygon its corners, metres;
+        ``pieces``: what is drawn of fixed ones.
+    """
+    found = []
+    for section, kind in SECTIONS.items():
+        named = _section(data, section)
+        for name, given in named.items():
+            listed = isinstance(given, list)
+            for i, shape in enumerate(given if listed else [given]):
+                path: list[str | int] = [section, name, *([i] if listed else [])]
+                found.append({"kind": kind, "name": name, "entry": path, **_form(shape, path)})
+            if all(shape["form"] == "fixed" for shape in found if shape["name"] == name and shape["kind"] == kind):
+                found = [shape for shape in found if shape["name"] != name or shape["kind"] != kind]
+                found.append(_fixed(kind, section, name, problem))
+    return found
+
+
+def start(data: Any) -> Data | None:
+    """Where the fleet starts, if that is in the file as numbers: ``at``, ``heading`` in radians from +x or None."""
+    given = _section(_section(data, "fleet"), "start")
+    at = _numbers(given.get("position"), _LENGTH)
+    if at is None or len(at) < 2:
+        return None
+    turned = _number(given.get("heading"), _ANGLE)
+    clockwise = given.get("heading_from") == "y"
+    if turned is not None and clockwise:
+        turned = np.pi / 2 - turned
+    return {"at": at, "path": ["fleet", "start", "position"], "heading": turned, "clockwise": clockwise}
+
+
+def target(data: Any) -> Data | None:
+    """Where the fleet should end, if that is one place in the file."""
+    terminal = _section(_section(data, "objective"), "terminal")
+    at = _numbers(terminal.get("target"), _LENGTH)
+    return None if at is None or len(at) < 2 else {"at": at, "path": ["objective", "terminal", "target"]}
+
+
+def _form(shape: Any, path: list[str | int]) -> Data:
+    """An area's form with its numbers; fixed, where they can't be read."""
+    for form in FORMS if isinstance(shape, dict) else ():
+        rows = shape.get(form)
+        points = [_numbers(row, _LENGTH) for row in rows] if isinstance(rows, list) else [None]
+        if points and all(row is not None and len(row) == 2 for row in points) and len(points) > 1:
+            return {"form": form, "path": [*path, form], "points": points}
+    return {"form": "fixed", "path": path, "points": []}
+
+
+def _fixed(kind: str, section: str, name: str, problem: Problem | None) -> Data:
+    """An area that only the text can change, with what is drawn of it."""
+    pieces = [] if problem is None else [corners.tolist() for corners in _corners(problem, kind, name)]
+    entry = [section, name]
+    return {"kind": kind, "name": name, "entry": entry, "path": entry, "form": "fixed", "points": [], "pieces": pieces}
+
+
+def _corners(problem: Problem, kind: str, name: str) -> Iterator[Any]:
+    """Outlines of the convex pieces from above."""
+    if kind == "obstacle":
+        yield from (shadow(piece.vertices) for piece in problem.obstacles.get(name, ()))
+    elif name in problem.regions and problem.regions[name].is_bounded and problem.regions[name].A.shape[1] > 1:
+        yield shadow(problem.regions[name].vertices)
+
+
+def _section(data: Any, key: str) -> Data:
+    """A section of the data; empty where there is none."""
+    found = data.get(key) if isinstance(data, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _numbers(values: Any, read: Any) -> list[float] | None:
+    """A list of numbers in SI units; None where one can't be read."""
+    numbers = [_number(value, read) for value in values] if isinstance(values, list) else [None]
+    return None if not numbers or None in numbers else [float(n) for n in numbers if n is not None]
+
+
+def _number(value: Any, read: Any) -> float | None:
+    """A number in SI units."""
+    try:
+        return float(read(value))
+    except (EnsembleError, ValueError, TypeError):
+        return None
