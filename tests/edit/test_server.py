@@ -74,7 +74,7 @@ def test_a_plan_follows_each_change_and_the_file_each_save(running: Editor) -> N
     ],
 )
 def test_only_its_own_page_is_answered(running: Editor, headers: dict[str, str], status: int) -> None:
-    assert running.request("GET", "/api/state", **headers)[0] == status  # type: ignore[arg-type]
+    assert running.request("GET", "/api/state", **headers)[0] == status
 
 
 def test_the_same_origin_is_answered_and_the_page_needs_no_token(running: Editor) -> None:

@@ -17,8 +17,8 @@ from typing import Any
 
 from ensemble_ctrl.api.edit.work import CONTINUED, NUMBER, SUGGESTED, WHOLE
 from ensemble_ctrl.core.errors import WorkerError
-from ensemble_ctrl.core.jobs.child import Child, Died
-from ensemble_ctrl.core.jobs.unit import DEATHS, Content
+from ensemble_ctrl.core.jobs.child import Child, Died, asked_of, is_spent
+from ensemble_ctrl.core.jobs.unit import DEATHS, Content, Unit
 from ensemble_ctrl.core.jobs.versions import versions
 
 KIND = "ensemble_ctrl.api.edit.work"
@@ -96,7 +96,11 @@ class Planner:
         self._child, self._spare = Child(versions()), Child(versions())
         try:
             while (wanted := self._next()) is not None:
-                self._serve(wanted)
+                try:
+                    self._serve(wanted)
+                except Exception as error:  # the page is told, and the next problem has a worker again
+                    self._say(wanted, "failed", why=f"the planner failed: {type(error).__name__}: {error}")
+                    self._replace()
         finally:
             for child in (self._child, self._spare):
                 child.end()
@@ -159,7 +163,8 @@ class Planner:
         """One stage; None where it found nothing, or was given up."""
         for _ in range(DEATHS):
             try:
-                self._child.ask(KIND, content.digest, index, content.text)
+                asked = asked_of(Unit(KIND, content, index))
+                self._child.ask(asked, content.text)
                 self.pid = self._child.pid
                 answer = self._answer()
             except (Died, WorkerError) as error:
@@ -168,6 +173,8 @@ class Planner:
                 if self._newer():
                     return None
                 continue
+            if answer is not None and is_spent(asked, answer):
+                self._replace()
             if answer is None or self._newer():
                 return None
             if answer["error"]:
@@ -209,4 +216,7 @@ class Planner:
     def _replace(self) -> None:
         """The spare worker takes over, and a new spare is started."""
         self._child.end()
+        if not self._spare.alive:
+            self._spare.end()
+            self._spare = Child(versions())
         self._child, self._spare = self._spare, Child(versions())

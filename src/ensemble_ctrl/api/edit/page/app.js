@@ -108,6 +108,7 @@ class App {
     if (event.phase === "failed") this.failure = event.why;
     if (event.phase === "planned") {
       this.failure = "";
+      if (!this.plan && !this.map.moved) this.map.view = null; // show all of the first one
       this.plan = event;
       this.suggestions = null;
       this.player.plan(event.drawing);

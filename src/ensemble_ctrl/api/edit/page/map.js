@@ -15,9 +15,15 @@ export class MapView {
     this.view = null; // {x, y, scale}: metres at the lower left corner, pixels per metre
     this.dragged = null; // a shape with other numbers than the file's, while it is dragged
     this.sketch = null; // what is being drawn
+    this.last = this.width; // of the drawing
     this.tools = new Tools(app, this);
     this.gestures = new Gestures(app, this);
-    new ResizeObserver(() => { this.view = this.moved ? this.view : null; this.draw(); }).observe(svg);
+    new ResizeObserver(() => {
+      // as much as a scroll bar takes leaves the view as it is
+      if (!this.moved && Math.abs(this.width - this.last) > 40) this.view = null;
+      this.last = this.width;
+      this.draw();
+    }).observe(svg);
     document.getElementById("fit").onclick = () => this.fit();
     document.getElementById("closer").onclick = () => this.zoom(1.25);
     document.getElementById("farther").onclick = () => this.zoom(0.8);
