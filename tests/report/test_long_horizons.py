@@ -68,7 +68,7 @@ def test_what_is_looked_at_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         looked.append(found.shape[0] * (found.shape[1] - 1))
         return found
 
-    for module in (sampled, conflicts, series):
+    for module in (sampled, conflicts):
         monkeypatch.setattr(module, "states", counting)
     conflicts.conflicts(LONG, CONTROLS)
     series.by_parameter(LONG, CONTROLS)

@@ -29,14 +29,14 @@ TRUSTED = tuple(
     for room, modules in {
         "certificate.": (
             *("bound", "certify", "clearance", "commands", "disturbance", "enclosure", "errors", "fingerprint"),
-            *("instants", "masses", "schedule", "share", "signals", "task"),
+            *("instants", "masses", "schedule", "share", "signals", "starts", "task"),
         ),
         "constraints.": (
             *("_rows", "_sides", "cover", "disc", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
         ),
         "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
         "core.": ("errors", "plain", "readonly", "values"),
-        "problem.": ("signals", "specification"),
+        "problem.": ("signals", "specification", "starts"),
     }.items()
     for module in modules
 )
@@ -55,7 +55,7 @@ HANDED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "constraints.": ("motion",),
-        "problem.": ("ensemble", "fleet", "problem", "uncertainty"),
+        "problem.": ("arc_members", "ensemble", "fleet", "problem", "uncertainty"),
         "systems.": ("arcs", "bicycle", "unicycle"),
         "moments.": ("distribution", "measure", "samples", "normal", "beta", "mixture"),
     }.items()

@@ -18,6 +18,7 @@ from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.fingerprint import fingerprint
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.certificate.share import boxes, weighed
+from ensemble_ctrl.certificate.starts import of_each_start
 from ensemble_ctrl.certificate.task import TaskBound, bound_task
 from ensemble_ctrl.constraints.stl.rewrite import leaves
 from ensemble_ctrl.core.errors import ProblemError
@@ -181,6 +182,9 @@ def certify(
     distributions, controls = _distributions(problem, ranges), problem.fleet.checked_controls(controls)
     if len(controls) != problem.steps:
         raise ProblemError(f"controls: expected a row for each of {problem.steps} steps, got {len(controls)}")
+    inputs = fingerprint(problem, controls, distributions)
+    if problem.fleet.starts:
+        return of_each_start(problem, lambda one: certify(one, controls, ranges, each=each), inputs)
     proof = PROOFS[problem.fleet.enclosure](problem, controls, distributions)
     specification = problem.specification
     chances = {id(chance.part): chance for chance in specification.chance}
@@ -206,7 +210,7 @@ def certify(
         {name: (distribution.lower, distribution.upper) for name, distribution in distributions.items()},
         looked,
         time.perf_counter() - began,
-        fingerprint(problem, controls, distributions),
+        inputs,
         reason,
         problem.fleet.uncertainty.data(),
         None if each or len(clearances) < 2 else ENOUGH,

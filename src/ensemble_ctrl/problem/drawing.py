@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
+from ensemble_ctrl.problem.starts import places
 from ensemble_ctrl.problem.target import Formation, SpreadTarget
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def map_svg(
     targets = [_flat(line) for line in target_lines(problem)]
     shapes = [shadow(piece.vertices) for _, piece in problem.pieces] + _ends(problem)
     shapes += [*regions.values(), *paths, *targets, *(mark[None] for mark in marks)]
-    sheet = _Sheet(*frame([_flat(problem.fleet.start_place[None, :]), *shapes]))
+    sheet = _Sheet(*frame([*(_flat(place[None, :]) for place in places(problem).values()), *shapes]))
     strokes = [*colours, *["black"] * len(paths)]
     parts = [
         *_regions(sheet, regions),
@@ -127,8 +128,13 @@ def _obstacles(sheet: _Sheet, problem: Problem) -> Iterator[str]:
 
 
 def _start(sheet: _Sheet, problem: Problem) -> str:
-    """An arrow head in the direction of the heading; a disk where a robot has none."""
-    x, y = sheet.at(_flat(problem.fleet.start_place[None, :])[0])
+    """An arrow head at each start in the direction of the heading; a disk where a robot has none."""
+    return "".join(_head(sheet, problem, place) for place in places(problem).values())
+
+
+def _head(sheet: _Sheet, problem: Problem, place: Floats) -> str:
+    """The mark at one start."""
+    x, y = sheet.at(_flat(place[None, :])[0])
     if not problem.fleet.system.heading_state:
         return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4"/>'
     turn = f"translate({x:.1f} {y:.1f}) rotate({-np.degrees(problem.fleet.heading):.1f})"
@@ -176,7 +182,7 @@ def outlines(problem: Problem, paths: Sequence[Floats] = ()) -> dict[str, Floats
         return bounded
     drawn = [piece.vertices for _, piece in problem.pieces] + [*bounded.values(), *paths]
     # unbounded regions are cut by a window around everything else
-    low, size = frame([problem.fleet.start_place[None, :], *drawn])
+    low, size = frame([*(place[None, :] for place in places(problem).values()), *drawn])
     window = (low - 0.1 * size - 0.5, low + 1.1 * size + 0.5)
     parts = {name: region if name in bounded else _within(region, *window) for name, region in problem.regions.items()}
     return {name: part.vertices for name, part in parts.items() if not part.is_empty}

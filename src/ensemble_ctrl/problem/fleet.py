@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self, cast
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,26 +16,28 @@ from ensemble_ctrl.core.readonly import ReadOnlyMapping
 from ensemble_ctrl.core.renamed import renamed_fields
 from ensemble_ctrl.core.values import expect, numbers
 from ensemble_ctrl.moments import Distribution
+from ensemble_ctrl.problem.arc_members import START_COLUMNS, ArcMembers
 from ensemble_ctrl.problem.arguments import distributions_of
 from ensemble_ctrl.problem.arguments.fleets import per_control, radius_of, rates_of, rest_of_start, start_of
-from ensemble_ctrl.problem.ensemble import Ensemble, Member
+from ensemble_ctrl.problem.ensemble import Member
 from ensemble_ctrl.problem.integrated import accurate, integrated
+from ensemble_ctrl.problem.starts import Offsets, starts_of
 from ensemble_ctrl.problem.uncertainty import NONE, Uncertainty
 from ensemble_ctrl.problem.units import unit_of
-from ensemble_ctrl.systems import ArcSystem, System
+from ensemble_ctrl.systems import System
 from ensemble_ctrl.systems.integration import Rule, extrapolated
 
 Floats = NDArray[np.float64]
 
+NO_STARTS: Offsets = ReadOnlyMapping({})
+"""Of members that all start at one place."""
 START_PREFIX = "start_"
 """What the name of a parameter that shifts a state's start begins with."""
-START_COLUMNS = {"start_heading": 2, "start_x": 3, "start_y": 4}
-"""Parameters of the start of robots on arcs, and their places among the member coefficients."""
 
 
 @renamed_fields(cloud="samples")
 @dataclass(frozen=True, eq=False, init=False)
-class Fleet(Ensemble):
+class Fleet(ArcMembers):
     """Who moves.
 
     Parameters
@@ -63,6 +65,9 @@ class Fleet(Ensemble):
         Largest change of each command per second, between successive steps; infinite if not given.
     start : mapping of str to float, optional
         Where all members start, by the names of states; the others start at the system's own values, or zero.
+    starts : mapping of str to array_like of shape (d,), or array_like of shape (n, d), optional
+        Members that start at different places under the same command: the places, as offsets from the start in metres,
+        by name. There are members with all the parameters at each of them.
     uncertainty : Uncertainty, optional
         What robots may do beside the model; proofs hold for all of it. By default they follow the model.
 
@@ -93,6 +98,7 @@ class Fleet(Ensemble):
     rate_bounds: Floats | None
     start: Mapping[str, float]
     uncertainty: Uncertainty
+    starts: Offsets
 
     def __init__(
         self,
@@ -108,6 +114,7 @@ class Fleet(Ensemble):
         *,
         start: Mapping[str, float] | None = None,
         uncertainty: Uncertainty | None = None,
+        starts: Mapping[str, ArrayLike] | ArrayLike | None = None,
     ) -> None:
         expect("fleet.system", system, System).require_complete()
         self._set(
@@ -124,8 +131,11 @@ class Fleet(Ensemble):
         self._set(uncertainty=expect("fleet.uncertainty", uncertainty or NONE, Uncertainty).checked(system))
         if samples is not None:
             self._set(samples=ReadOnlyMapping(self.checked_samples(samples)))
+        self._set(starts=NO_STARTS)
         if not system.on_arcs:
             self._check_members()
+        if starts is not None:
+            self._set(starts=starts_of(system, starts))
 
     def _set(self, **fields: Any) -> None:
         """Fields of a new fleet."""
@@ -174,9 +184,35 @@ class Fleet(Ensemble):
         """A copy with some arguments replaced, `position` and `heading` among them, checked like a new fleet."""
         return replace(self, **{"start": rest_of_start(self.system, self.start, changes)} | changes)
 
+    def at_start(self, name: str) -> Self:
+        """The members at one of the starts: a fleet that starts there.
+
+        Raises
+        ------
+        ProblemError
+            For a name that no start has.
+        """
+        if name not in self.starts:
+            raise ProblemError(f"start: expected one of {', '.join(self.starts) or 'no names'}, got {name!r}")
+        base = self.of_one_start
+        return base.with_(position=base.position + np.array(self.starts[name]))
+
+    @property
+    def of_one_start(self) -> Self:
+        """The members that start at the start itself, for what does not depend on the place; the fleet, if all do."""
+        return self.with_(starts=None) if self.starts else self
+
+    def _require_one_start(self) -> None:
+        """Refuse to say where members start that start at different places."""
+        if self.starts:
+            names = ", ".join(self.starts)
+            raise UnsupportedError(f"this is for members with one start, and fleet.starts has several: {names}")
+
     @property
     def identity(self) -> list[object]:
         """What distinguishes how members move, and from where, from another fleet."""
+        if self.starts:
+            return [[name, *self.at_start(name).identity] for name in self.starts]
         return self.system.identity(self.start, self.start_states(self.center[None]))
 
     @property
@@ -217,6 +253,7 @@ class Fleet(Ensemble):
     @cached_property
     def position(self) -> Floats:
         """Where members start but for the offsets of the parameters, shape (d,), metres."""
+        self._require_one_start()
         given = {**self.system.start(), **self.start}
         place = np.array([float(given.get(name, 0.0)) for name in self.places])
         place.setflags(write=False)
@@ -286,6 +323,7 @@ class Fleet(Ensemble):
 
     def start_states(self, members: Floats) -> Floats:
         """States of members at time zero, shape (n_x, members)."""
+        self._require_one_start()
         given = {**self.system.start(), **self.start}
         states = np.tile(
             np.array([float(given.get(name, 0.0)) for name in self.system.states])[:, None], (1, len(members))
@@ -307,52 +345,6 @@ class Fleet(Ensemble):
         if array.ndim != 2 or not array.size or array.shape[1] != n_u or not np.isfinite(array).all():
             raise ProblemError(f"controls: expected finite numbers of shape (steps, {n_u}), got shape {array.shape}")
         return array
-
-    @property
-    def arcs(self) -> ArcSystem:
-        """The system of a fleet that moves on exact arcs; the rows below are about such fleets."""
-        if not self.system.on_arcs:
-            raise UnsupportedError(f"expected a system on arcs, got the {self.system.name}")
-        return cast(ArcSystem, self.system)
-
-    @property
-    def own_heading(self) -> float:
-        """Start heading in radians in the system's own convention."""
-        return float(self.arcs.own_heading(self.heading))
-
-    @cached_property
-    def directions(self) -> Floats:
-        """How much each parameter adds to the coefficients, shape (parameters, 5)."""
-        rows = np.zeros((len(self.parameters), 5))
-        for row, name in zip(rows, self.names, strict=True):
-            if name in START_COLUMNS:
-                row[START_COLUMNS[name]] = -1.0 if name == "start_heading" and self.arcs.heading_from == "y" else 1.0
-            else:
-                row[:2] = self.arcs.directions[name]
-        return rows
-
-    @cached_property
-    def origin(self) -> Floats:
-        """The coefficients from which `directions` count, shape (5,)."""
-        # factors that no parameter sets are 1
-        given = self.directions[:, :2].any(axis=0)
-        return np.array([*np.where(given, 0.0, 1.0), self.own_heading, *self.position])
-
-    @cached_property
-    def fastest(self) -> tuple[float, float]:
-        """Largest linear and angular factor of any member."""
-        corners = self.coefficients(self.corners)
-        return float(np.abs(corners[:, 0]).max()), float(np.abs(corners[:, 1]).max())
-
-    @cached_property
-    def slowest(self) -> float:
-        """Smallest linear factor of any member."""
-        return float(self.coefficients(self.corners)[:, 0].min())
-
-    def coefficients(self, members: Floats) -> Floats:
-        """The coefficients of members of shape (members, parameters), shape (members, 5)."""
-        # affine in the parameters: (linear, angular, heading, x, y) = origin + psi directions
-        return np.asarray(self.origin + members @ self.directions)
 
     def trajectories(self, controls: Floats, members: Floats, step: float) -> Floats:
         """The `states` of members at the ends of all steps: on exact arcs, or with an estimated error below `ACCURACY`.

@@ -38,6 +38,7 @@ FLEET = (
     "input_bounds",
     "rate_bounds",
     "radius",
+    "starts",
     "uncertainty",
 )
 """The keys of a fleet's section that are read here; one with others says more than is proven."""
@@ -111,6 +112,7 @@ def _fleet(data: Data) -> Fleet:
         samples=columns or None,
         rate_bounds=np.array(rates) if "rate_bounds" in data else None,
         uncertainty=_uncertainty(data.get("uncertainty", {})),
+        starts={name: np.array(place, dtype=float) for name, place in data.get("starts", {}).items()},
         **given,
     )
 

@@ -57,7 +57,7 @@ def with_signals(problem: Problem, states: Floats, controls: Floats, members: Fl
     -------
     ndarray, shape (members, steps + 1, columns)
     """
-    names, fleet = problem.specification.signals, problem.fleet
+    names, fleet = problem.specification.signals, problem.fleet.of_one_start
     if not names:
         return states
     robots = fleet.coefficients(members)
@@ -72,7 +72,7 @@ def angle_range(problem: Problem, name: str) -> tuple[float, float]:
     -----
     Of a system that an ODE defines, `SOME_TURNS`: nothing is known of it.
     """
-    fleet = problem.fleet
+    fleet = problem.fleet.of_one_start
     if name not in fleet.system.signals:
         return SOME_TURNS
     if name != "heading":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import all_paths
 from ensemble_ctrl.report.palette import shades, viridis
 from ensemble_ctrl.report.raster import FINE, NARROW, Raster
 from ensemble_ctrl.report.video import RATES, AnimationError, require, write_gif, write_video
@@ -66,8 +66,8 @@ def _frames(problem: Problem, controls: Floats, times: Floats, width: int) -> It
     from PIL import ImageDraw
 
     fleet = problem.fleet
-    members = fleet.spread(MEMBERS if fleet.names else 1)
-    raster = Raster.of(problem, trajectories(problem, controls, members, 2), width)
+    paths, members = all_paths(problem, controls, fleet.spread(MEMBERS if fleet.names else 1), 2)
+    raster = Raster.of(problem, paths, width)
     colours = [tuple(colour) for colour in viridis(shades(fleet, members)).tolist()]
     ground = raster.ground()
     grid = np.linspace(0.0, problem.duration, raster.panels[0].content.paths.shape[1])

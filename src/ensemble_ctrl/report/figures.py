@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.drawing import highest, outlines, shadow, target_lines
-from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
+from ensemble_ctrl.problem.starts import places
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.palette import CONTRAST, DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, shades
 from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet
@@ -100,16 +101,18 @@ def _draw_motions(problem: Problem, ax: Axes) -> None:
 
 
 def _draw_start(problem: Problem, ax: Axes) -> None:
-    """The start as an arrow head in the direction of the heading."""
-    fleet = problem.fleet
-    x, y = fleet.start_place.tolist()
-    marker = (3, 0, np.degrees(fleet.heading) - 90)
-    ax.plot(x, y, marker=marker, color="black", markersize=9, zorder=5, linestyle="none")
-    # the label stands beside the heading, on the side of the map's middle
-    inwards = ax.dataLim.get_points().mean(axis=0) - fleet.start_place
-    side = float(np.sign(np.dot((-np.sin(fleet.heading), np.cos(fleet.heading)), inwards))) or 1.0
-    away = (-17 * side * np.sin(fleet.heading), 11 * side * np.cos(fleet.heading))
-    ax.annotate("start", (x, y), away, textcoords="offset points", fontsize="small", ha="center", va="center")
+    """Each start as an arrow head in the direction of the heading."""
+    heading = problem.fleet.heading
+    for name, place in places(problem).items():
+        x, y = place.tolist()
+        marker = (3, 0, np.degrees(heading) - 90)
+        ax.plot(x, y, marker=marker, color="black", markersize=9, zorder=5, linestyle="none")
+        # the label stands beside the heading, on the side of the map's middle
+        inwards = ax.dataLim.get_points().mean(axis=0) - place
+        side = float(np.sign(np.dot((-np.sin(heading), np.cos(heading)), inwards))) or 1.0
+        away = (-17 * side * np.sin(heading), 11 * side * np.cos(heading))
+        text = literal(name)
+        ax.annotate(text, (x, y), away, textcoords="offset points", fontsize="small", ha="center", va="center")
 
 
 def draw_trajectories(
@@ -138,9 +141,8 @@ def draw_trajectories(
     if not on_map(problem):
         return _draw_views(problem, controls, ax, baseline_controls)
     fleet = problem.fleet
-    members = fleet.spread(MEMBERS)
     substeps = max(1, POINTS // problem.steps)
-    paths = trajectories(problem, controls, members, substeps)
+    paths, members = all_paths(problem, controls, fleet.spread(MEMBERS), substeps)
     ax = shown_axes(map_size(problem, controls, baseline_controls)) if ax is None else ax
     draw_map(problem, ax, list(paths))
     if baseline_controls is not None:
@@ -239,7 +241,7 @@ def write_figures(
         figures = {"trajectories.png": new_figure(map_size(problem, controls, baseline_controls))}
         draw_trajectories(problem, controls, placed_axes(figures["trajectories.png"], *MARGINS), baseline_controls)
     figures["controls.png"] = control_figure
-    if len(routes) > 1 and on_map(problem):
+    if len(routes) > 1 and on_map(problem) and not problem.fleet.starts:  # routes are of the middle of the starts
         figures["routes.png"] = draw_routes(problem, controls, routes)
     for name, figure in figures.items():
         save(figure, folder / name)
@@ -255,7 +257,7 @@ def map_size(
 ) -> tuple[float, float]:
     """Inches for a map of its own proportions, with `margins` for labels and the colour bar."""
     drawn = [controls] if baseline_controls is None else [controls, baseline_controls]
-    ends = np.concatenate([trajectories(problem, c, problem.fleet.corners) for c in drawn])
+    ends = np.concatenate([all_paths(problem, c, problem.fleet.corners)[0] for c in drawn])
     shapes = [*outlines(problem, list(ends)).values(), *(piece.vertices for _, piece in problem.pieces)]
     across, up = np.ptp(np.concatenate([shadow(part) for part in (*ends, *shapes)]), axis=0)
     ratio = float(np.clip(up / max(across, 1e-9), 0.4, 1.1))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.drawing import frame, highest, outlines, shadow, target_lines
+from ensemble_ctrl.problem.starts import places
 from ensemble_ctrl.report.transform import Canvas
 
 Floats = NDArray[np.float64]
@@ -102,9 +103,9 @@ class MapContent:
         return {n: np.array([(k + 0.5) * each, c[:, 1].max()]) for k, (n, c) in enumerate(self.regions.items())}
 
     @property
-    def start(self) -> Floats:
-        """Where the fleet starts, shape (2,)."""
-        return self.at(self.problem.fleet.start_place, 0.0)
+    def starts(self) -> dict[str, Floats]:
+        """Where the fleet starts, by the names of its starts, shape (2,) each."""
+        return {name: self.at(place, 0.0) for name, place in places(self.problem).items()}
 
     @property
     def target(self) -> Floats | None:
@@ -130,7 +131,7 @@ class MapContent:
 
     def canvas(self, width: float, left: float = 0.0, top: float = 0.0, more: Sequence[Floats] = ()) -> Canvas:
         """A drawing so wide that shows all of it, wherever obstacles go, and more shapes of shape (points, 2)."""
-        shapes = [self.start[None, :], *self.paths]
+        shapes = [*(start[None, :] for start in self.starts.values()), *self.paths]
         for obstacle in self.obstacles:
             times = np.linspace(0.0, self.problem.duration, INSTANTS)
             offsets = np.zeros((1, 2)) if obstacle.motion is None else obstacle.motion.at(times)

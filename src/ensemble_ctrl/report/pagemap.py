@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict
-from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import all_paths
 from ensemble_ctrl.report.map_content import MapContent, View, map_contents
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
@@ -54,7 +54,7 @@ def map_and_motion(
         What goes wrong, and where.
     """
     members = problem.fleet.spread(MEMBERS if problem.fleet.names else 1)
-    paths = trajectories(problem, controls, members, 2)
+    paths, members = all_paths(problem, controls, members, 2)
     shown = some(paths.shape[1], POINTS)
     times = np.linspace(0.0, problem.duration, paths.shape[1])[shown]
     colours = [hexadecimal(c) for c in viridis(shades(problem.fleet, members))]
@@ -189,9 +189,13 @@ def _obstacles(content: MapContent, canvas: Canvas) -> list[str]:
 
 
 def _start(content: MapContent, canvas: Canvas) -> list[str]:
-    """An arrow head at the start, in the direction of the heading; a disk where there is none."""
-    x, y = canvas.at(content.start).tolist()
-    if content.heading is None:
-        return [f'<circle class="start" cx="{x:.1f}" cy="{y:.1f}" r="5"><title>start</title></circle>']
-    turn = f'transform="translate({x:.1f} {y:.1f}) rotate({-np.degrees(content.heading):.1f})"'
-    return [f'<path class="start" {turn} d="M9 0L-6 6L-3 0L-6 -6Z"><title>start</title></path>']
+    """An arrow head at each start, in the direction of the heading; a disk where there is none."""
+    parts = []
+    for name, place in content.starts.items():
+        (x, y), title = canvas.at(place).tolist(), f"<title>{escape(name)}</title>"
+        if content.heading is None:
+            parts.append(f'<circle class="start" cx="{x:.1f}" cy="{y:.1f}" r="5">{title}</circle>')
+        else:
+            turn = f'transform="translate({x:.1f} {y:.1f}) rotate({-np.degrees(content.heading):.1f})"'
+            parts.append(f'<path class="start" {turn} d="M9 0L-6 6L-3 0L-6 -6Z">{title}</path>')
+    return parts

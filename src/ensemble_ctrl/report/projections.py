@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
 from ensemble_ctrl.report.canvas import draw_scale, placed_axes
 from ensemble_ctrl.report.map_content import OVER_TIME, MapContent, map_contents
 from ensemble_ctrl.report.palette import CONTRAST, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, shades, viridis
@@ -46,11 +46,9 @@ def draw_paths(
         Commands of the unconstrained baseline, whose trajectories are drawn thin and dashed.
     """
     fleet = problem.fleet
-    members = fleet.spread(MEMBERS)
+    paths, members = all_paths(problem, controls, fleet.spread(MEMBERS), SUBSTEPS)
     colours = viridis(shades(fleet, members)) / 255
-    for ax, content in zip(
-        axes, map_contents(problem, trajectories(problem, controls, members, SUBSTEPS)), strict=False
-    ):
+    for ax, content in zip(axes, map_contents(problem, paths), strict=False):
         draw_shapes(content, ax)
         for colour, path in zip(colours, content.paths, strict=True):
             ax.plot(*path.T, color=colour, linewidth=0.9, alpha=0.9)
@@ -93,13 +91,15 @@ def draw_shapes(content: MapContent, ax: Axes) -> None:
     for line in content.lines:
         marker = "x" if len(line) < 60 else ""
         ax.plot(*line.T, ":", color="black", linewidth=1.0, marker=marker, markersize=5, zorder=4.5)
-    ax.plot(*content.start, "ko", markersize=5, zorder=5)
     if content.view is not None:
         ax.set_aspect("equal")
-        # on the side of the map's middle
-        inwards = float(ax.dataLim.get_points().mean(axis=0)[0]) >= content.start[0]
-        shift, align = (-4, "left") if inwards else (4, "right")
-        ax.annotate("start", tuple(content.start), (shift, -12), textcoords="offset points", fontsize=8, ha=align)
+    for name, start in content.starts.items():
+        ax.plot(*start, "ko", markersize=5, zorder=5)
+        if content.view is not None:
+            # on the side of the map's middle
+            inwards = float(ax.dataLim.get_points().mean(axis=0)[0]) >= start[0]
+            shift, align = (-4, "left") if inwards else (4, "right")
+            ax.annotate(literal(name), tuple(start), (shift, -12), textcoords="offset points", fontsize=8, ha=align)
     across, up = content.labels
     seen = f" (seen along {content.hidden}; dotted: beside the way)" if content.hidden else ""
     ax.set(xlabel=literal(f"{across}{seen}"), ylabel=literal(up))
@@ -112,7 +112,7 @@ def _times(problem: Problem, path: Floats) -> Floats:
 
 def draw_spread(problem: Problem, controls: Floats, ax: Axes) -> Axes:
     """How far apart the members are over time, in each coordinate of the position: largest less smallest."""
-    paths = trajectories(problem, controls, problem.fleet.grid(MEMBERS), SUBSTEPS)
+    paths, _ = all_paths(problem, controls, problem.fleet.grid(MEMBERS), SUBSTEPS)
     # max_i p(t; psi_i) - min_i p(t; psi_i) in each coordinate
     apart = np.ptp(paths, axis=0)
     for k, name in enumerate(problem.fleet.places):
@@ -155,7 +155,7 @@ def sheet(
 def _ratios(problem: Problem, controls: Floats) -> list[float]:
     """Heights of all views, in widths."""
     found = []
-    for content in map_contents(problem, trajectories(problem, controls, problem.fleet.corners)):
+    for content in map_contents(problem, all_paths(problem, controls, problem.fleet.corners)[0]):
         across, up = np.ptp(np.concatenate([*content.paths, *_shapes(content)]), axis=0)
         found.append(float(np.clip(up / max(across, 1e-9), 0.3, 1.3)) if content.view else OVER_TIME)
     return found

@@ -161,16 +161,16 @@ def _draw_numbers(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
 
 
 def _draw_start(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
-    """An arrow head in the direction of the heading; a disk where there is none."""
+    """An arrow head at each start in the direction of the heading; a disk where there is none."""
     heading, unit = panel.content.heading, panel.unit
-    ((x, y),) = panel.points(panel.content.start[None])
-    if heading is None:
-        pen.ellipse((x - 4 * unit, y - 4 * unit, x + 4 * unit, y + 4 * unit), "black")
-        return
-    # R(heading) on an arrow head; y runs down on the canvas
-    turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
-    head = np.array([[8.0, 0.0], [-6.0, 5.0], [-6.0, -5.0]]) * unit @ turn.T
-    pen.polygon([(x + dx, y - dy) for dx, dy in head.tolist()], "black")
+    for x, y in panel.points(np.array(list(panel.content.starts.values()))):
+        if heading is None:
+            pen.ellipse((x - 4 * unit, y - 4 * unit, x + 4 * unit, y + 4 * unit), "black")
+            continue
+        # R(heading) on an arrow head; y runs down on the canvas
+        turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+        head = np.array([[8.0, 0.0], [-6.0, 5.0], [-6.0, -5.0]]) * unit @ turn.T
+        pen.polygon([(x + dx, y - dy) for dx, dy in head.tolist()], "black")
 
 
 def _draw_frame(raster: Raster, pen: ImageDraw.ImageDraw) -> None:

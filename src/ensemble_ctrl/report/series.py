@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, leaves, member_robustness
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.evaluation.sampled import affordable, states
+from ensemble_ctrl.problem.evaluation.sampled import affordable, all_states
 from ensemble_ctrl.problem.signals import columns, with_signals
 from ensemble_ctrl.problem.specification import TaskPart
 
@@ -98,7 +98,7 @@ def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series,
     *Guarantee*: exact for `MEMBERS` members at the grid times, corners of the ranges included; for pictures, no proof.
     """
     members = np.concatenate([problem.fleet.spread(affordable(MEMBERS, problem.steps)), problem.fleet.corners])
-    whole = states(problem, controls, members)
+    whole, members = all_states(problem, controls, members)
     times = np.linspace(0.0, problem.duration, whole.shape[1])
     found = [
         *_kept_out(problem, whole[..., problem.fleet.place_columns], times),
@@ -116,7 +116,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
     """
     fleet = problem.fleet
     members = fleet.grid(affordable(VALUES if len(fleet.names) < 2 else GRID, problem.steps, SUBSTEPS))
-    whole = states(problem, controls, members, SUBSTEPS)
+    whole, members = all_states(problem, controls, members, SUBSTEPS)
     paths = whole[..., fleet.place_columns]
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     column = members[:, 0] if fleet.names else np.zeros(len(members))

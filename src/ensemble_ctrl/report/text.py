@@ -19,6 +19,7 @@ from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task, units_of_pa
 from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
 from ensemble_ctrl.problem.fleet import START_COLUMNS, START_PREFIX
 from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED
+from ensemble_ctrl.problem.starts import label
 from ensemble_ctrl.report.errors import errors_text, tolerated
 from ensemble_ctrl.report.tried import tried
 
@@ -161,10 +162,12 @@ def _suggested(suggestions: dict[str, Any], uncertain: bool) -> Iterator[tuple[s
 
 def _fleet(problem: Problem) -> str:
     """Who moves, from where."""
-    fleet = problem.fleet
+    fleet, starts = problem.fleet.of_one_start, problem.fleet.starts
     headed = bool(fleet.system.heading_state)
     place = ", ".join(f"{value:g}" for value in (fleet.position if headed else fleet.start_place))
     turned = f" heading {np.degrees(fleet.heading):.4g} deg" if headed else ""
+    if starts:
+        turned += f" at {len(starts)} offsets ({short(', '.join(starts))})"
     return f"{fleet.system.name}, {ranges_text(fleet)}, radius {fleet.radius:g} m, from ({place}){turned}"
 
 
@@ -218,6 +221,7 @@ def measured(run: Replay | None, unit: str = "m") -> list[tuple[str, str]]:
         return []
     value, worst = run.worst
     who = "of the task, shares as asked" if run.shares else f"for the worst member ({member_text(worst)})"
+    who = label(who, run.worst_start)
     rows = [("robustness", NOTHING_REQUIRED if value == np.inf else f"{value:.4f} {unit} {who}")]
     c = min(run.clearances, key=lambda c: c.distance, default=None)
     if c is None or not np.isfinite(c.distance):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.report.text import PlanLike
 
 Floats = NDArray[np.float64]
@@ -65,7 +66,8 @@ def conflict_places(plan: PlanLike) -> list[tuple[Conflict, Floats]]:
         return []
     found = []
     for conflict in plan.conflicts()[:CONFLICTS]:
-        way = trajectories(plan.problem, plan.controls, plan.problem.fleet.members([conflict.parameters]), 4)[0]
+        there = by_start(plan.problem)[conflict.start]
+        way = trajectories(there, plan.controls, there.fleet.members([conflict.parameters]), 4)[0]
         times = np.linspace(0.0, plan.problem.duration, len(way))
         # position at the conflict's time, linear between samples
         place = np.array([np.interp(conflict.time, times, column) for column in way.T])

@@ -12,6 +12,7 @@ from ensemble_ctrl.certificate.enclosure import Flow
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.tube import enclosed, general
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.report.map_content import VIEWS, View
 
 Floats = NDArray[np.float64]
@@ -68,17 +69,22 @@ def tubes(problem: Problem, controls: Floats) -> dict[View | None, tuple[Ribbon,
     is the convex hull of the certificate's enclosures, so the areas are larger than what the fleet needs; how much
     closer the certificate comes by splitting is not shown. The robots' radius is not in it.
     """
+    if problem.fleet.starts:
+        found: dict[View | None, tuple[Ribbon, ...]] = {}
+        for one in by_start(problem).values():
+            found = {view: (*found.get(view, ()), *ribbons) for view, ribbons in tubes(one, controls).items()}
+        return found
     if problem.fleet.enclosure == "arcs":
         return {VIEWS[2][0]: _ribbons(*_of_arcs(problem, controls))}
     views = VIEWS.get(len(problem.fleet.places), (None,))
     slices = GENERAL_SLICES if problem.fleet.names and problem.fleet.upper[0] > problem.fleet.lower[0] else 1
     timed = problem.step if views == (None,) else 0.0
     try:
-        found = general(problem, controls, problem.fleet.parameters, slices, timed)
+        hulls = general(problem, controls, problem.fleet.parameters, slices, timed)
     except Unenclosed:
         return {}
-    shown = {view: found.points if view is None else found.points[..., list(view)] for view in views}
-    return {view: _ribbons(points, found.radius, slices) for view, points in shown.items()}
+    shown = {view: hulls.points if view is None else hulls.points[..., list(view)] for view in views}
+    return {view: _ribbons(points, hulls.radius, slices) for view, points in shown.items()}
 
 
 def _of_arcs(problem: Problem, controls: Floats) -> tuple[Floats, Floats, int]:

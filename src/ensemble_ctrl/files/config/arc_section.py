@@ -22,6 +22,7 @@ from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.fields import Model
 from ensemble_ctrl.files.config.joint_samples import JointSamples, read_joint_samples
 from ensemble_ctrl.files.config.samples import Columns
+from ensemble_ctrl.files.config.starts_section import Starts, check_dimensions, starts_data
 from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection, read_bounds, uncertainty_data
 from ensemble_ctrl.moments import Distribution, Samples
 from ensemble_ctrl.problem.fleet import Fleet
@@ -110,6 +111,8 @@ class FleetSection(Model):
     """Largest change of each command per second, from each step to the next."""
     radius: f.Margin = 0.0
     """Radius of a robot; what `avoid(...)` names grows by it."""
+    starts: Starts | None = None
+    """Members that start at several places: offsets from `start.position`, by name, as a list, or as a grid."""
     uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
     """What robots may do beside the model; without it, they follow it exactly."""
     _robots: Columns = PrivateAttr(default_factory=dict)
@@ -155,6 +158,7 @@ class FleetSection(Model):
             raise FieldError(
                 f"expected a wheelbase for the bicycle only, got one for the {self.model}", path=("wheelbase",)
             )
+        check_dimensions(self.starts or {}, system.positions)
         self._bounds = read_bounds(self.uncertainty, system())
         return self
 
@@ -178,6 +182,7 @@ class FleetSection(Model):
             input_upper=bounds[:, 1],
             radius=self.radius,
             uncertainty=self._bounds,
+            starts=self.starts,
         )
 
 
@@ -220,13 +225,14 @@ def arc_fleet_data(fleet: Fleet) -> Data:
         },
         **({"samples": {name: column.tolist() for name, column in samples.items()}} if samples else {}),
         "start": {
-            "position": fleet.position.tolist(),
+            "position": fleet.of_one_start.position.tolist(),
             "heading": float(fleet.own_heading),
             "heading_from": system.heading_from,
         },
         "input_bounds": dict(zip(system.controls, bounds, strict=True)),
         **({} if fleet.rate_bounds is None else {"rate_bounds": _rate_data(fleet)}),
         "radius": float(fleet.radius),
+        **starts_data(fleet.starts),
         **uncertainty_data(fleet.uncertainty),
     }
 

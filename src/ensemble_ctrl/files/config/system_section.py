@@ -14,6 +14,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.distributions import PlainSection, distribution_data, distribution_of
 from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
+from ensemble_ctrl.files.config.starts_section import Starts, check_dimensions, starts_data
 from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection, read_bounds, uncertainty_data
 from ensemble_ctrl.files.config.user_system import BY_ODE, system_class
 from ensemble_ctrl.problem.arguments.units import quantity
@@ -68,6 +69,8 @@ class SystemFleetSection(f.Model):
     """Largest change of each command per second, from each step to the next."""
     radius: f.Margin = 0.0
     """Radius of a robot; what `avoid(...)` names grows by it."""
+    starts: Starts | None = None
+    """Members that start at several places: offsets from `start.position`, by name, as a list, or as a grid."""
     uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
     """What robots may do beside the model; without it, they follow it exactly."""
     _system: System = PrivateAttr()
@@ -89,6 +92,7 @@ class SystemFleetSection(f.Model):
         for name, value in self.start.items():
             if isinstance(value, list) and name != POSITION:
                 raise FieldError(f"expected a number, got {show(value)}", path=("start", name))
+        check_dimensions(self.starts or {}, system.positions)
         self._bounds = read_bounds(self.uncertainty, system)
         return self
 
@@ -116,6 +120,7 @@ class SystemFleetSection(f.Model):
                 rate_bounds=np.array(rates) if self.rate_bounds else None,
                 start=self._start_states(),
                 uncertainty=self._bounds,
+                starts=self.starts,
             )
         except ProblemError as error:
             raise _placed(error, self.parameters) from None
@@ -190,6 +195,7 @@ def system_fleet_data(fleet: Fleet) -> Data:
         "input_bounds": dict(zip(system.controls, bounds, strict=True)),
         **({"rate_bounds": finite} if finite else {}),
         "radius": float(fleet.radius),
+        **starts_data(fleet.starts),
         **uncertainty_data(fleet.uncertainty),
     }
 

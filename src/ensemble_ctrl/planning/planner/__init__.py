@@ -24,6 +24,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses, ompl_paths
@@ -33,6 +34,7 @@ from ensemble_ctrl.ocp.solvers import named
 from ensemble_ctrl.planning.planner.coarse_fine import coarse_all
 from ensemble_ctrl.planning.planner.continuation import continued
 from ensemble_ctrl.planning.planner.grids import coarse_steps
+from ensemble_ctrl.planning.planner.one_frame import in_one_frame
 from ensemble_ctrl.planning.planner.positions import by_positions
 from ensemble_ctrl.planning.planner.search import AFTERWARDS, Progress, Search
 from ensemble_ctrl.planning.planner.solution import Solution, Status
@@ -73,10 +75,21 @@ def solve(
     """
     named(problem.solve.solver)
     _require_endable(problem)
+    if problem.fleet.starts:
+        found = solve(in_one_frame(problem), progress=progress, guess=guess, log=log)
+        return _of_all_starts(problem, found)
     search = Search(problem, progress, log)
     found = STRATEGIES[problem.fleet.system.transcription](search, problem, guess)
     _report(found)
     return found
+
+
+def _of_all_starts(problem: Problem, found: Solution) -> Solution:
+    """The plan of the common frame as the plan of a fleet with several starts, proven for each of them."""
+    whole = replace(found, problem=problem)
+    if found.certificate is None:
+        return whole
+    return replace(whole, certificate=certify(problem, found.controls))
 
 
 def _report(found: Solution) -> None:

@@ -24,6 +24,7 @@ from ensemble_ctrl.problem.checks.numbers import (
 )
 from ensemble_ctrl.problem.checks.places import area_findings, start_findings
 from ensemble_ctrl.problem.checks.signals import signal_findings
+from ensemble_ctrl.problem.checks.starts import findings_of_starts
 from ensemble_ctrl.problem.checks.support import dimension_findings, support_findings
 from ensemble_ctrl.problem.checks.target import place_findings, target_findings
 from ensemble_ctrl.problem.checks.task import STATES, task_findings, unused_findings
@@ -84,6 +85,11 @@ def findings(problem: Problem) -> tuple[Finding, ...]:
     *Guarantee*: every error is certain: no plan can satisfy the task and keep clear of the obstacles (at all
     times, whether or not the task mentions them). The converse does not hold.
     """
+    return findings_of_starts(problem, _findings) if problem.fleet.starts else _findings(problem)
+
+
+def _findings(problem: Problem) -> tuple[Finding, ...]:
+    """Everything wrong or odd in a problem with one start."""
     numbers = (*number_findings(problem), *name_findings(problem))
     unsupported = () if numbers else tuple(support_findings(problem))
     numbers += unsupported or tuple(target_findings(problem))

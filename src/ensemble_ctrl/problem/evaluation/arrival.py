@@ -11,6 +11,7 @@ from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.risk import CLEARANCE_CAP, value_at_risk
 from ensemble_ctrl.problem.specification import clearances
+from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.problem.target import MomentTarget, SpreadTarget, wasserstein
 
 Floats = NDArray[np.float64]
@@ -43,6 +44,10 @@ def arrival(problem: Problem, controls: Floats) -> dict[str, Any]:
     fleet, target = problem.fleet, problem.objective.target
     if target is None:
         return {}
+    if fleet.starts:
+        each = [arrival(one, controls) for one in by_start(problem).values()]
+        square = float(np.mean([one["rms"] ** 2 for one in each]))
+        return {"rms": square**0.5, "largest": max(one["largest"] for one in each)}
     distributions = fleet.dynamic_distributions
     nodes, weights = fleet.rule(COUNT if len(distributions) < 2 else COUNT // 4)
     final = _final(problem, controls, fleet.dynamic_members(nodes))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.signals import columns, names_in, with_signals
 from ensemble_ctrl.problem.specification import TaskPart
+from ensemble_ctrl.problem.starts import by_start, label
 
 Floats = NDArray[np.float64]
 
@@ -48,6 +49,8 @@ class Conflict:
         When, in seconds: the deepest moment in an obstacle, or the closest approach to what should be visited.
     unit : str
         What follows the amount: a unit, or words where the unit is not known or is one of several.
+    start : str
+        The name of the start of that member, where there are several.
     """
 
     what: str
@@ -55,6 +58,7 @@ class Conflict:
     parameters: Member
     time: float
     unit: str = "m"
+    start: str = ""
 
 
 def unit_of_parts(problem: Problem, parts: Iterable[TaskPart]) -> str:
@@ -72,7 +76,9 @@ def unit_of_task(problem: Problem) -> str:
 
 def units_of_parts(problem: Problem) -> dict[str, str]:
     """The unit of each part of the task that is no avoidance, by its text, as `unit_of_parts` gives it."""
-    return {str(part): unit_of_parts(problem, [part]) for part in problem.specification.parts}
+    starts = list(problem.fleet.starts) or [""]
+    parts = problem.specification.parts
+    return {label(str(part), start): unit_of_parts(problem, [part]) for part in parts for start in starts}
 
 
 def _states(problem: Problem, leaf: Formula) -> tuple[str, ...]:
@@ -82,6 +88,16 @@ def _states(problem: Problem, leaf: Formula) -> tuple[str, ...]:
 
 def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
     """Everything that fails under `controls`, worst first; where states run away, that alone."""
+    found = [
+        replace(one, what=label(one.what, name), start=name)
+        for name, there in by_start(problem).items()
+        for one in _of_one(there, controls)
+    ]
+    return tuple(sorted(found, key=lambda c: -c.amount))
+
+
+def _of_one(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
+    """Everything that fails for members of one start."""
     try:
         return _conflicts(problem, controls)
     except RunawayError as error:

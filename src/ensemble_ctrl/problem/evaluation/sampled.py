@@ -11,7 +11,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import chain
 from typing import TypeVar
@@ -28,6 +28,7 @@ from ensemble_ctrl.problem.evaluation.judge import Judge, Judged
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED
+from ensemble_ctrl.problem.starts import by_start, label
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -87,6 +88,8 @@ class Replay:
         One for each part ``share(p, f)`` of the task.
     disturbed : bool
         Whether each member was disturbed within the fleet's bounds, by samples of what may disturb it.
+    starts : tuple of str
+        The name of each member's start, where they start at different places.
     """
 
     parameters: Floats
@@ -99,6 +102,7 @@ class Replay:
     corners: int = 0
     shares: tuple[ShareSeen, ...] = ()
     disturbed: bool = False
+    starts: tuple[str, ...] = ()
 
     @property
     def members(self) -> int:
@@ -130,6 +134,11 @@ class Replay:
         """
         drawn = self.violating[self.corners :]
         return wilson(int((~drawn).sum()), len(drawn), z)
+
+    @property
+    def worst_start(self) -> str:
+        """The name of the start of the member with the smallest robustness; empty where all start alike."""
+        return self.starts[int(self.robustness.argmin())] if self.starts else ""
 
     @property
     def worst(self) -> tuple[float, Member]:
@@ -165,9 +174,9 @@ def replay(
         The broadcast commands, one row a step of equal length.
     members : int, optional
         How many to draw from the parameters' distributions, the corners of their ranges included; default
-        `problem.verify.members`.
+        `problem.verify.members`. Of several starts each has its equal part of them.
     parameters : array_like or sequence of mappings, optional
-        Members to run instead of drawing any, as `Fleet.members` takes them.
+        Members to run instead of drawing any, as `Fleet.members` takes them; of several starts at each of them.
     substeps : int, optional
         Samples per step, for obstacles and for every part of the task; default `problem.verify.substeps`.
     seed : int, optional
@@ -196,6 +205,17 @@ def replay(
     substeps = problem.verify.substeps if substeps is None else substeps
     substeps = whole("substeps", substeps, 1)
     controls = problem.fleet.checked_controls(controls)
+    if problem.fleet.starts:
+        count = problem.verify.members if members is None else whole("members", members, 1)
+        share = -(-count // len(problem.fleet.starts))
+        return _together(
+            {
+                name: replay(
+                    one, controls, members=share, parameters=parameters, substeps=substeps, seed=seed, watch=watch
+                )
+                for name, one in by_start(problem).items()
+            }
+        )
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
     off = parameters is None and bool(channels(problem.fleet))
     dice = (problem.solve.seed if seed is None else seed) if off else None
@@ -224,6 +244,26 @@ def replay(
     return Replay(drawn, names, robustness, clearances, violating, substeps, seconds, corners, shown, off)
 
 
+def _together(runs: Mapping[str, Replay]) -> Replay:
+    """One replay of the members of all starts, those at corners of the ranges first."""
+    each = list(runs.values())
+    starts = [name for name, one in runs.items() for _ in range(one.members)]
+    corner = np.concatenate([np.arange(one.members) < one.corners for one in each])
+    order = np.argsort(~corner, kind="stable")
+    return Replay(
+        np.concatenate([one.parameters for one in each])[order],
+        each[0].names,
+        np.concatenate([one.robustness for one in each])[order],
+        tuple(replace(c, obstacle=label(c.obstacle, name)) for name, one in runs.items() for c in one.clearances),
+        np.concatenate([one.violating for one in each])[order],
+        each[0].substeps,
+        sum(one.seconds for one in each),
+        sum(one.corners for one in each),
+        disturbed=each[0].disturbed,
+        starts=tuple(starts[k] for k in order),
+    )
+
+
 def _seen(part: Share, robustness: Floats, drawn: bool) -> ShareSeen:
     """The share of some members with a robustness of zero or more, with the fleet's interval if they were drawn."""
     kept: NDArray[np.bool_] = robustness >= 0
@@ -237,6 +277,18 @@ def trajectories(
 ) -> Floats:
     """Positions of members, given as `Fleet.members` takes them, shape (members, steps * substeps + 1, d), metres."""
     return states(problem, controls, parameters, substeps)[..., problem.fleet.place_columns]
+
+
+def all_paths(problem: Problem, controls: Floats, members: Floats, substeps: int = 1) -> tuple[Floats, Floats]:
+    """Positions of the same members at every start, as `trajectories` gives them, and the members, one a path."""
+    found, whose = all_states(problem, controls, members, substeps)
+    return found[..., problem.fleet.place_columns], whose
+
+
+def all_states(problem: Problem, controls: Floats, members: Floats, substeps: int = 1) -> tuple[Floats, Floats]:
+    """The same with every state, as `states` gives them."""
+    each = [states(one, controls, members, substeps) for one in by_start(problem).values()]
+    return np.concatenate(each), np.tile(members, (len(each), 1))
 
 
 def states(
