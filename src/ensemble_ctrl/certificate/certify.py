@@ -182,9 +182,8 @@ def certify(
     distributions, controls = _distributions(problem, ranges), problem.fleet.checked_controls(controls)
     if len(controls) != problem.steps:
         raise ProblemError(f"controls: expected a row for each of {problem.steps} steps, got {len(controls)}")
-    inputs = fingerprint(problem, controls, distributions)
     if problem.fleet.starts:
-        return of_each_start(problem, lambda one: certify(one, controls, ranges, each=each), inputs)
+        return of_each_start(problem, controls, distributions, lambda one: certify(one, controls, ranges, each=each))
     proof = PROOFS[problem.fleet.enclosure](problem, controls, distributions)
     specification = problem.specification
     chances = {id(chance.part): chance for chance in specification.chance}
@@ -210,7 +209,7 @@ def certify(
         {name: (distribution.lower, distribution.upper) for name, distribution in distributions.items()},
         looked,
         time.perf_counter() - began,
-        inputs,
+        fingerprint(problem, controls, distributions),
         reason,
         problem.fleet.uncertainty.data(),
         None if each or len(clearances) < 2 else ENOUGH,

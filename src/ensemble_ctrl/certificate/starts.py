@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.certificate.fingerprint import fingerprint
 from ensemble_ctrl.problem.starts import by_start, label
 
 if TYPE_CHECKING:
     from ensemble_ctrl.certificate.certify import Certificate
+    from ensemble_ctrl.moments import Distribution
     from ensemble_ctrl.problem import Problem
 
+Floats = NDArray[np.float64]
 
-def of_each_start(problem: Problem, prove: Callable[[Problem], Certificate], inputs: str) -> Certificate:
+
+def of_each_start(
+    problem: Problem,
+    controls: Floats,
+    distributions: Mapping[str, Distribution],
+    prove: Callable[[Problem], Certificate],
+) -> Certificate:
     """The certificate of a fleet with several starts.
 
     Parameters
     ----------
     problem : Problem
         With `Fleet.starts`.
+    controls : ndarray, shape (steps, n_u)
+        Broadcast commands.
+    distributions : mapping of str to Distribution
+        The ranges that the claim is about.
     prove : callable
-        The certificate of a problem with one start, for the controls and ranges that all have in common.
-    inputs : str
-        The fingerprint of the whole problem, ranges and controls.
+        The certificate of a problem with one start, for these controls and ranges.
 
     Notes
     -----
@@ -48,6 +62,6 @@ def of_each_start(problem: Problem, prove: Callable[[Problem], Certificate], inp
         counter_example=max(seen, key=lambda one: one.amount, default=None),
         boxes=sum(one.boxes for one in each),
         seconds=sum(one.seconds for one in each),
-        inputs=inputs,
+        inputs=fingerprint(problem, controls, distributions),
         reason=next((label(one.reason, name) for name, one in found.items() if one.reason), ""),
     )
