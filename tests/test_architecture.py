@@ -23,7 +23,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "core.jobs",
         "moments, systems",
         "constraints",
-        "problem.risk, problem.target, problem.arguments, problem.units, problem.starts",
+        "problem.risk, problem.target, problem.arguments, problem.units, problem.starts, problem.zones",
         "problem.ensemble, problem.integrated, problem.capabilities, problem.uncertainty",
         "problem.arc_members",
         "problem.fleet",

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem.risk import Risk
     from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget
     from ensemble_ctrl.problem.uncertainty import Uncertainty
+    from ensemble_ctrl.problem.zones import Zone
     from ensemble_ctrl.systems import (
         Bicycle,
         DifferentialDrive,
@@ -88,6 +89,7 @@ _HOMES = {
     "SpreadTarget": "problem.target",
     "TruncatedNormal": "moments",
     "Uncertainty": "problem.uncertainty",
+    "Zone": "problem.zones",
     "Unicycle": "systems",
     "VerifyOptions": "problem",
     "certify": "certificate",
@@ -148,6 +150,7 @@ __all__ = [
     "Unicycle",
     "UnsupportedError",
     "VerifyOptions",
+    "Zone",
     "__version__",
     "certify",
     "channels",

@@ -36,7 +36,7 @@ TRUSTED = tuple(
         ),
         "constraints.stl.": ("_hints", "_text", "_tokens", "formula", "implied", "leaves", "rewrite"),
         "core.": ("errors", "plain", "readonly", "values"),
-        "problem.": ("signals", "specification", "starts"),
+        "problem.": ("signals", "specification", "starts", "zones"),
     }.items()
     for module in modules
 )

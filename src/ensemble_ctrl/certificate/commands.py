@@ -140,7 +140,7 @@ def _beyond(problem: Problem, flow: Flow, values: Mapping[str, Floats], error: F
 
     With commands beyond the input bounds, or ranges of parameters beyond the fleet's, a turn may be missing.
     """
-    for name in {leaf.state for leaf in leaves(problem.task) if isinstance(leaf, Within)}:
+    for name in {leaf.state for leaf in leaves(problem.specification.task) if isinstance(leaf, Within)}:
         low, high = angle_range(problem, name)
         if name == "heading":
             # own headings |g + b Omega - g_0| from the middle of the start, both ways of counting alike

@@ -365,6 +365,7 @@ def _extent(problem: Problem) -> float:
     """
     # X: corners, levels of faces, offsets of motions and the way at their greatest speed (docs/proof.md, section 5)
     sizes = [float(np.abs(piece.vertices).max()) for _, piece in problem.pieces]
+    sizes += [float(np.abs(piece.vertices).max()) for zone in problem.zones.values() for piece in zone.pieces]
     levels = (np.abs(region.unit_rows()[1]) for region in problem.regions.values())
     for motion in problem.motions.values():
         speed = np.abs(np.diff(motion.offsets, axis=0)) / np.diff(motion.times)[:, None]

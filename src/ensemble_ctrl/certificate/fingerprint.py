@@ -44,6 +44,10 @@ def fingerprint(problem: Problem, controls: Floats, distributions: Mapping[str, 
     ]
     if discs:
         numbers = [*numbers, discs]
+    if problem.zones:
+        zones = problem.zones.items()
+        pieces = [(name, zone.speed, [(p.A.tolist(), p.b.tolist()) for p in zone.pieces]) for name, zone in zones]
+        numbers = [*numbers, ["zones", *pieces]]
     if fleet.uncertainty:
         numbers = [*numbers, fleet.uncertainty.data()]
     digest.update(repr(numbers).encode())

@@ -19,6 +19,7 @@ from ensemble_ctrl.ocp.terminal import terminal_cost
 from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.signals import columns, with_signals
+from ensemble_ctrl.problem.specification import TaskPart
 
 Floats = NDArray[np.float64]
 
@@ -80,12 +81,14 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     of_fleet = not in_moments and any(reads_fleet(part.written) for part in formulas)
     whole = lowered(_fleet(problem, controls), errors) if of_fleet else signals
     values = [
-        float(robustness(part.formula, whole if reads_fleet(part.written) else signals, ops)) for part in formulas
+        _counted(part, float(robustness(part.formula, whole if reads_fleet(part.written) else signals, ops)))
+        for part in formulas
     ]
     if fewer:
         within = lowered(_worst(problem, controls, order, truncation.within), errors)
         values += [float(robustness(part.formula, within, ops)) for part in fewer]
     worst = min(values, default=0.0)
+    worst = worst if np.isfinite(worst) else 0.0
     terminal = terminal_cost(problem, controls, order)
     effort = CommandCost.of(aim, Scale.none(), step).total(controls)
     risk = risk_cost(problem, controls)
@@ -99,6 +102,11 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
     # clearance of the hull from separating hyperplanes, a lower bound; the largest change of a command
     gap, excess = float(hyperplanes.gap.min(initial=np.inf)), rate_excess(fleet.rate_bounds, controls, step)
     return Value(cost(aim, effort, terminal, worst, risk), worst, terminal, effort, gap, excess, risk)
+
+
+def _counted(part: TaskPart, value: float) -> float:
+    """The robustness of a part; of the rule of a zone, only what it falls short."""
+    return value if value < 0 or not part.limit else np.inf
 
 
 def rate_excess(bounds: Floats | None, controls: Floats, step: float) -> float:

@@ -18,6 +18,7 @@ The slack weight w_s is so large that slacks are zero wherever a plan is possibl
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,12 +123,14 @@ def transcribe(
     level, short = layout.level(), layout.slack(1)
     slack = layout.slack(avoiding.slacks)
     task, rated = _task(problem, truncation, model, level, step, guess.controls)
+    limits = _limits(problem, truncation, model, step, guess.controls, spare[1])
     margin = problem.solve.margin + spare[1] if rated else 0.0
     # rows: dynamics, obstacles, task, rates, and level + slack >= margin
     blocks = [
         *model.dynamics(),
         *_avoidance(problem, truncation, model, avoiding, slack, spare[0]),
         *task.blocks,
+        *limits.blocks,
         *rate_rows(layout, problem.fleet.rate_bounds, model.scale.half, step),
         level_row(level, int(short[0]), margin),
     ]
@@ -144,7 +147,7 @@ def transcribe(
         terms += risk.terms
     # a task without rows leaves its level at 0
     lower, upper = _bounds(model, None if rated else level)
-    x = _start(model, task)
+    x = _start(model, task.levels | limits.levels)
     if risk is not None:
         x[risk.index], lower[risk.index], upper[risk.index] = risk.guess, risk.lower, risk.upper
     if isinstance(avoiding, Choice):
@@ -159,6 +162,7 @@ def _task(
     """Rows that keep the level below the task's robustness, and whether the task has one."""
     in_moments = problem.solve.guarantee == "moment"
     everybody, some = required_parts(problem, truncation.within)
+    everybody = tuple(part for part in everybody if not part.limit)
     # with the guarantee `moment` every part is about the mean member
     parts = [Mean(part.formula) if in_moments else part.formula for part in everybody]
     fewer = [part.formula for part in some]
@@ -179,6 +183,22 @@ def _task(
         _commanded(problem, model, controls),
     )
     return task, bool(parts or fewer)
+
+
+def _limits(
+    problem: Problem, truncation: Truncation, model: Parametrisation, step: float, controls: Floats, spare: float
+) -> TaskRows:
+    """Rows that keep the rules of zones with the margin, or fall short by a slack; nothing rewards more than that."""
+    parts = [part.formula for part in problem.specification.parts if part.limit]
+    if not parts:
+        return TaskRows([], {})
+    layout = model.layout
+    level, short = layout.level(), layout.slack(1)
+    errors, commanded = growth(problem, controls), _commanded(problem, model, controls)
+    mean, fixed = truncation.mean, (model.curve, model.shift, model.names)
+    rows = task_rows(parts, level, layout, step, mean, *fixed, errors=errors, commanded=commanded)
+    kept = level_row(level, int(short[0]), problem.solve.margin + spare)
+    return TaskRows([*rows.blocks, kept], rows.levels)
 
 
 def _commanded(problem: Problem, model: Parametrisation, controls: Floats) -> Commanded | None:
@@ -243,11 +263,11 @@ def _bounds(model: Parametrisation, idle: int | None) -> tuple[Floats, Floats]:
     return lower, upper
 
 
-def _start(model: Parametrisation, task: TaskRows) -> Floats:
+def _start(model: Parametrisation, levels: Mapping[int, float]) -> Floats:
     """The decision vector at the guess."""
     x = np.zeros(model.layout.size)
     model.start(x)
-    for index, value in task.levels.items():
+    for index, value in levels.items():
         x[index] = value
     x[model.layout.slacks] = SLACK_START
     return x

@@ -57,9 +57,10 @@ def unconstrained(problem: Problem) -> Problem:
     'F[3,4] in(goal)'
     """
     bare = expect("problem", problem, Problem).with_(
-        verify=replace(problem.verify, certificate=False), report=ReportOptions()
+        verify=replace(problem.verify, certificate=False), report=ReportOptions(), zones={}
     )
-    rest = tuple(part.written for part in problem.specification.parts if not _keeps_throughout(problem, part))
+    kept = (part for part in problem.specification.parts if not part.limit and not _keeps_throughout(problem, part))
+    rest = tuple(part.written for part in kept)
     if rest:
         return bare.with_(task=rest[0] if len(rest) == 1 else And(rest))
     regions = {**problem.regions, ANYWHERE: _anywhere(problem)}

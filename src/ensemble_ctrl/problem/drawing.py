@@ -53,11 +53,13 @@ def map_svg(
     regions = {name: shadow(corners) for name, corners in outlines(problem, paths).items()}
     targets = [_flat(line) for line in target_lines(problem)]
     shapes = [shadow(piece.vertices) for _, piece in problem.pieces] + _ends(problem)
+    shapes += [shadow(piece.vertices) for zone in problem.zones.values() for piece in zone.pieces]
     shapes += [*regions.values(), *paths, *targets, *(mark[None] for mark in marks)]
     sheet = _Sheet(*frame([*(_flat(place[None, :]) for place in places(problem).values()), *shapes]))
     strokes = [*colours, *["black"] * len(paths)]
     parts = [
         *_regions(sheet, regions),
+        *_zones(sheet, problem),
         *_obstacles(sheet, problem),
         *(f'<polyline points="{sheet.text(line)}" {DOTTED} stroke="black"/>' for line in targets),
         *(
@@ -107,6 +109,16 @@ def _regions(sheet: _Sheet, regions: dict[str, Floats]) -> Iterator[str]:
     for name, corners in regions.items():
         yield f'<polygon points="{sheet.text(corners)}" fill="#2166ac" fill-opacity="0.13" stroke="#2166ac"/>'
         yield sheet.name(name, highest(corners), "#2166ac", -3)
+
+
+def _zones(sheet: _Sheet, problem: Problem) -> Iterator[str]:
+    """Areas with a rule, dotted, with their names and rules above them."""
+    for name, zone in problem.zones.items():
+        colour = "#b2182b" if zone.speed is None else "#8a5a00"
+        shapes = [shadow(piece.vertices) for piece in zone.pieces]
+        for corners in shapes:
+            yield f'<polygon points="{sheet.text(corners)}" fill="{colour}" fill-opacity="0.1" stroke="{colour}"/>'
+        yield sheet.name(f"{name}: {zone}", highest(shapes[0]), colour, -3)
 
 
 def _obstacles(sheet: _Sheet, problem: Problem) -> Iterator[str]:

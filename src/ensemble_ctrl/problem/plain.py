@@ -21,12 +21,13 @@ from ensemble_ctrl.moments import DISTRIBUTIONS, Distribution, Mixture, Samples
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.uncertainty import Uncertainty
+from ensemble_ctrl.problem.zones import Zone
 from ensemble_ctrl.systems import SYSTEMS, System
 
 Floats = NDArray[np.float64]
 Data = Mapping[str, Any]
 
-SECTIONS = ("name", "fleet", "horizon", "regions", "obstacles", "motions", "task")
+SECTIONS = ("name", "fleet", "horizon", "regions", "obstacles", "motions", "zones", "task")
 """What a proof is about; the rest of a problem says how to plan, and how to check."""
 FLEET = (
     "model",
@@ -74,6 +75,7 @@ def problem_of(data: Data) -> Problem:
             regions={name: _region(shape, places) for name, shape in data["regions"].items()},
             obstacles={name: _obstacle(shapes, places) for name, shapes in data["obstacles"].items()},
             motions={name: _motion(motion["path"]) for name, motion in data["motions"].items()},
+            zones={name: _zone(zone, places) for name, zone in data.get("zones", {}).items()},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, ProblemError):
@@ -168,6 +170,14 @@ def _obstacle(shapes: Data | Sequence[Data], places: Sequence[str]) -> tuple[Obs
     """An obstacle's convex pieces."""
     listed = [shapes] if isinstance(shapes, Mapping) else shapes
     return tuple(_piece(shape, places) for shape in listed)
+
+
+def _zone(data: Data, places: Sequence[str]) -> Zone:
+    """A zone: its areas, and one rule."""
+    shape = {name: value for name, value in data.items() if name not in ("v", "keep_out")}
+    if ("v" in data) == bool(data.get("keep_out")):
+        raise ProblemError(f"zones: expected one of v and keep_out, got {sorted(data)}")
+    return Zone(_obstacle(shape.get("areas", shape), places), float(data["v"]) if "v" in data else None)
 
 
 def _piece(shape: Data, places: Sequence[str]) -> Obstacle:

@@ -23,6 +23,7 @@ from ensemble_ctrl.problem.risk import Risk
 from ensemble_ctrl.problem.specification import Specification
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
 from ensemble_ctrl.problem.uncertainty import Uncertainty
+from ensemble_ctrl.problem.zones import Zone
 
 if TYPE_CHECKING:
     from ensemble_ctrl.planning.online.settings import OnlineSettings
@@ -251,6 +252,8 @@ class Problem:
         Polyhedron or a box. Obstacles without names are called o1, o2, ...
     motions : mapping of str to Motion
         How some of the obstacles move from where they are drawn.
+    zones : mapping of str to Zone
+        Areas to keep out of or to drive slowly in, at all times, whatever the task says.
     objective : Objective
         What to trade off.
     order : int or None
@@ -298,6 +301,7 @@ class Problem:
     ignore: Collection[str] = ()
     coordinates: Coordinates = "nodal"
     integrator: Integrator = "exponential"
+    zones: Mapping[str, Zone] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.problem.checks import require_sound
@@ -311,6 +315,7 @@ class Problem:
             "regions": ReadOnlyMapping(regions_of("regions", self.regions)),
             "obstacles": ReadOnlyMapping(obstacles_of("obstacles", self.obstacles)),
             "motions": ReadOnlyMapping(mapping_of("motions", self.motions, Motion, "a Motion")),
+            "zones": ReadOnlyMapping(mapping_of("zones", self.zones, Zone, "a Zone")),
             "objective": expect("objective", self.objective, Objective),
             "solve": expect("solve", self.solve, SolveOptions),
             "verify": expect("verify", self.verify, VerifyOptions),

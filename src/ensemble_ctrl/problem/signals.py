@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.constraints.stl.leaves import Predicate, Within
 from ensemble_ctrl.constraints.stl.rewrite import SOME_TURNS, leaves
+from ensemble_ctrl.problem.zones import required
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.fleet import Fleet
@@ -31,7 +32,7 @@ def names_in(leaf: Formula) -> tuple[str, ...]:
 
 def signals_read(problem: Problem) -> tuple[str, ...]:
     """The signals that a task reads, in the system's order."""
-    named = {name for leaf in leaves(problem.task) for name in names_in(leaf)}
+    named = {name for leaf in leaves(required(problem)) for name in names_in(leaf)}
     return tuple(name for name in problem.fleet.system.signals if name in named)
 
 

@@ -22,6 +22,7 @@ from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
 from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, conjuncts, ground, kept_out, reads_fleet, resolve
 from ensemble_ctrl.problem.signals import angle_range, signals_read
+from ensemble_ctrl.problem.zones import required, rules, zone_pieces
 
 if TYPE_CHECKING:
     from ensemble_ctrl.constraints.motion import Motion
@@ -143,6 +144,8 @@ class TaskPart:
         Window of its outermost operator in seconds; the whole horizon where it has none.
     grounding : callable
         Gives `formula`.
+    limit : bool
+        Whether it is the rule of a zone: a plan keeps it, and gains nothing by more than that.
     """
 
     written: Formula
@@ -150,6 +153,7 @@ class TaskPart:
     begin: float
     end: float
     grounding: Callable[[], Formula]
+    limit: bool = False
 
     @classmethod
     def of(cls, problem: Problem, written: Formula) -> TaskPart:
@@ -164,8 +168,10 @@ class TaskPart:
             position=fleet.places,
             radius=fleet.radius,
             angles=partial(angle_range, problem),
+            zones=zone_pieces(problem.zones),
         )
-        return cls(written, resolved, *_window(problem, resolved), grounding)
+        limit = written in rules(problem).values()
+        return cls(written, resolved, *_window(problem, resolved), grounding, limit)
 
     @cached_property
     def formula(self) -> Formula:
@@ -205,7 +211,7 @@ class Specification:
     Attributes
     ----------
     task : Formula
-        The whole task with seconds where a window has ``T``.
+        The whole task, with the rules of all zones and with seconds where a window has ``T``.
     always : tuple of AvoidThroughout
         The conjuncts that `avoid` comes from.
     avoid : tuple of AvoidConstraint
@@ -229,9 +235,10 @@ class Specification:
     @classmethod
     def of(cls, problem: Problem) -> Specification:
         """Compile the task of a problem."""
-        always, parts = _split(problem, problem.task)
+        task = required(problem)
+        always, parts = _split(problem, task)
         return cls(
-            resolve(problem.task, problem.duration),
+            resolve(task, problem.duration),
             always,
             _avoid(problem, always),
             parts,
@@ -257,7 +264,8 @@ class Specification:
 
 def _sources(problem: Problem) -> tuple[object, ...]:
     """Everything of a problem that its specification depends on."""
-    return problem.task, problem.duration, problem.regions, problem.obstacles, problem.motions, problem.fleet
+    shapes = problem.regions, problem.obstacles, problem.motions, problem.zones
+    return problem.task, problem.duration, *shapes, problem.fleet
 
 
 def _split(problem: Problem, task: Formula) -> tuple[tuple[AvoidThroughout, ...], tuple[TaskPart, ...]]:
@@ -304,9 +312,11 @@ def avoided(problem: Problem, leaf: Avoid) -> tuple[str, ...]:
 
 
 def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
-    """The convex pieces of an obstacle, or the one of a region."""
+    """The convex pieces of an obstacle or a zone, or the one of a region."""
     if name in problem.obstacles:
         return problem.obstacles[name]
+    if name in problem.zones:
+        return problem.zones[name].pieces
     return (obstacle_of(problem.regions[name]),)
 
 

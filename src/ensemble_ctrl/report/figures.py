@@ -13,8 +13,20 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.drawing import highest, outlines, shadow, target_lines
 from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
 from ensemble_ctrl.problem.starts import places
+from ensemble_ctrl.problem.zones import Zone
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
-from ensemble_ctrl.report.palette import CONTRAST, DASHES, LINES, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, shades
+from ensemble_ctrl.report.palette import (
+    CONTRAST,
+    DASHES,
+    KEEP_OUT,
+    LINES,
+    OBSTACLE,
+    OBSTACLE_EDGE,
+    ON_OBSTACLE,
+    REGION,
+    SLOW,
+    shades,
+)
 from ensemble_ctrl.report.projections import draw_paths, draw_spread, sheet
 from ensemble_ctrl.report.text import literal, ranges_text
 
@@ -64,6 +76,8 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
         middle = largest.vertices.mean(axis=0)
         label = ax.annotate(literal(name), middle, ha="center", va="center", fontsize="small", color=ON_OBSTACLE)
         label.set_path_effects([withStroke(linewidth=2, foreground=OBSTACLE)])
+    for name, zone in problem.zones.items():
+        draw_zone(name, zone, ax)
     for name, corners in outlines(problem, paths).items():
         ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor="none", alpha=0.15))
         ax.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=REGION, linewidth=1.5))
@@ -83,6 +97,26 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     ax.margins(0.08)
     return ax
+
+
+def draw_zone(name: str, zone: Zone, ax: Axes) -> None:
+    """An area with a rule: hatched, with the rule below its name."""
+    from matplotlib.patches import Polygon
+
+    colour, hatch = (KEEP_OUT, "xx") if zone.speed is None else (SLOW, "//")
+    for piece in zone.pieces:
+        shape = Polygon(piece.vertices, closed=True, facecolor="none", edgecolor=colour, hatch=hatch, alpha=0.6)
+        ax.add_patch(shape)
+    corners = zone.pieces[0].vertices
+    ax.annotate(
+        literal(f"{name}: {zone}"),
+        tuple(highest(corners)),
+        (0, 3),
+        textcoords="offset points",
+        ha="center",
+        fontsize="small",
+        color=colour,
+    )
 
 
 def _draw_motions(problem: Problem, ax: Axes) -> None:

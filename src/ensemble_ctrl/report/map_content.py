@@ -67,6 +67,7 @@ class MapContent:
         Ways of members.
     obstacles : tuple of Shape
     regions : dict of str to ndarray, shape (corners, 2)
+        Zones among them, by their names with their rules.
     """
 
     problem: Problem
@@ -172,6 +173,10 @@ def _content(problem: Problem, paths: Floats, view: View | None) -> MapContent:
             motion, beside = Motion(motion.times, motion.offsets[:, list(view)]), (False,) * len(pieces)
         obstacles.append(Shape(name, shadows, beside, motion))
     regions = {name: shadow(corners, view) for name, corners in outlines(problem, list(paths)).items()}
+    for name, zone in problem.zones.items():
+        for k, piece in enumerate(zone.pieces):
+            number = f" ({k + 1})" if len(zone.pieces) > 1 else ""
+            regions[f"{name}{number}: {zone}"] = shadow(piece.vertices, view)
     return MapContent(problem, view, paths[..., list(view)], tuple(obstacles), regions)
 
 

@@ -10,6 +10,8 @@ from ensemble_ctrl.problem.ensemble import Ensemble
 Floats = NDArray[np.float64]
 
 OBSTACLE, OBSTACLE_EDGE, REGION, CONTRAST = "#8a8f98", "#5a5f68", "#2166ac", "#b2182b"
+SLOW, KEEP_OUT = "#8a5a00", "#b2182b"
+"""Of zones with a speed limit, and of those that robots keep out of."""
 ON_OBSTACLE = "#000000"
 """Of names on obstacles: 6.4 times as dark as they are."""
 OUTLINE, INSIDE = "#33373d", "#dfe8f2"

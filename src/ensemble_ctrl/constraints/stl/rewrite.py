@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import is_
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,6 +163,7 @@ def ground(
     position: Sequence[str] = ("x", "y"),
     radius: float = 0.0,
     angles: Callable[[str], tuple[float, float]] = lambda state: SOME_TURNS,
+    zones: Map = MappingProxyType({}),
 ) -> Formula:
     """Replace named places and wrapped angles by linear predicates, so that predicates are the only leaves.
 
@@ -177,6 +179,9 @@ def ground(
         Metres by which what is avoided grows.
     angles : callable
         From the name of an angle to the radians that it is between; up to eight turns either way if not given.
+
+    zones : mapping of str to sequence of Obstacle
+        What ``avoid(name)`` may name besides; ``avoid(obstacles)`` does not mean them.
 
     Returns
     -------
@@ -199,7 +204,7 @@ def ground(
                 G, h = region.outer_rows() if negated else region.inner_rows()
                 return _joined(And, [_face(-g, bound, leaf, position) for g, bound in zip(G, h, strict=True)])
             case Avoid():
-                found = _avoided(leaf, regions, obstacles)
+                found = _avoided(leaf, regions, obstacles, zones)
                 rows = [p.inner_rows() if negated else p.outer_rows() for p in found]
                 return _joined(And, [_outside(*each, leaf, position, radius) for each in rows])
             case Within():
@@ -217,13 +222,15 @@ def _grounded(formula: Formula, change: Callable[[Formula, bool], Formula], nega
     return rebuilt(formula, [_grounded(part, change, negated) for part in formula.parts])
 
 
-def _avoided(leaf: Avoid, regions: Mapping[str, Polyhedron], obstacles: Map) -> list[Obstacle | Polyhedron]:
+def _avoided(leaf: Avoid, regions: Mapping[str, Polyhedron], obstacles: Map, zones: Map) -> list[Obstacle | Polyhedron]:
     """The convex pieces that a leaf avoids."""
     if leaf.name == ALL_OBSTACLES and leaf.name not in obstacles:
         found = [piece for entry in obstacles.values() for piece in _pieces(entry)]
         return [*found]
     if leaf.name in obstacles:
         return [*_pieces(obstacles[leaf.name])]
+    if leaf.name in zones:
+        return [*_pieces(zones[leaf.name])]
     return [_place(regions, leaf.name, "obstacle or region")]
 
 

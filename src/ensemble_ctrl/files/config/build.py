@@ -46,6 +46,7 @@ def _rest(file: ProblemFile, name: str, system: System) -> dict[str, Any]:
             name: tuple(piece for shape in shapes for piece in shape.pieces) for name, shapes in file.obstacles.items()
         },
         motions={name: section.motion(duration) for name, section in file.motions.items()},
+        zones={name: shape.zone for name, shape in file.zones.items()},
         objective=_objective(file.objective, system),
         order=file.moments.order,
         coordinates=file.moments.coordinates,

@@ -17,6 +17,7 @@ from ensemble_ctrl.files.config.fleets import fleet_data
 from ensemble_ctrl.files.config.targets import target_data
 from ensemble_ctrl.files.config.tree import SCALARS
 from ensemble_ctrl.files.config.uncertainty_section import uncertainty_data
+from ensemble_ctrl.files.config.zones import zone_data
 from ensemble_ctrl.problem import Objective, Problem
 
 Floats = NDArray[np.float64]
@@ -63,12 +64,21 @@ def to_data(problem: Problem) -> Data:
         "regions": {name: _region(region, places) for name, region in problem.regions.items()},
         "obstacles": {name: _obstacle(pieces, places) for name, pieces in problem.obstacles.items()},
         "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
+        **({"zones": _zones(problem)} if problem.zones else {}),
         "ignore": list(problem.ignore),
         "task": str(problem.task),
         "objective": _objective(problem.objective, problem.fleet.system.controls),
         "solve": asdict(problem.solve),
         "verify": asdict(problem.verify),
         "report": asdict(problem.report),
+    }
+
+
+def _zones(problem: Problem) -> Data:
+    """Areas with their rules."""
+    places = problem.fleet.places
+    return {
+        name: zone_data(zone, [_piece(piece, places) for piece in zone.pieces]) for name, zone in problem.zones.items()
     }
 
 

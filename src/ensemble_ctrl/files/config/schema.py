@@ -15,6 +15,7 @@ from ensemble_ctrl.files.config.online import OnlineSection
 from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.files.config.targets import Terminal as TerminalTarget
 from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection
+from ensemble_ctrl.files.config.zones import ZoneShape
 from ensemble_ctrl.problem import (
     Coordinates,
     Grid,
@@ -189,6 +190,8 @@ class ProblemFile(Model):
     """Named areas for `avoid(...)` in the task, each one shape or a list of shapes."""
     motions: dict[f.Name, MotionSection] = Field(default_factory=dict)
     """Motions of obstacles from where they are drawn; the others are static."""
+    zones: dict[f.Name, ZoneShape] = Field(default_factory=dict)
+    """Named areas that robots keep out of (`keep_out: true`) or drive slowly in (`v: 0.3 m/s`)."""
     ignore: list[f.Name] = Field(default_factory=list)
     """Obstacles that the task need not avoid at all times: suppresses the warning."""
     task: f.Task

@@ -164,6 +164,11 @@ class ObstacleShape(f.Model):
     @model_validator(mode="after")
     def _build(self, info: ValidationInfo) -> Self:
         """Build the convex pieces, so that what is wrong with them is reported with everything else."""
+        self._pieces = self._made(info)
+        return self
+
+    def _made(self, info: ValidationInfo) -> Pieces:
+        """The convex pieces of the one form that is given."""
         _only_of_files(self, ("feature", "tolerance", "unknown"))
         places = _places(info)
         kind = Solid if len(places) == 3 else Obstacle
@@ -175,8 +180,7 @@ class ObstacleShape(f.Model):
             "wkt": lambda text: _pieces(areas_from_wkt(text)),
             "file": lambda name: _pieces(self._mapped(name, info)),
         }
-        self._pieces = _built(self, forms)
-        return self
+        return _built(self, forms)
 
     def _mapped(self, name: str, info: ValidationInfo) -> list[Area]:
         """The areas of a map, of which the rest is kept."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.guesses.slowed import slowed
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -27,6 +28,9 @@ def smoothed(path: Floats) -> Floats:
 def follow(problem: Problem, path: Floats) -> Floats:
     """Commands with which the nominal robot follows `path`, within the input bounds."""
     fleet, step = problem.fleet, problem.duration / (len(path) - 1)
+    grid = np.linspace(0.0, problem.duration, len(path))
+    slow = slowed(problem, path, grid)
+    path = np.stack([np.interp(grid, slow, path[:, axis]) for axis in (0, 1)], axis=1)
     linear, angular, heading = fleet.coefficients(fleet.center[None])[0, :3].tolist()
     low, high = (
         np.clip(SHARES * end, fleet.input_lower, fleet.input_upper) for end in (fleet.input_lower, fleet.input_upper)

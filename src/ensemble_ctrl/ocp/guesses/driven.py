@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.guesses.slowed import slowed
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -74,6 +75,7 @@ def driven(problem: Problem, poses: Floats, times: Floats, steps: int) -> Floats
         Within the input bounds.
     """
     fleet, step = problem.fleet, problem.duration / steps
+    times = slowed(problem, poses[:, :2], times)
     linear, angular = fleet.coefficients(fleet.center[None])[0, :2].tolist()
     sign = 1.0 if fleet.arcs.heading_from == "x" else -1.0
     grid = np.linspace(0.0, problem.duration, steps + 1)

@@ -58,7 +58,10 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
     if reads_fleet(problem.task):
         message = f"a loop drives one robot, and this speaks of the whole fleet: {problem.task}"
         yield Finding(("task",), message, "say what the robot has to do")
-    if signals := signals_read(problem):
+    if problem.zones:
+        message = "zones are not for a loop: its proofs know the obstacles and the task"
+        yield Finding(("zones",), message, "write areas to keep out of as obstacles")
+    elif signals := signals_read(problem):
         message = f"the proofs of a loop are about positions, and the task is about {', '.join(signals)}"
         yield Finding(("task",), message, "plan it as a whole, without online")
     if problem.fleet.uncertainty:

@@ -30,6 +30,7 @@ from ensemble_ctrl.problem.checks.target import place_findings, target_findings
 from ensemble_ctrl.problem.checks.task import STATES, task_findings, unused_findings
 from ensemble_ctrl.problem.checks.uncertainty import uncertainty_findings
 from ensemble_ctrl.problem.checks.work import building_seconds, spoken, work_findings
+from ensemble_ctrl.problem.checks.zones import zone_findings
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
@@ -101,6 +102,7 @@ def _findings(problem: Problem) -> tuple[Finding, ...]:
         area_findings,
         task_findings,
         signal_findings,
+        zone_findings,
         minimum_time_findings,
         motion_findings,
         start_findings,

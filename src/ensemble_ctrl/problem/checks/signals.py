@@ -22,7 +22,7 @@ from ensemble_ctrl.constraints.stl import (
 from ensemble_ctrl.constraints.stl.formula import Not
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding
-from ensemble_ctrl.problem.signals import angle_range, names_in, signals_read
+from ensemble_ctrl.problem.signals import angle_range, names_in
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
@@ -89,10 +89,10 @@ def _together(problem: Problem) -> Iterator[Finding]:
 
 def _elsewhere(problem: Problem) -> Iterator[Finding]:
     """Readings and programs that know positions alone."""
-    names = signals_read(problem)
-    if not names:
+    names = problem.fleet.system.signals.keys()
+    first = next((leaf for leaf in leaves(problem.task) if set(names_in(leaf)) & names), None)
+    if first is None:
         return
-    first = next(leaf for leaf in leaves(problem.task) if set(names_in(leaf)) & set(names))
     what = f"{first} is about {', '.join(n for n in names_in(first))}, which"
     if problem.solve.guarantee == "moment":
         yield Finding(("solve", "guarantee"), f"{what} the moment form does not have", "use hull")
@@ -100,7 +100,7 @@ def _elsewhere(problem: Problem) -> Iterator[Finding]:
         yield Finding(("moments", "coordinates"), f"{what} the program in moments does not have", "use nodal")
     for mean in _means(problem.task):
         for leaf in leaves(mean):
-            if set(names_in(leaf)) & set(names):
+            if set(names_in(leaf)) & names:
                 message = f"mean(f) is about the mean position, and {leaf} is about {', '.join(names_in(leaf))}"
                 yield _at(leaf, message, "ask it of every member")
 

@@ -33,7 +33,7 @@ MORE_STEPS = 1000
 def task_findings(problem: Problem) -> Iterator[Finding]:
     """Unknown names, and windows that end after the plan."""
     known = (*problem.fleet.states, *problem.fleet.system.signals)
-    for error in name_errors(problem.task, problem.regions, problem.obstacles, known):
+    for error in name_errors(problem.task, problem.regions, (*problem.obstacles, *problem.zones), known):
         yield _from_formula(error)
     try:
         check_windows(problem.task, problem.duration)
