@@ -100,23 +100,18 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
 
 
 def draw_zone(name: str, zone: Zone, ax: Axes) -> None:
-    """An area with a rule: hatched, with the rule below its name."""
+    """An area with a rule: hatched, with its name and rule."""
     from matplotlib.patches import Polygon
+    from matplotlib.patheffects import withStroke
 
     colour, hatch = (KEEP_OUT, "xx") if zone.speed is None else (SLOW, "//")
     for piece in zone.pieces:
         shape = Polygon(piece.vertices, closed=True, facecolor="none", edgecolor=colour, hatch=hatch, alpha=0.6)
         ax.add_patch(shape)
-    corners = zone.pieces[0].vertices
-    ax.annotate(
-        literal(f"{name}: {zone}"),
-        tuple(highest(corners)),
-        (0, 3),
-        textcoords="offset points",
-        ha="center",
-        fontsize="small",
-        color=colour,
-    )
+    largest = max(zone.pieces, key=lambda piece: float(np.ptp(piece.vertices, axis=0).prod()))
+    middle, text = largest.vertices.mean(axis=0), literal(f"{name}: {zone}")
+    label = ax.annotate(text, middle, ha="center", va="center", fontsize="small", color=colour, zorder=4)
+    label.set_path_effects([withStroke(linewidth=3, foreground="white")])
 
 
 def _draw_motions(problem: Problem, ax: Axes) -> None:

@@ -99,9 +99,8 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
 
 def _lines(label: str, text: str) -> list[str]:
     """One row; what is proven and the task, which may be as long as they like, are wrapped."""
-    texts = (
-        wrap(text, WIDTH - 13, break_long_words=False) if label in ("task", "obstacles", "proven", "errors") else [text]
-    )
+    long = label in ("task", "obstacles", "zones", "proven", "errors")
+    texts = wrap(text, WIDTH - 13, break_long_words=False) if long else [text]
     return [f"  {'' if i else label:<11}{text}" for i, text in enumerate(texts)]
 
 
@@ -114,6 +113,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         ("horizon", f"{problem.duration:g} s in {problem.steps} steps"),
         ("task", str(problem.task)),
         *([("obstacles", coverage_text(problem))] if problem.obstacles else []),
+        *([("zones", "; ".join(f"{name}: {zone}" for name, zone in problem.zones.items()))] if problem.zones else []),
         *minimum_time(d.get("minimum_time")),
         *tolerated(d.get("tolerance")),
         *measured(plan.replayed, unit_of_task(problem)),

@@ -38,11 +38,8 @@ def zone_findings(problem: Problem) -> Iterator[Finding]:
 
 def _of_limits(problem: Problem, name: str) -> Iterator[Finding]:
     """Problems in which a speed limit can't be kept for certain."""
-    path, bounds, system = ("zones", name), problem.fleet.uncertainty, problem.fleet.system
-    if SPEED not in system.signals:
-        message = f"a speed limit is not for the {system.name}: it is on the one speed of robots on arcs"
-        yield Finding(path, message, "write bounds of its velocities in the task")
-    elif bounds.delay or bounds.jitter:
+    path, bounds = ("zones", name), problem.fleet.uncertainty
+    if bounds.delay or bounds.jitter:
         message = "a speed limit can't be promised of robots whose commands may be late or early"
         yield Finding(path, message, "without delay and jitter in fleet.uncertainty")
     elif problem.solve.guarantee == "moment":
