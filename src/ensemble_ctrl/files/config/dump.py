@@ -64,7 +64,7 @@ def to_data(problem: Problem) -> Data:
         "regions": {name: _region(region, places) for name, region in problem.regions.items()},
         "obstacles": {name: _obstacle(pieces, places) for name, pieces in problem.obstacles.items()},
         "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
-        **({"zones": _zones(problem)} if problem.zones else {}),
+        "zones": _zones(problem),
         "ignore": list(problem.ignore),
         "task": str(problem.task),
         "objective": _objective(problem.objective, problem.fleet.system.controls),
