@@ -1,6 +1,7 @@
 """Plan ``configs/five_obstacles.yaml`` and make the README's animation and the figures of ``docs/report.md``.
 
-``python docs/make_pictures.py`` writes ``docs/_static/five_obstacles.gif`` and ``figures.png``. ``report.png`` there is
+``python docs/make_pictures.py`` writes ``docs/_static/five_obstacles.gif``, ``figures.png`` and, of
+``configs/uncertain/muddy_yard.yaml``, ``muddy_yard.png``. ``report.png`` there is
 a picture of the page in a browser, taken by hand.
 """
 
@@ -23,10 +24,20 @@ GAP = 50
 
 
 def main() -> None:
-    """Make both."""
+    """Make all."""
     plan = ec.plan(ec.load(DOCS.parent / "configs" / "five_obstacles.yaml"))
     plan.animate(DOCS / "_static" / "five_obstacles.gif")
     figures(with_baseline(replace(plan, certificate=plan.certify())), DOCS / "_static" / "figures.png")
+    yard(DOCS / "_static" / "muddy_yard.png")
+
+
+def yard(path: Path) -> None:
+    """A plan round mud and over gravel, in few colours."""
+    plan = ec.plan(ec.load(DOCS.parent / "configs" / "uncertain" / "muddy_yard.yaml"))
+    with TemporaryDirectory() as folder:
+        drawn = Image.open(write_plot(plan, "trajectories", Path(folder) / "trajectories.png")).convert("RGB")
+    small = drawn.resize((900, round(900 * drawn.height / drawn.width)), Image.Resampling.LANCZOS)
+    small.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def figures(plan: Plan, path: Path) -> None:

@@ -24,7 +24,7 @@ LAYERS: tuple[frozenset[str], ...] = tuple(
         "moments, systems",
         "constraints",
         "problem.risk, problem.target, problem.arguments, problem.units, problem.starts, problem.zones",
-        "problem.ensemble, problem.integrated, problem.capabilities, problem.uncertainty",
+        "problem.ensemble, problem.integrated, problem.capabilities, problem.terrain, problem.uncertainty",
         "problem.arc_members",
         "problem.fleet",
         "problem.signals",

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem.fleet import Fleet
     from ensemble_ctrl.problem.risk import Risk
     from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget
+    from ensemble_ctrl.problem.terrain import Patch
     from ensemble_ctrl.problem.uncertainty import Uncertainty
     from ensemble_ctrl.problem.zones import Zone
     from ensemble_ctrl.systems import (
@@ -77,6 +78,7 @@ _HOMES = {
     "MomentTarget": "problem.target",
     "Objective": "problem",
     "Obstacle": "constraints",
+    "Patch": "problem.terrain",
     "Plan": "api.plans",
     "Polyhedron": "constraints",
     "Problem": "problem",
@@ -128,6 +130,7 @@ __all__ = [
     "Objective",
     "Obstacle",
     "OdeSystem",
+    "Patch",
     "Plan",
     "Polyhedron",
     "Problem",

@@ -81,7 +81,7 @@ def test_no_run_within_the_bounds_leaves_the_tube(name: str, kind: str) -> None:
     controls, robots = STEERED if bicycle else CONTROLS, 90
     whole = problem(bounds, fleet=movers)
     members = movers.sample(robots, 0)
-    paths = disturbed(whole, controls, members, drawn(movers, robots, STEPS, 1), 4)
+    paths = disturbed(whole, controls, members, drawn(whole, robots, STEPS, 1), 4)
     models = movers.trajectories(np.repeat(controls, 4, axis=0), members, whole.step / 4)
     flow = Flow.of(whole, controls)
     off = np.linalg.norm(paths - models, axis=2).max(axis=0)
@@ -93,7 +93,7 @@ def test_no_run_within_the_bounds_leaves_the_tube(name: str, kind: str) -> None:
 def test_the_mutual_place_of_a_delayed_robot_is_the_past_one_of_another() -> None:
     whole = problem(BOUNDS["delay"])
     members = whole.fleet.sample(60, 0)
-    paths = disturbed(whole, CONTROLS, members, drawn(whole.fleet, 60, STEPS, 1), 4)
+    paths = disturbed(whole, CONTROLS, members, drawn(whole, 60, STEPS, 1), 4)
     for path, member in zip(paths, members, strict=True):
         late = whole.fleet.trajectories(np.repeat(CONTROLS, 64, axis=0), member[None], whole.step / 64)[0]
         apart = np.linalg.norm(path[:, None] - late, axis=2).min(axis=1)
@@ -198,10 +198,10 @@ def test_steering_beyond_a_right_angle_proves_nothing() -> None:
 
 
 def test_channels_are_those_with_a_bound() -> None:
-    assert [c.kind for c in channels(fleet(BOUNDS["all"]))] == [
+    assert [c.kind for c in channels(problem(BOUNDS["all"]))] == [
         "disturbance", "position", "position", "command", "varies", "delay", "jitter",
     ]  # fmt: skip
-    assert channels(fleet(Uncertainty(heading_hold=1.0))) == ()
+    assert channels(problem(Uncertainty(heading_hold=1.0))) == ()
 
 
 def test_an_enclosure_that_does_not_count_errors_proves_nothing_of_them(monkeypatch: pytest.MonkeyPatch) -> None:

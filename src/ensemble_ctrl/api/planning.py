@@ -145,6 +145,7 @@ def _replayed(found: Plan, began: float, progress: Progress | None) -> Plan:
 
 def failure_message(plan: Plan) -> str:
     """Why a plan falls short, in words: the constraints that conflict with amount, parameter and time."""
+    from ensemble_ctrl.ocp.terrain import crossed
     from ensemble_ctrl.report import conflict_text
     from ensemble_ctrl.report.tried import tried
 
@@ -154,6 +155,10 @@ def failure_message(plan: Plan) -> str:
         why = plan.certificate.reason
         lead = "a plan was found that every replayed member does, but it is not proven" + (f" ({why})" if why else "")
     listed = "; violated near the best guess: " + "; ".join(lines) if lines else ""
+    met = crossed(plan.problem, plan.controls)
+    listed += "".join(
+        f"; members may be in terrain {name} from {t.begin:.1f} to {t.end:.1f} s" for name, t in met.items()
+    )
     what = "; ".join(tried(plan.details))
     return f"{plan.problem.name}: {lead}{listed}" + (f"; tried: {what}" if what else "")
 

@@ -92,4 +92,6 @@ def _certificate(facts: dict[str, Any]) -> Certificate:
         seconds=facts["seconds"],
         inputs=facts["inputs_sha256"],
         reason=facts["reason"],
+        uncertainty=facts.get("uncertainty", {}),
+        enough=facts.get("enough"),
     )

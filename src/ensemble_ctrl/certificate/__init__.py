@@ -29,7 +29,7 @@ TRUSTED = tuple(
     for room, modules in {
         "certificate.": (
             *("bound", "certify", "clearance", "commands", "disturbance", "enclosure", "errors", "fingerprint"),
-            *("instants", "masses", "schedule", "share", "signals", "starts", "task"),
+            *("instants", "masses", "schedule", "share", "signals", "starts", "task", "terrain"),
         ),
         "constraints.": (
             *("_rows", "_sides", "cover", "disc", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
@@ -55,7 +55,7 @@ HANDED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "constraints.": ("motion",),
-        "problem.": ("arc_members", "ensemble", "fleet", "problem", "uncertainty"),
+        "problem.": ("arc_members", "ensemble", "fleet", "problem", "terrain", "uncertainty"),
         "systems.": ("arcs", "bicycle", "unicycle"),
         "moments.": ("distribution", "measure", "samples", "normal", "beta", "mixture"),
     }.items()

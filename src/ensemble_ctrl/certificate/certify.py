@@ -94,7 +94,8 @@ class Certificate:
     reason : str
         Why nothing can be said of any part, in words; empty where there are bounds.
     uncertainty : dict
-        Bounds of the errors of the model that the claim is for, as plain data; empty for robots that follow it.
+        Bounds of the errors of the model that the claim is for, patches of terrain among them, as plain data; empty for
+        robots that follow it.
     enough : float or None
         Metres: a clearance that is proven to be larger, and larger than the least, is not refined. None if each is.
 
@@ -188,7 +189,7 @@ def certify(
     specification = problem.specification
     chances = {id(chance.part): chance for chance in specification.chance}
     try:
-        if problem.fleet.uncertainty and not getattr(proof, "counts_errors", False):
+        if problem.uncertain and not getattr(proof, "counts_errors", False):
             raise Unenclosed("this enclosure does not count errors of the model")
         clearances = _clearances(proof, specification.avoid, np.inf if each else ENOUGH)
         parts = tuple(
@@ -211,7 +212,7 @@ def certify(
         time.perf_counter() - began,
         fingerprint(problem, controls, distributions),
         reason,
-        problem.fleet.uncertainty.data(),
+        problem.errors,
         None if each or len(clearances) < 2 else ENOUGH,
     )
 
@@ -220,7 +221,7 @@ def unproven(problem: Problem, controls: Floats, reason: str) -> Certificate:
     """The certificate of a proof that was not finished: nothing is claimed of the fleet's own ranges."""
     distributions = dict(problem.fleet.parameters)
     ranges = {name: (distribution.lower, distribution.upper) for name, distribution in distributions.items()}
-    inputs, bounds = fingerprint(problem, controls, distributions), problem.fleet.uncertainty.data()
+    inputs, bounds = fingerprint(problem, controls, distributions), problem.errors
     return Certificate("undecided", (), (), None, ranges, 0, 0.0, inputs, reason, bounds)
 
 

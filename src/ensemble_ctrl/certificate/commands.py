@@ -57,7 +57,8 @@ class Commands:
         some = np.minimum(mesh.owner, coarse.steps - 1)
         names = problem.fleet.system.controls
         values = dict(zip(names, controls.T, strict=True)) | {"v": coarse.v, "omega": coarse.omega}
-        errors = signal_errors(problem, controls, float(coarse.step.max()), coarse.fastest, coarse.sharpest)
+        widest = coarse.fastest, coarse.sharpest, coarse.strays
+        errors = signal_errors(problem, controls, float(coarse.step.max()), *widest)
         return cls(
             fine,
             {name: value[some] for name, value in values.items()},

@@ -6,7 +6,8 @@ true robot has ``|e'| <= D`` and ``q' = (a v + d) u(theta + e) + w`` with ``|d| 
 .. math::
    V = a\,(dv + \alpha (|v| + dv)), \qquad D = b\,(d\omega + \beta (|\omega| + d\omega)) + w_\theta
 
-collect the errors of the commands, ``dv`` and ``domega``, and of the factors, shares ``alpha`` and ``beta`` of them.
+collect the errors of the commands, ``dv`` and ``domega``, and of the factors, shares ``alpha`` and ``beta`` of them;
+where a patch of terrain may take factors away by ``da`` and ``db``, with ``da (1 + alpha) (|v| + dv)`` and its like.
 Hence ``|q - p| <= int V + W + H``, where `H` is what the heading adds, and both of these bound it:
 
 1. *by the way*: ``H <= int a |v| min(|e|, 2)``;
@@ -23,7 +24,7 @@ at most ``a Delta max |v|`` over the last `Delta` seconds.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import ceil
 from typing import TYPE_CHECKING, Any, Protocol
@@ -61,15 +62,24 @@ class Errors:
         Metres by which it may be behind for its delay, in addition.
     delay : float
         Seconds.
+    strays : ndarray, shape (2, steps), optional
+        By how much terrain may change the factors on speed and turn rate.
     """
 
     place: Floats
     lag: Floats
     delay: float
+    strays: Floats | None = None
 
 
 def arc_errors(
-    problem: Problem, controls: Floats, step: float, fastest: float, sharpest: float, chords: Chords
+    problem: Problem,
+    controls: Floats,
+    step: float,
+    fastest: float,
+    sharpest: float,
+    chords: Chords,
+    strays: Floats | None = None,
 ) -> Errors:
     """The errors of a fleet of robots on arcs.
 
@@ -83,14 +93,17 @@ def arc_errors(
     fastest, sharpest : float
         Largest absolute factors `a` on the speed and `b` on the turn rate.
     chords : callable
+    strays : ndarray, shape (2, steps), optional
+        By how much the factors on the speed and on the turn rate may be off in each step, in addition.
 
     Notes
     -----
     *Guarantee*: upper bounds for every member and every disturbance within the bounds, rounding included.
     """
     bounds, rates = problem.fleet.uncertainty, _Rates.of(problem, controls, fastest, sharpest)
+    rates = rates if strays is None else rates.straying(strays)
     if bounds.jitter > step / 2:  # commands might change places
-        return Errors(np.full(len(controls), np.inf), _lags(rates, step), bounds.delay)
+        return Errors(np.full(len(controls), np.inf), _lags(rates, step), bounds.delay, strays)
     turn, count = _turns(rates, step), len(controls)
     by_way = np.concatenate([[0.0], np.cumsum(step * rates.way * np.minimum(turn, 2.0))])
     within = by_way[1:]
@@ -103,13 +116,15 @@ def arc_errors(
     driven = rates.drift * bounds.delay + np.cumsum(step * (rates.drift + rates.speed))
     place = within + driven + _counted(rates.speed_jumps)
     up = 1 + 64 * UNIT * (count + 8)
-    return Errors(np.where(np.isnan(place), np.inf, place * up), _lags(rates, step) * up, bounds.delay)
+    return Errors(np.where(np.isnan(place), np.inf, place * up), _lags(rates, step) * up, bounds.delay, strays)
 
 
 def signal_errors(
-    problem: Problem, controls: Floats, step: float, fastest: float, sharpest: float
+    problem: Problem, controls: Floats, step: float, fastest: float, sharpest: float, strays: Floats | None = None
 ) -> dict[str, Floats]:
     """By how much headings, speeds, turn rates and commands of a robot may be off in each step, shape (steps,).
+
+    Arguments are those of `arc_errors`.
 
     Notes
     -----
@@ -118,9 +133,11 @@ def signal_errors(
     """
     names, still = problem.fleet.system.controls, np.zeros(len(controls))
     bounds = problem.fleet.uncertainty
-    if not bounds:
+    if not problem.uncertain:
         return dict.fromkeys((*names, "v", "omega", "heading"), still)
     rates = _Rates.of(problem, controls, fastest, sharpest)
+    if problem.terrain:
+        rates = rates.straying(np.full((2, len(controls)), np.inf) if strays is None else strays)
     up = 1 + 64 * UNIT * (len(controls) + 8)
     untimely = still + (np.inf if bounds.delay or bounds.jitter else 0.0)
     held = still + (0.0 if bounds.heading_hold is None else np.inf)
@@ -136,7 +153,10 @@ def signal_errors(
 
 @dataclass(frozen=True, eq=False)
 class _Rates:
-    """Bounds by step: `way` is ``a |v|``, `speed` V, `turn` D; `drift` W; jumps are of early and late commands."""
+    """Bounds by step: `way` is ``a |v|``, `speed` V, `turn` D; `drift` W; jumps are of early and late commands.
+
+    `most` is what a change of each factor by one changes its rate by, shape (2, steps).
+    """
 
     way: Floats
     speed: Floats
@@ -148,6 +168,7 @@ class _Rates:
     delay: float
     jitter: float
     hold: float | None
+    most: Floats
 
     @classmethod
     def of(cls, problem: Problem, controls: Floats, fastest: float, sharpest: float) -> _Rates:
@@ -169,7 +190,17 @@ class _Rates:
         )
         way = fastest * np.abs(v)
         times = bounds.delay, bounds.jitter, bounds.heading_hold
-        return cls(way, speed, turn, jumps, jumps_of_turn, drift, wait, *times)
+        # (1 + alpha) (|v| + dv) and (1 + beta) (|omega| + domega); a command of a step beside may be early or late
+        most = np.stack([(1 + alpha) * (np.abs(v) + dv), (1 + beta) * (np.abs(omega) + domega)])
+        if bounds.jitter:
+            wide = np.pad(most, ((0, 0), (1, 1)))
+            most = np.maximum(most, np.maximum(wide[:, :-2], wide[:, 2:]))
+        return cls(way, speed, turn, jumps, jumps_of_turn, drift, wait, *times, most)
+
+    def straying(self, strays: Floats) -> _Rates:
+        """The same where the factors may be off by more, by `strays` of shape (2, steps)."""
+        more = np.where(strays > 0, strays * self.most, 0.0)
+        return replace(self, speed=self.speed + more[0], turn=self.turn + more[1])
 
     @property
     def turns(self) -> bool:

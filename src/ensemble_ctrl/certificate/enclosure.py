@@ -28,11 +28,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.disturbance import UNIT, Errors, arc_errors
+from ensemble_ctrl.certificate.disturbance import UNIT
 from ensemble_ctrl.certificate.instants import Mesh
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
+    from ensemble_ctrl.problem.terrain import Patch
+    from ensemble_ctrl.problem.zones import Zone
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -85,6 +87,8 @@ class Flow:
         Metres by which robots may be away from this motion during each step (`disturbance.Errors`).
     delay : float
         Seconds by which a robot may be late.
+    strays : ndarray, shape (2, steps), optional
+        By how much terrain may change the factors on speed and turn rate in each step of the controls.
     """
 
     lower: Floats
@@ -101,6 +105,7 @@ class Flow:
     error: Floats
     lag: Floats
     delay: float = 0.0
+    strays: Floats | None = None
 
     @classmethod
     def of(
@@ -116,30 +121,34 @@ class Flow:
         controls = np.asarray(controls, dtype=float)
         v, omega = fleet.arcs.rates(*controls.T)
         plain, still = Mesh.of(problem.duration, len(v)), np.zeros(len(v))
-        swapped = fleet.arcs.heading_from == "y"
-        affine = lower, upper, fleet.origin, fleet.directions, swapped
-        turned = _turned(plain.length, omega)
-        flow = cls(*affine, plain.length, plain.begin, v, omega, turned, _extent(problem), still, still)
-        flow = flow._disturbed(problem, controls) if fleet.uncertainty else flow
+        affine = lower, upper, fleet.origin, fleet.directions, fleet.arcs.heading_from == "y"
+        flow = cls(
+            *affine, plain.length, plain.begin, v, omega, _turned(plain.length, omega), _extent(problem), still, still
+        )
+        flow = flow._disturbed(problem, controls) if problem.uncertain else flow
         return flow if mesh is None else flow.on(mesh)
 
     def _disturbed(self, problem: Problem, controls: Floats) -> Flow:
-        """The same with the errors of the fleet's uncertainty."""
-        step = float(self.step.max())
-        found: Errors = arc_errors(problem, controls, step, self.fastest, self.sharpest, self.bent()._chords)
-        return replace(self, error=found.place, lag=found.lag, delay=found.delay)
+        """The same with the errors of the fleet's uncertainty, and of patches of terrain."""
+        from ensemble_ctrl.certificate.terrain import errors_of
 
-    def _chords(self) -> Iterator[Floats]:
+        found = errors_of(self, problem, controls)
+        return replace(self, error=found.place, lag=found.lag, delay=found.delay, strays=found.strays)
+
+    def chords(self) -> Iterator[Floats]:
         """Upper bounds of ``|p(t_n) - p(t_k)|`` for each of some cells that hold all members, in turn."""
         centres, half = first_cells(self.lower, self.upper, 4 if len(self.lower) == 1 else 2)
-        track, rest = Track.of(self, centres), self.remainder(half)
-        for k in range(len(centres)):
-            # |p_c(t) - p_c(s)| + sum_k half_k |dp/dq_k (t) - dp/dq_k (s)| + R(max(t, s))
-            place, slope = track.position[k], track.slope[k]
-            away = np.linalg.norm(place[:, None] - place, axis=-1) + np.maximum(rest[k][:, None], rest[k])
-            for j, width in enumerate(half[k]):
-                away += width * np.linalg.norm(slope[:, None, j] - slope[:, j], axis=-1)
-            yield away + 2 * self.rounding()
+        track = Track.of(self, centres)
+        yield from map(self.chords_of, track.position, track.slope, half)
+
+    def chords_of(self, place: Floats, slope: Floats, half: Floats) -> Floats:
+        """The same of one cell with this track of its centre and these half widths, shape (steps + 1, steps + 1)."""
+        # |p_c(t) - p_c(s)| + sum_k half_k |dp/dq_k (t) - dp/dq_k (s)| + R(max(t, s))
+        rest = self.remainder(half[None])[0]
+        away = np.linalg.norm(place[:, None] - place, axis=-1) + np.maximum(rest[:, None], rest)
+        for j, width in enumerate(half):
+            away += width * np.linalg.norm(slope[:, None, j] - slope[:, j], axis=-1)
+        return np.asarray(away + 2 * self.rounding())
 
     def on(self, mesh: Mesh) -> Flow:
         """The same motion on the pieces of a mesh of its steps; after the last one robots stand."""
@@ -364,8 +373,9 @@ def _extent(problem: Problem) -> float:
     With the way that a moving obstacle would go at its greatest speed, as times are rounded too.
     """
     # X: corners, levels of faces, offsets of motions and the way at their greatest speed (docs/proof.md, section 5)
-    sizes = [float(np.abs(piece.vertices).max()) for _, piece in problem.pieces]
-    sizes += [float(np.abs(piece.vertices).max()) for zone in problem.zones.values() for piece in zone.pieces]
+    areas: list[Zone | Patch] = [*problem.zones.values(), *problem.terrain.values()]
+    pieces = [*(piece for _, piece in problem.pieces), *(piece for area in areas for piece in area.pieces)]
+    sizes = [float(np.abs(piece.vertices).max()) for piece in pieces]
     levels = (np.abs(region.unit_rows()[1]) for region in problem.regions.values())
     for motion in problem.motions.values():
         speed = np.abs(np.diff(motion.offsets, axis=0)) / np.diff(motion.times)[:, None]

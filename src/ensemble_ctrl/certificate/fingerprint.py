@@ -50,6 +50,8 @@ def fingerprint(problem: Problem, controls: Floats, distributions: Mapping[str, 
         numbers = [*numbers, ["zones", *pieces]]
     if fleet.uncertainty:
         numbers = [*numbers, fleet.uncertainty.data()]
+    if problem.terrain:
+        numbers = [*numbers, "terrain", [(name, patch.data()) for name, patch in sorted(problem.terrain.items())]]
     digest.update(repr(numbers).encode())
     digest.update(np.ascontiguousarray(controls, dtype="<f8").tobytes())
     return digest.hexdigest()

@@ -79,7 +79,7 @@ def replay_plan(options: ReplayOptions) -> int:
         "schema": SCHEMA,
         "name": plan.problem.name,
         **found.as_data(),
-        "disturbed": bool(plan.problem.fleet.uncertainty),
+        "disturbed": plan.problem.uncertain,
         "mean": found.mean,
         "variance": found.variance,
         "share_95": list(found.share()),
@@ -131,7 +131,7 @@ def _lines(plan: Plan, found: Summary, options: ReplayOptions, seconds: float) -
     rate = found.members * plan.problem.steps * found.substeps / seconds
     samples = f"{found.substeps} sample{'s' if found.substeps > 1 else ''} per step"
     rows = [("replay", f"{plan.problem.steps} steps, {samples}, {seconds:.1f} s ({rate:.2g} robot-steps/s)")]
-    if plan.problem.fleet.uncertainty:
+    if plan.problem.uncertain:
         rows.append(("", "each member with one disturbance, sampled within the bounds"))
     rows += [("share", f"{_percent(found.share())} of the fleet satisfies (95 %)")]
     rows += [("", text) for text in map(_share, found.shares)]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Predicate, StateSignals
+from ensemble_ctrl.ocp.terrain import with_terrain
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.uncertainty import POSITION
 
@@ -90,7 +91,7 @@ def lowered(signals: StateSignals, growth: Growth | None) -> StateSignals:
 
 def growth(problem: Problem, controls: Floats) -> Growth | None:
     """The errors of a plan; None for a fleet that follows its model."""
-    if not problem.fleet.uncertainty:
+    if not problem.uncertain:
         return None
     found = (_on_arcs if problem.fleet.system.on_arcs else _by_comparison)(problem, np.asarray(controls, dtype=float))
     return found
@@ -106,26 +107,33 @@ def _on_arcs(problem: Problem, controls: Floats) -> Growth:
     alpha, beta = (_strays(fleet, k) for k in (0, 1))
     given, wait = bounds.disturbance, bounds.disturbance.get("heading", 0.0)
     drift = given.get(POSITION, 0.0) + float(np.hypot(given.get("x", 0.0), given.get("y", 0.0)))
-    speed = a * (dv + alpha * (np.abs(v) + dv))
-    turn = b * (domega + beta * (np.abs(omega) + domega)) + wait
     late, late_turn = (bounds.jitter * f * np.cumsum(np.abs(np.diff(r, prepend=0))) for f, r in ((a, v), (b, omega)))
-    if bounds.heading_hold is None:
-        off = wait * bounds.delay + np.cumsum(step * turn, axis=1) + late_turn
-    else:
-        off = _held(turn, np.diff(late_turn, prepend=0.0, axis=1), step, bounds.heading_hold)
-    swept = np.cumsum(step * a * np.abs(v) * np.minimum(off, 2.0), axis=1)
-    if bounds.heading_hold is None and len(controls) <= MOST_CHORDS:
-        swept = np.minimum(swept, _by_chords(fleet.trajectories(controls, members, step), turn * step, late_turn))
     # a command may begin early: that of the next step counts, too
-    late = np.concatenate([late[:, 1:], late[:, -1:]], axis=1)
-    off_place = drift * bounds.delay + swept + np.cumsum(step * (speed + drift), axis=1) + late
+    early = np.concatenate([late[:, 1:], late[:, -1:]], axis=1)
+    paths = fleet.trajectories(controls, members, step)
+
+    def errors(strays: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Of place, heading, speed and turn rate by steps, where factors may be off by `strays` more, as of terrain."""
+        speed = a * (dv + alpha * (np.abs(v) + dv)) + strays[0] * (np.abs(v) + dv)
+        turn = b * (domega + beta * (np.abs(omega) + domega)) + wait + strays[1] * (np.abs(omega) + domega)
+        if bounds.heading_hold is None:
+            off = wait * bounds.delay + np.cumsum(step * turn, axis=1) + late_turn
+        else:
+            off = _held(turn, np.diff(late_turn, prepend=0.0, axis=1), step, bounds.heading_hold)
+        swept = np.cumsum(step * a * np.abs(v) * np.minimum(off, 2.0), axis=1)
+        if bounds.heading_hold is None and len(controls) <= MOST_CHORDS:
+            swept = np.minimum(swept, _by_chords(paths, turn * step, late_turn))
+        return drift * bounds.delay + swept + np.cumsum(step * (speed + drift), axis=1) + early, off, speed, turn
+
+    strays = with_terrain(problem, members, paths, lambda strays: errors(strays)[0])
+    off_place, off, speed, turn = errors(strays)
     within = off_place.max(axis=0)
     # a delay counts where times do: in the task, not beside what stands still
     lag = bounds.delay * float(a.max()) * np.abs(v)
     at = np.concatenate([within[:1], within]) + np.concatenate([lag[:1], lag])
     turned = off.max(axis=0) + bounds.delay * (b * np.abs(omega)).max()
-    errors = fleet.uncertainty.command_errors(fleet.system.controls, controls)
-    each = dict(zip(fleet.system.controls, errors.T, strict=True))
+    wrong = fleet.uncertainty.command_errors(fleet.system.controls, controls)
+    each = dict(zip(fleet.system.controls, wrong.T, strict=True))
     each |= {"heading": turned, "v": speed.max(axis=0), "omega": turn.max(axis=0)}
     # a grid time is an end of two steps
     signals = {name: np.maximum(np.append(value, 0.0), np.insert(value, 0, 0.0)) for name, value in each.items()}

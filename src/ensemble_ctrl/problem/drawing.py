@@ -54,10 +54,12 @@ def map_svg(
     targets = [_flat(line) for line in target_lines(problem)]
     shapes = [shadow(piece.vertices) for _, piece in problem.pieces] + _ends(problem)
     shapes += [shadow(piece.vertices) for zone in problem.zones.values() for piece in zone.pieces]
+    shapes += [piece.vertices for patch in problem.terrain.values() for piece in patch.pieces]
     shapes += [*regions.values(), *paths, *targets, *(mark[None] for mark in marks)]
     sheet = _Sheet(*frame([*(_flat(place[None, :]) for place in places(problem).values()), *shapes]))
     strokes = [*colours, *["black"] * len(paths)]
     parts = [
+        *_patches(sheet, problem),
         *_regions(sheet, regions),
         *_zones(sheet, problem),
         *_obstacles(sheet, problem),
@@ -102,6 +104,14 @@ class _Sheet:
         x, y = self.at(point)
         font = 'text-anchor="middle" font-family="sans-serif" font-size="11"'
         return f'<text x="{x:.1f}" y="{max(y + lower, 11):.1f}" fill="{colour}" {font}>{escape(name)}</text>'
+
+
+def _patches(sheet: _Sheet, problem: Problem) -> Iterator[str]:
+    """Patches of terrain with their names."""
+    for name, patch in problem.terrain.items():
+        for piece in patch.pieces:
+            yield f'<polygon points="{sheet.text(piece.vertices)}" fill="#d9c3a0" stroke="#7a5c2e"/>'
+        yield sheet.name(name, patch.pieces[0].vertices.mean(axis=0), "#7a5c2e", 4)
 
 
 def _regions(sheet: _Sheet, regions: dict[str, Floats]) -> Iterator[str]:
@@ -192,7 +202,8 @@ def outlines(problem: Problem, paths: Sequence[Floats] = ()) -> dict[str, Floats
     bounded = {name: region.vertices for name, region in problem.regions.items() if region.is_bounded}
     if len(problem.fleet.places) != 2:
         return bounded
-    drawn = [piece.vertices for _, piece in problem.pieces] + [*bounded.values(), *paths]
+    patches = [piece.vertices for patch in problem.terrain.values() for piece in patch.pieces]
+    drawn = [piece.vertices for _, piece in problem.pieces] + [*patches, *bounded.values(), *paths]
     # unbounded regions are cut by a window around everything else
     low, size = frame([*(place[None, :] for place in places(problem).values()), *drawn])
     window = (low - 0.1 * size - 0.5, low + 1.1 * size + 0.5)

@@ -20,6 +20,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import DISTRIBUTIONS, Distribution, Mixture, Samples
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.problem import Problem
+from ensemble_ctrl.problem.terrain import Patch
 from ensemble_ctrl.problem.uncertainty import Uncertainty
 from ensemble_ctrl.problem.zones import Zone
 from ensemble_ctrl.systems import SYSTEMS, System
@@ -27,7 +28,7 @@ from ensemble_ctrl.systems import SYSTEMS, System
 Floats = NDArray[np.float64]
 Data = Mapping[str, Any]
 
-SECTIONS = ("name", "fleet", "horizon", "regions", "obstacles", "motions", "zones", "task")
+SECTIONS = ("name", "fleet", "horizon", "regions", "obstacles", "motions", "zones", "terrain", "task")
 """What a proof is about; the rest of a problem says how to plan, and how to check."""
 FLEET = (
     "model",
@@ -76,6 +77,7 @@ def problem_of(data: Data) -> Problem:
             obstacles={name: _obstacle(shapes, places) for name, shapes in data["obstacles"].items()},
             motions={name: _motion(motion["path"]) for name, motion in data["motions"].items()},
             zones={name: _zone(zone, places) for name, zone in data.get("zones", {}).items()},
+            terrain={name: _patch(patch, places) for name, patch in data.get("terrain", {}).items()},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, ProblemError):
@@ -190,6 +192,14 @@ def _piece(shape: Data, places: Sequence[str]) -> Obstacle:
     if "polygon" in shape:
         return Obstacle.polygon(np.array(shape["polygon"]))
     return kind(*_rows(shape["halfspaces"], places))
+
+
+def _patch(data: Data, places: Sequence[str]) -> Patch:
+    """A patch of terrain: its area, one shape or several, and the range of each parameter."""
+    forms = ("box", "polygon", "disc", "halfspaces", "areas")
+    shapes = data.get("areas", [data])
+    ranges = {name: tuple(ends) for name, ends in data.items() if name not in forms}
+    return Patch(tuple(_piece(shape, places) for shape in shapes), ranges)
 
 
 def _rows(texts: Sequence[str], places: Sequence[str]) -> tuple[Floats, Floats]:

@@ -22,6 +22,7 @@ from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.risk import Risk
 from ensemble_ctrl.problem.specification import Specification
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
+from ensemble_ctrl.problem.terrain import Patch, terrain_data
 from ensemble_ctrl.problem.uncertainty import Uncertainty
 from ensemble_ctrl.problem.zones import Zone
 
@@ -254,6 +255,8 @@ class Problem:
         How some of the obstacles move from where they are drawn.
     zones : mapping of str to Zone
         Areas to keep out of or to drive slowly in, at all times, whatever the task says.
+    terrain : mapping of str to Patch
+        Named areas in which parameters of the robots may differ from their own values, such as mud.
     objective : Objective
         What to trade off.
     order : int or None
@@ -302,6 +305,7 @@ class Problem:
     coordinates: Coordinates = "nodal"
     integrator: Integrator = "exponential"
     zones: Mapping[str, Zone] = field(default_factory=dict)
+    terrain: Mapping[str, Patch] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.problem.checks import require_sound
@@ -316,6 +320,7 @@ class Problem:
             "obstacles": ReadOnlyMapping(obstacles_of("obstacles", self.obstacles)),
             "motions": ReadOnlyMapping(mapping_of("motions", self.motions, Motion, "a Motion")),
             "zones": ReadOnlyMapping(mapping_of("zones", self.zones, Zone, "a Zone")),
+            "terrain": ReadOnlyMapping(mapping_of("terrain", self.terrain, Patch, "a Patch")),
             "objective": expect("objective", self.objective, Objective),
             "solve": expect("solve", self.solve, SolveOptions),
             "verify": expect("verify", self.verify, VerifyOptions),
@@ -345,6 +350,16 @@ class Problem:
             compiled = Specification.of(self)
             object.__setattr__(self, "_specification", compiled)
         return compiled
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether robots may leave their model: by the fleet's uncertainty, or in a patch of terrain."""
+        return bool(self.fleet.uncertainty or self.terrain)
+
+    @property
+    def errors(self) -> dict[str, Any]:
+        """Bounds of everything that may move robots beside their model, as plain data."""
+        return self.fleet.uncertainty.data() | terrain_data(self.terrain)
 
     @property
     def pieces(self) -> tuple[tuple[str, Obstacle], ...]:

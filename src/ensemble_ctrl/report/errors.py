@@ -5,11 +5,36 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ensemble_ctrl.ocp.terrain import crossed
+from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.terrain import Patch
 from ensemble_ctrl.problem.uncertainty import POSITION
 
 if TYPE_CHECKING:
     from ensemble_ctrl.planning.tolerance import Tolerance, Tolerated
+
+Floats = NDArray[np.float64]
+
+
+def patch_text(patch: Patch) -> list[str]:
+    """The range of each parameter in a patch of terrain."""
+    return [f"{name} {low:g} to {high:g}" for name, (low, high) in patch.parameters.items()]
+
+
+def terrain_rows(problem: Problem, controls: Floats) -> list[tuple[str, str]]:
+    """Each patch with its ranges, and when members may be in it under a plan."""
+    met = crossed(problem, controls)
+    rows: list[tuple[str, str]] = []
+    for name, patch in problem.terrain.items():
+        when = "kept out of"
+        if name in met:
+            when = f"members may be in it from {met[name].begin:.1f} to {met[name].end:.1f} s"
+        rows.append(("" if rows else "terrain", f"{name}, {', '.join(patch_text(patch))}: {when}"))
+    return rows
 
 
 def errors_text(fleet: Fleet) -> str:

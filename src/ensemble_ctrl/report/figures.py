@@ -15,6 +15,7 @@ from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
 from ensemble_ctrl.problem.starts import places
 from ensemble_ctrl.problem.zones import Zone
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
+from ensemble_ctrl.report.errors import patch_text
 from ensemble_ctrl.report.palette import (
     CONTRAST,
     DASHES,
@@ -23,6 +24,8 @@ from ensemble_ctrl.report.palette import (
     OBSTACLE,
     OBSTACLE_EDGE,
     ON_OBSTACLE,
+    PATCH,
+    PATCH_EDGE,
     REGION,
     SLOW,
     shades,
@@ -68,6 +71,7 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
     from matplotlib.patches import Polygon
     from matplotlib.patheffects import withStroke
 
+    _draw_terrain(problem, ax)
     _draw_motions(problem, ax)
     for name, pieces in problem.obstacles.items():
         for piece in pieces:
@@ -112,6 +116,26 @@ def draw_zone(name: str, zone: Zone, ax: Axes) -> None:
     middle, text = largest.vertices.mean(axis=0), literal(f"{name}: {zone}")
     label = ax.annotate(text, middle, ha="center", va="center", fontsize="small", color=colour, zorder=4)
     label.set_path_effects([withStroke(linewidth=3, foreground="white")])
+
+
+def _draw_terrain(problem: Problem, ax: Axes) -> None:
+    """Patches of terrain, hatched, with the ranges in them."""
+    from matplotlib.patches import Polygon
+    from matplotlib.patheffects import withStroke
+
+    for name, patch in problem.terrain.items():
+        for piece in patch.pieces:
+            ax.add_patch(
+                Polygon(piece.vertices, closed=True, facecolor=PATCH, edgecolor=PATCH_EDGE, hatch="..", alpha=0.6)
+            )
+        largest = max(patch.pieces, key=lambda piece: float(np.ptp(piece.vertices, axis=0).prod()))
+        middle = largest.vertices.mean(axis=0)
+        label = ax.annotate(literal(name), middle, ha="center", va="center", fontsize="small", color=PATCH_EDGE)
+        label.set_path_effects([withStroke(linewidth=2, foreground="white")])
+    if problem.terrain:
+        texts = [literal(f"{name}: {', '.join(patch_text(patch))}") for name, patch in problem.terrain.items()]
+        ranges = Polygon([[0.0, 0.0]], facecolor=PATCH, edgecolor=PATCH_EDGE, hatch="..", alpha=0.6)
+        ax.legend([ranges] * len(texts), texts, loc="upper left", fontsize="xx-small", framealpha=0.8)
 
 
 def _draw_motions(problem: Problem, ax: Axes) -> None:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.core.version import __version__
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.report.convergence import Descent, descents
+from ensemble_ctrl.report.errors import patch_text
 from ensemble_ctrl.report.pagecharts import Axes, Curve, chart
 from ensemble_ctrl.report.pagemap import map_and_motion
 from ensemble_ctrl.report.palette import hexadecimal, viridis
@@ -140,6 +141,9 @@ def _map(problem: Problem, drawing: str, proven: bool, marked: bool) -> str:
         note = "The position over time. Lines: some robots; dots: where they are at the time shown."
     if count == 3:
         note = f"From above and from the side; dotted: obstacles beside the ways. {note}"
+    if problem.terrain:
+        patches = (f"{name}: {', '.join(patch_text(patch))}" for name, patch in problem.terrain.items())
+        note = f"{note} Brown: terrain, in which robots may differ from the model ({escape('; '.join(patches))})."
     if proven:
         note = f"Shaded: where every robot is proven to be (its centre), at some time of the plan. {note}"
     note += " Red rings: where the task fails worst." if marked else ""

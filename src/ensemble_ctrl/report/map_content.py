@@ -68,6 +68,8 @@ class MapContent:
     obstacles : tuple of Shape
     regions : dict of str to ndarray, shape (corners, 2)
         Zones among them, by their names with their rules.
+    patches : tuple of Shape
+        Patches of terrain.
     """
 
     problem: Problem
@@ -75,6 +77,7 @@ class MapContent:
     paths: Floats
     obstacles: tuple[Shape, ...]
     regions: dict[str, Floats]
+    patches: tuple[Shape, ...] = ()
 
     @property
     def labels(self) -> tuple[str, str]:
@@ -133,7 +136,7 @@ class MapContent:
     def canvas(self, width: float, left: float = 0.0, top: float = 0.0, more: Sequence[Floats] = ()) -> Canvas:
         """A drawing so wide that shows all of it, wherever obstacles go, and more shapes of shape (points, 2)."""
         shapes = [*(start[None, :] for start in self.starts.values()), *self.paths]
-        for obstacle in self.obstacles:
+        for obstacle in (*self.obstacles, *self.patches):
             times = np.linspace(0.0, self.problem.duration, INSTANTS)
             offsets = np.zeros((1, 2)) if obstacle.motion is None else obstacle.motion.at(times)
             shapes += [corners + offset for corners in obstacle.pieces for offset in offsets]
@@ -177,7 +180,11 @@ def _content(problem: Problem, paths: Floats, view: View | None) -> MapContent:
         for k, piece in enumerate(zone.pieces):
             number = f" ({k + 1})" if len(zone.pieces) > 1 else ""
             regions[f"{name}{number}: {zone}"] = shadow(piece.vertices, view)
-    return MapContent(problem, view, paths[..., list(view)], tuple(obstacles), regions)
+    patches = tuple(
+        Shape(name, tuple(shadow(piece.vertices, view) for piece in patch.pieces), (False,) * len(patch.pieces))
+        for name, patch in problem.terrain.items()
+    )
+    return MapContent(problem, view, paths[..., list(view)], tuple(obstacles), regions, patches)
 
 
 def _bands(problem: Problem) -> Iterator[tuple[str, Floats]]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict
 from ensemble_ctrl.problem.evaluation.sampled import all_paths
+from ensemble_ctrl.report.errors import patch_text
 from ensemble_ctrl.report.map_content import MapContent, View, map_contents
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
@@ -133,8 +134,8 @@ def _grid(content: MapContent, canvas: Canvas) -> list[str]:
 
 
 def _places(content: MapContent, canvas: Canvas) -> list[str]:
-    """Regions and the target."""
-    parts = []
+    """Patches of terrain, regions and the target."""
+    parts = _patches(content, canvas)
     for name, corners in content.regions.items():
         points = _text(canvas, corners)
         parts.append(f'<polygon class="region" points="{points}"><title>{escape(name)}</title></polygon>')
@@ -144,6 +145,18 @@ def _places(content: MapContent, canvas: Canvas) -> list[str]:
         parts.append(
             f'<path class="target" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"><title>target</title></path>'
         )
+    return parts
+
+
+def _patches(content: MapContent, canvas: Canvas) -> list[str]:
+    """Patches of terrain with their names, and the ranges in them as titles."""
+    parts = []
+    for shape in content.patches:
+        title = escape("; ".join([shape.name, *patch_text(content.problem.terrain[shape.name])]))
+        polygons = "".join(f'<polygon points="{_text(canvas, corners)}"/>' for corners in shape.pieces)
+        x, y = canvas.at(shape.largest.mean(axis=0)).tolist()
+        name = f'<text class="mid" x="{x:.1f}" y="{y + 4:.1f}">{escape(shape.name)}</text>'
+        parts.append(f'<g class="patch"><title>{title}</title>{polygons}{name}</g>')
     return parts
 
 

@@ -20,6 +20,8 @@ from ensemble_ctrl.report.palette import (
     OBSTACLE_EDGE,
     ON_OBSTACLE,
     OUTLINE,
+    PATCH,
+    PATCH_EDGE,
     REGION,
     SOFT,
     viridis,
@@ -128,6 +130,11 @@ def _draw_map(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
     content, unit = panel.content, panel.unit
     for corners in sorted(content.regions.values(), key=lambda corners: -float(np.ptp(corners, axis=0).prod())):
         pen.polygon(panel.points(corners), INSIDE, REGION, FINE)
+    for patch in content.patches:
+        for corners in patch.pieces:
+            pen.polygon(panel.points(corners), PATCH, PATCH_EDGE, FINE)
+        ((x, y),) = panel.points(patch.largest.mean(axis=0)[None])
+        pen.text((x, y), patch.name, PATCH_EDGE, panel.font, "mm", stroke_width=FINE, stroke_fill="white")
     if content.view is None:
         _draw_numbers(panel, pen)
     for shape in content.obstacles:

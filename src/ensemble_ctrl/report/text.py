@@ -20,7 +20,7 @@ from ensemble_ctrl.problem.evaluation.sampled import Replay, ShareSeen
 from ensemble_ctrl.problem.fleet import START_COLUMNS, START_PREFIX
 from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED
 from ensemble_ctrl.problem.starts import label
-from ensemble_ctrl.report.errors import errors_text, tolerated
+from ensemble_ctrl.report.errors import errors_text, terrain_rows, tolerated
 from ensemble_ctrl.report.tried import tried
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
 
 def _lines(label: str, text: str) -> list[str]:
     """One row; what is proven and the task, which may be as long as they like, are wrapped."""
-    long = label in ("task", "obstacles", "zones", "proven", "errors")
+    long = label in ("task", "obstacles", "zones", "proven", "errors", "terrain")
     texts = wrap(text, WIDTH - 13, break_long_words=False) if long else [text]
     return [f"  {'' if i else label:<11}{text}" for i, text in enumerate(texts)]
 
@@ -114,6 +114,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
         ("task", str(problem.task)),
         *([("obstacles", coverage_text(problem))] if problem.obstacles else []),
         *([("zones", "; ".join(f"{name}: {zone}" for name, zone in problem.zones.items()))] if problem.zones else []),
+        *terrain_rows(problem, plan.controls),
         *minimum_time(d.get("minimum_time")),
         *tolerated(d.get("tolerance")),
         *measured(plan.replayed, unit_of_task(problem)),
@@ -123,7 +124,7 @@ def summary_rows(plan: PlanLike) -> list[tuple[str, str]]:
     if plan.status in ("infeasible", "limit"):
         rows += [("" if i else "tried", line) for i, line in enumerate(_wrapped(tried(d)))]
     if plan.status == "infeasible" or "suggestions" in d:
-        rows += _suggested(d.get("suggestions", {}), bool(problem.fleet.uncertainty))
+        rows += _suggested(d.get("suggestions", {}), problem)
     rows += proven(problem, plan.certificate)
     if d.keys() >= {"cost", "effort", "terminal"}:
         rows.append(("cost", _cost(d)))
@@ -141,7 +142,7 @@ def _wrapped(texts: Iterable[str]) -> Iterator[str]:
     return (line for text in texts for line in wrap(text, WIDTH - 13))
 
 
-def _suggested(suggestions: dict[str, Any], uncertain: bool) -> Iterator[tuple[str, str]]:
+def _suggested(suggestions: dict[str, Any], problem: Problem) -> Iterator[tuple[str, str]]:
     """What would help, if that was searched for; what could, where nothing was found."""
     helps, failed = suggestions.get("helps", []), suggestions.get("failed", [])
     for i, found in enumerate(helps):
@@ -153,7 +154,8 @@ def _suggested(suggestions: dict[str, Any], uncertain: bool) -> Iterator[tuple[s
     if suggestions.get("limited"):
         yield "", f"the {suggestions['seconds']:.0f} s for this were up: other changes were not tried"
     if not helps:
-        smaller = "smaller errors of the model (fleet.uncertainty), " if uncertain else ""
+        smaller = "smaller errors of the model (fleet.uncertainty), " if problem.fleet.uncertainty else ""
+        smaller += "a way round the terrain, " if problem.terrain else ""
         text = (
             f"{smaller}a longer horizon, higher input bounds, reversing, a narrower parameter range, or wider passages"
         )

@@ -52,7 +52,7 @@ def test_no_run_leaves_the_enclosure(name: str) -> None:
     proof = GeneralProof(whole, PUSHES, whole.fleet.parameters)
     found = proof.enclosure
     members = whole.fleet.sample(30, 0)
-    paths = disturbed(whole, PUSHES, members, drawn(whole.fleet, 30, STEPS, 0), found.parts)
+    paths = disturbed(whole, PUSHES, members, drawn(whole, 30, STEPS, 0), found.parts)
     plain = whole.fleet.trajectories(np.repeat(PUSHES, found.parts, axis=0), members, whole.step / found.parts)
     off = np.abs(paths - plain).max(axis=0)[1:]
     width = found.radius.max(axis=2) + found.model.max(axis=2)

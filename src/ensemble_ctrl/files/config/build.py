@@ -47,6 +47,7 @@ def _rest(file: ProblemFile, name: str, system: System) -> dict[str, Any]:
         },
         motions={name: section.motion(duration) for name, section in file.motions.items()},
         zones={name: shape.zone for name, shape in file.zones.items()},
+        terrain={name: section.patch() for name, section in file.terrain.items()},
         objective=_objective(file.objective, system),
         order=file.moments.order,
         coordinates=file.moments.coordinates,

@@ -19,6 +19,7 @@ from ensemble_ctrl.files.config.tree import SCALARS
 from ensemble_ctrl.files.config.uncertainty_section import uncertainty_data
 from ensemble_ctrl.files.config.zones import zone_data
 from ensemble_ctrl.problem import Objective, Problem
+from ensemble_ctrl.problem.terrain import Patch
 
 Floats = NDArray[np.float64]
 Data = dict[str, Any]
@@ -65,6 +66,11 @@ def to_data(problem: Problem) -> Data:
         "obstacles": {name: _obstacle(pieces, places) for name, pieces in problem.obstacles.items()},
         "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
         "zones": _zones(problem),
+        **(
+            {"terrain": {name: _patch(patch, places) for name, patch in problem.terrain.items()}}
+            if problem.terrain
+            else {}
+        ),
         "ignore": list(problem.ignore),
         "task": str(problem.task),
         "objective": _objective(problem.objective, problem.fleet.system.controls),
@@ -144,6 +150,13 @@ def _obstacle(pieces: tuple[Obstacle, ...], places: Places) -> Data | list[Data]
     """An obstacle's pieces."""
     written = [_piece(piece, places) for piece in pieces]
     return written[0] if len(written) == 1 else written
+
+
+def _patch(patch: Patch, places: Places) -> Data:
+    """A patch of terrain: its area, and the ranges in it."""
+    shapes = [_piece(piece, places) for piece in patch.pieces]
+    area: Data = shapes[0] if len(shapes) == 1 else {"areas": shapes}
+    return area | {name: list(ends) for name, ends in patch.parameters.items()}
 
 
 def _piece(piece: Obstacle, places: Places) -> Data:

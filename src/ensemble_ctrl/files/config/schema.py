@@ -14,6 +14,7 @@ from ensemble_ctrl.files.config.motions import MotionSection
 from ensemble_ctrl.files.config.online import OnlineSection
 from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.files.config.targets import Terminal as TerminalTarget
+from ensemble_ctrl.files.config.terrain_section import TerrainSection
 from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection
 from ensemble_ctrl.files.config.zones import ZoneShape
 from ensemble_ctrl.problem import (
@@ -192,6 +193,8 @@ class ProblemFile(Model):
     """Motions of obstacles from where they are drawn; the others are static."""
     zones: dict[f.Name, ZoneShape] = Field(default_factory=dict)
     """Named areas that robots keep out of (`keep_out: true`) or drive slowly in (`v: 0.3 m/s`)."""
+    terrain: dict[f.Name, TerrainSection] = Field(default_factory=dict)
+    """Named patches of ground, such as mud, in which parameters of the robots may differ from their own values."""
     ignore: list[f.Name] = Field(default_factory=list)
     """Obstacles that the task need not avoid at all times: suppresses the warning."""
     task: f.Task

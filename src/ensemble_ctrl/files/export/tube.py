@@ -88,7 +88,7 @@ def to_geojson(problem: Problem, controls: Floats) -> dict[str, Any]:
     heights = np.array([area.heights for area in steps])
     all_ = Area(whole, (float(heights[:, 0].min()), float(heights[:, 1].max())) if len(places) == 3 else ())
     where = "area" if len(places) < 3 else f"area, {places[2]} between its ends,"
-    follows = "is disturbed within the bounds" if problem.fleet.uncertainty else "follows the model"
+    follows = "is disturbed within the bounds" if problem.uncertain else "follows the model"
     facts = {
         "parameters": {
             name: [distribution.lower, distribution.upper] for name, distribution in problem.fleet.parameters.items()

@@ -67,6 +67,9 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
     if problem.fleet.uncertainty:
         message = "the proofs of a loop do not count these errors"
         yield Finding(("fleet", "uncertainty"), message, "what a loop counts of them is said under online")
+    if problem.terrain:
+        message = f"expected no terrain, which the sets of a loop do not count, got {', '.join(problem.terrain)}"
+        yield Finding(("terrain",), message, "plan it offline, or keep out of it: make it an obstacle")
     if problem.least_duration is not None:
         yield Finding(("horizon", "duration"), "a free duration is not for a loop", "give one, 16 s say")
     if problem.objective.earliest is not None:

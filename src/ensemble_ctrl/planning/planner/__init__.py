@@ -9,7 +9,8 @@
 3. The horizon's own grid and the order asked for, started from there.
 4. Where the truncated curve is too far from the true one, one more moment is carried and it is solved again.
 5. The result is certified; where the proof falls short, the margin grows by what is missing and it is solved again.
-6. With ``method: minlp`` the facets of the obstacles are chosen anew (`ensemble_ctrl.ocp.mixed`); each result is
+6. Where the plan may touch patches of terrain, ways round these are tried too (`planning.planner.patches`).
+7. With ``method: minlp`` the facets of the obstacles are chosen anew (`ensemble_ctrl.ocp.mixed`); each result is
    certified in the same way, and takes the plan's place only if it costs less and no less is proven of it.
 """
 
@@ -18,6 +19,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -35,6 +37,7 @@ from ensemble_ctrl.planning.planner.coarse_fine import coarse_all
 from ensemble_ctrl.planning.planner.continuation import continued
 from ensemble_ctrl.planning.planner.grids import coarse_steps
 from ensemble_ctrl.planning.planner.one_frame import in_one_frame
+from ensemble_ctrl.planning.planner.patches import across_or_round
 from ensemble_ctrl.planning.planner.positions import by_positions
 from ensemble_ctrl.planning.planner.search import AFTERWARDS, Progress, Search
 from ensemble_ctrl.planning.planner.solution import Solution, Status
@@ -79,7 +82,9 @@ def solve(
         found = solve(in_one_frame(problem), progress=progress, guess=guess, log=log)
         return _of_all_starts(problem, found)
     search = Search(problem, progress, log)
-    found = STRATEGIES[problem.fleet.system.transcription](search, problem, guess)
+    strategy = STRATEGIES[problem.fleet.system.transcription]
+    ways = partial(across_or_round, strategy) if problem.terrain else strategy
+    found = ways(search, problem, guess)
     _report(found)
     return found
 

@@ -55,7 +55,7 @@ class Relaxation:
 
     Attributes
     ----------
-    name : {"horizon", "input bounds", "range", "reversing", "start heading", "radius", "margin", "obstacle"}
+    name : {"horizon", "input bounds", "range", "reversing", "start heading", "radius", "margin", "obstacle", "terrain"}
     strengths : tuple of float
         From the smallest change to the largest.
     at : callable
@@ -86,6 +86,8 @@ def relaxations(problem: Problem, conflicts: Sequence[Conflict], spread: bool) -
         Whether it is the spread of the fleet that fails, since the robot in its middle does not.
     """
     fleet = problem.fleet
+    for name in problem.terrain:
+        yield Relaxation("terrain", (0.0,), lambda s, name=name: without_patch(problem, name))  # type: ignore[misc]
     longer = [] if problem.motions else [Relaxation("horizon", GROWTH, lambda f: longer_horizon(problem, f))]
     higher = Relaxation("input bounds", GROWTH, lambda f: wider_bounds(problem, f))
     narrow = [Relaxation("range", SHARES, lambda s: narrower(problem, s))] if any(_narrows(fleet)) else []
@@ -204,6 +206,12 @@ def without(problem: Problem, name: str) -> Relaxed:
     rest = {key: pieces for key, pieces in problem.obstacles.items() if key != name}
     motions = {key: motion for key, motion in problem.motions.items() if key != name}
     return Relaxed(f"no obstacle {name}", (), problem.with_(obstacles=rest, motions=motions))
+
+
+def without_patch(problem: Problem, name: str) -> Relaxed:
+    """One patch of terrain less."""
+    rest = {key: patch for key, patch in problem.terrain.items() if key != name}
+    return Relaxed(f"no terrain {name}", (), problem.with_(terrain=rest))
 
 
 def stretched(formula: Formula, factor: float, duration: float) -> Formula:

@@ -91,15 +91,15 @@ def _region(name: str, value: Any) -> Polyhedron:
 def obstacles_of(name: str, value: Any) -> dict[str, tuple[Obstacle, ...]]:
     """Obstacles by name, each one shape or several; without names, one or several that are called o1, o2, ..."""
     if isinstance(value, Mapping):
-        return {_name(name, key): _pieces(f"{name}[{key!r}]", each) for key, each in value.items()}
-    return {f"o{k + 1}": (piece,) for k, piece in enumerate(_pieces(name, value))}
+        return {_name(name, key): pieces_of(f"{name}[{key!r}]", each) for key, each in value.items()}
+    return {f"o{k + 1}": (piece,) for k, piece in enumerate(pieces_of(name, value))}
 
 
 WANTED_OBSTACLE = "an Obstacle, a Disc, a bounded Polyhedron, or a box [[x low, x high], ...]"
 
 
-def _pieces(name: str, value: Any) -> tuple[Obstacle, ...]:
-    """The pieces of one obstacle: one shape, or a sequence of them."""
+def pieces_of(name: str, value: Any) -> tuple[Obstacle, ...]:
+    """The convex pieces of one area: one shape, or a sequence of them."""
     if isinstance(value, Obstacle | Polyhedron) or _is_box(value):
         return (_piece(name, value),)
     if not isinstance(value, Sequence) or isinstance(value, str | bytes):

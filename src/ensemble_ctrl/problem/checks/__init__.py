@@ -28,7 +28,7 @@ from ensemble_ctrl.problem.checks.starts import findings_of_starts
 from ensemble_ctrl.problem.checks.support import dimension_findings, support_findings
 from ensemble_ctrl.problem.checks.target import place_findings, target_findings
 from ensemble_ctrl.problem.checks.task import STATES, task_findings, unused_findings
-from ensemble_ctrl.problem.checks.uncertainty import uncertainty_findings
+from ensemble_ctrl.problem.checks.uncertainty import terrain_findings, uncertainty_findings
 from ensemble_ctrl.problem.checks.work import building_seconds, spoken, work_findings
 from ensemble_ctrl.problem.checks.zones import zone_findings
 
@@ -108,6 +108,7 @@ def _findings(problem: Problem) -> tuple[Finding, ...]:
         start_findings,
         place_findings,
         uncertainty_findings,
+        terrain_findings,
         impossible_findings,
         unused_findings,
         coverage_findings,

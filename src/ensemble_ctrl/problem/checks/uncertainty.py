@@ -33,6 +33,25 @@ def uncertainty_findings(problem: Problem) -> Iterator[Finding]:
             yield Finding((*path, "actuators"), f"{wanted}, {got}", "narrow its input_bounds")
 
 
+def terrain_findings(problem: Problem) -> Iterator[Finding]:
+    """Patches with parameters that the system does not have, or with names of other areas."""
+    known = problem.fleet.system.factors
+    for name, patch in problem.terrain.items():
+        if any(piece.A.shape[1] != len(problem.fleet.places) for piece in patch.pieces):
+            yield Finding(("terrain", name), f"expected an area in {' and '.join(problem.fleet.places)}", on_key=True)
+        for key, (low, high) in patch.parameters.items():
+            if key not in known:
+                message = f"expected parameters among {', '.join(known)}, got {key!r}"
+                hint = "an area is given by box, polygon, disc, halfspaces, wkt, file or areas"
+                yield Finding(("terrain", name, key), message, hint, on_key=True)
+            elif low <= 0:
+                yield Finding(("terrain", name, key), f"expected a range above 0, got [{low:g}, {high:g}]")
+        for kind, others in (("a region", problem.regions), ("an obstacle", problem.obstacles)):
+            if name in others:
+                message = f"{name!r} is the name of {kind} too"
+                yield Finding(("terrain", name), message, "choose another name", on_key=True)
+
+
 def _tolerance_findings(problem: Problem) -> Iterator[Finding]:
     """Errors of which a plan is to tolerate much: some, of what the system has, and nothing else that is extreme."""
     wanted, path = problem.objective.tolerance, ("objective", "tolerance")

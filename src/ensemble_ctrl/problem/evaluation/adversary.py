@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem.evaluation.disturbed import channels, disturbed, drawn
-from ensemble_ctrl.problem.fleet import Fleet, Member
+from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.specification import AvoidConstraint
 from ensemble_ctrl.problem.uncertainty import POSITION
@@ -82,8 +82,8 @@ def attack(problem: Problem, controls: Floats, seed: int = 0) -> Attack:
     fleet, steps = problem.fleet, len(controls)
     corners = fleet.corners[: ROBOTS // 2]
     members = np.concatenate([corners, fleet.sample(ROBOTS - len(corners), seed)])
-    settings = drawn(fleet, len(members), steps, seed)
-    settings[: len(corners)] = 0.0  # the corners follow the model at first
+    settings = drawn(problem, len(members), steps, seed)
+    settings[: len(corners)] = 0.0  # the corners follow the model at first, in the middle of what terrain allows
     best = Attack(np.inf, "", 0.0, {}, np.zeros(settings.shape[1:]), len(members))
     paths = disturbed(problem, controls, members, settings, SUBSTEPS)[..., fleet.place_columns]
     found: list[_Target] = []
@@ -97,7 +97,10 @@ def attack(problem: Problem, controls: Floats, seed: int = 0) -> Attack:
     for _ in range(rounds):
         # settings at the bounds, on the side to which each distance falls
         base = np.stack(
-            [_worst(fleet, _slopes(problem, controls, target, own)) for target, own in zip(targets, base, strict=True)]
+            [
+                _worst(problem, _slopes(problem, controls, target, own))
+                for target, own in zip(targets, base, strict=True)
+            ]
         )
         some = np.stack([target.member for target in targets])
         paths = disturbed(problem, controls, some, base, FINE)[..., fleet.place_columns]
@@ -187,10 +190,10 @@ def _slopes(problem: Problem, controls: Floats, target: _Target, base: Floats) -
     return found
 
 
-def _worst(fleet: Fleet, slope: Floats) -> Floats:
+def _worst(problem: Problem, slope: Floats) -> Floats:
     """The settings that lower a distance with these slopes most: at a bound, or across it for those of a ball."""
     found = -np.sign(slope)
-    ball = [k for k, channel in enumerate(channels(fleet)) if channel.kind == POSITION]
+    ball = [k for k, channel in enumerate(channels(problem)) if channel.kind == POSITION]
     if ball:
         length = np.linalg.norm(slope[ball], axis=0)
         found[ball] = -slope[ball] / np.where(length > 0, length, 1.0)

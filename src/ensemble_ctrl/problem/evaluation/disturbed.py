@@ -1,7 +1,8 @@
 """Robots that differ from their model within the fleet's bounds, run exactly (on arcs) or accurately (by an ODE).
 
 What disturbs them is constant in each step of control and given by *settings*, numbers from -1 to 1 that are shares of
-the bounds: one for each robot, channel and step.  Every run is one that the bounds allow: nothing is rounded outwards.
+the bounds: one for each robot, channel and step.  Every run is one that the bounds allow: nothing is rounded outwards;
+borders of patches of terrain are found by bisection.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.problem.evaluation.ground import Ground, parameters
 from ensemble_ctrl.problem.integrated import needed
 from ensemble_ctrl.problem.uncertainty import POSITION
 from ensemble_ctrl.systems.integration import extrapolated
@@ -31,7 +33,7 @@ SWITCHES = 3
 """Changes of sign of a bang-bang setting, on average."""
 MOST_TICKS = 32
 """Parts of a step into which times of commands are rounded towards the model's."""
-DRIVE, STRAYS, WAITS, SHIFTS = "command", "varies", "delay", "jitter"
+DRIVE, STRAYS, WAITS, SHIFTS, GROUND = "command", "varies", "delay", "jitter", "terrain"
 
 
 @dataclass(frozen=True)
@@ -42,9 +44,9 @@ class Channel:
     name: str
 
 
-def channels(fleet: Fleet) -> tuple[Channel, ...]:
-    """Everything that the fleet's bounds allow to be off."""
-    bounds = fleet.uncertainty
+def channels(problem: Problem) -> tuple[Channel, ...]:
+    """Everything that the fleet's bounds and the terrain allow to be off."""
+    fleet, bounds = problem.fleet, problem.fleet.uncertainty
     found = [Channel("disturbance", name) for name in bounds.disturbance if name != POSITION]
     if bounds.disturbance.get(POSITION):
         found += [Channel(POSITION, name) for name in fleet.places]
@@ -52,12 +54,12 @@ def channels(fleet: Fleet) -> tuple[Channel, ...]:
     found += [Channel(DRIVE, name) for name in fleet.system.controls if name in given]
     found += [Channel(STRAYS, name) for name in bounds.varies]
     found += [Channel(kind, "") for kind in (WAITS, SHIFTS) if getattr(bounds, kind)]
-    return tuple(found)
+    return tuple(found + [Channel(GROUND, name) for name in parameters(problem.terrain, fleet)])
 
 
-def drawn(fleet: Fleet, robots: int, steps: int, seed: int | list[int]) -> Floats:
+def drawn(problem: Problem, robots: int, steps: int, seed: int | list[int]) -> Floats:
     """Settings of each of `KINDS` for robots in turn, shape (robots, channels, steps)."""
-    rng, shape = np.random.default_rng(seed), (robots, len(channels(fleet)), steps)
+    rng, shape = np.random.default_rng(seed), (robots, len(channels(problem)), steps)
     random = rng.uniform(-1.0, 1.0, shape)
     signs = np.where(rng.random((*shape[:2], 1)) < 0.5, -1.0, 1.0)
     # a sign changes with the same chance in every step
@@ -78,7 +80,8 @@ def disturbed(
     controls : ndarray, shape (steps, n_u)
     members : ndarray, shape (robots, parameters)
     settings : ndarray, shape (robots, channels, steps)
-        -1 to 1, in the order of `channels`; those of a delay count from the shortest to the longest.
+        -1 to 1, in the order of `channels`; those of a delay count from the shortest to the longest, those of terrain
+        from the smallest to the largest value of a parameter in the patches where the robot is.
     substeps : int
         Samples per step.
     last : int, optional
@@ -117,7 +120,7 @@ class _Run:
     @cached_property
     def _index(self) -> dict[Channel, int]:
         """The place of each channel."""
-        return {channel: k for k, channel in enumerate(channels(self.fleet))}
+        return {channel: k for k, channel in enumerate(channels(self.problem))}
 
     def setting(self, kind: str, name: str = "") -> Floats:
         """The settings of one channel, shape (robots, steps); zero where there is none."""
@@ -170,37 +173,45 @@ class _OnArcs(_Run):
         """Positions and signals, shape (robots, steps * substeps + 1, columns)."""
         arcs, tick = self.fleet.arcs, self.step / self.ticks
         linear, angular, heading, x, y = self.fleet.coefficients(self.members).T
-        place, off, (late, begins) = np.stack([x, y]), np.zeros(len(self.members)), self.begins
+        # place, heading, and the heading's error
+        at, (late, begins) = np.stack([x, y, heading, 0 * x]), self.begins
+        ground = Ground(self.problem.terrain, self.fleet, self.members) if self.problem.terrain else None
+        grounds = np.array([self.setting(GROUND, name) for name in parameters(self.problem.terrain, self.fleet)])
         # a command that does not come ends each row, so that the last one stays
         begins = np.concatenate([begins, np.full((len(begins), 1), np.iinfo(np.int64).max)], axis=1)
         pushes = [self.pushes(name) for name in arcs.states]
         turning = pushes[2] if arcs.heading_from == "x" else -pushes[2]
-        rows, now, turned = np.arange(len(begins)), np.full(len(begins), -1), np.zeros(len(begins))
+        rows, now = np.arange(len(begins)), np.full(len(begins), -1)
         names = self.problem.specification.signals
         found = np.empty((self.last * self.substeps + 1, 2 + len(names), len(rows)))
-        found[0, :2], every = place, self.ticks // self.substeps
+        found[0, :2], every = at[:2], self.ticks // self.substeps
         for i in range(self.last * self.ticks):
             n = i // self.ticks
             now = now + (begins[rows, now + 1] <= i)
             v, omega = self._rates(now, n)
-            model = self._model_turn(i - late)
-            speed = linear * self._factors(0, n) * v
-            # the error of the heading: its rate is what is not the model's, less what a loop takes back
-            extra = angular * self._factors(1, n) * omega - angular * model + turning[:, n]
-            gained = self._gained(extra, off, tick)
-            rate = angular * model + gained
-            along = heading + angular * turned + off + rate * tick / 2
+            here = _Tick(
+                tick,
+                linear * self._factors(0, n) * v,
+                angular * self._factors(1, n) * omega,
+                angular * self._model_turn(i - late),
+                turning[:, n],
+                np.stack([pushes[0][:, n], pushes[1][:, n]]),
+                arcs.heading_from == "y",
+                self.fleet.uncertainty.heading_hold,
+            )
+            same = np.ones((2, len(rows)))
             if names and i % every == 0:  # at a sample the rates of the tick that begins
-                found[i // every, 2:] = self._read(now, n, speed, rate, along - rate * tick / 2)
-            chord = speed * tick * np.sinc(rate * tick / 2 / np.pi)
-            moves = chord * np.stack([np.cos(along), np.sin(along)])
-            place = place + (moves if arcs.heading_from == "x" else moves[::-1])
-            place = place + tick * np.stack([pushes[0][:, n], pushes[1][:, n]])
-            off, turned = off + gained * tick, turned + model * tick
+                ratios = same if ground is None else ground.ratios(rows, ground.inside(at[:2]), grounds[:, :, n])
+                found[i // every, 2:] = self._read(now, n, *here.rates(rows, at, ratios), at[2])
+            if ground is None:
+                at = here.moved(rows, at, np.full(len(rows), tick), same)
+            else:
+                at = ground.crossed(at, grounds[:, :, n], tick, here.reach, here.moved)
             if (i + 1) % every == 0:
-                found[(i + 1) // every, :2] = place
+                found[(i + 1) // every, :2] = at[:2]
         if names:  # at the end those of the last one
-            found[-1, 2:] = self._read(now, n, speed, rate, heading + angular * turned + off)
+            ratios = same if ground is None else ground.ratios(rows, ground.inside(at[:2]), grounds[:, :, n])
+            found[-1, 2:] = self._read(now, n, *here.rates(rows, at, ratios), at[2])
         return found.transpose(2, 0, 1)
 
     def _read(self, now: Ints, n: int, speed: Floats, rate: Floats, own: Floats) -> list[Floats]:
@@ -228,11 +239,49 @@ class _OnArcs(_Run):
         names = [name for name in self.fleet.uncertainty.varies if self.fleet.arcs.directions[name][place]]
         return np.asarray(np.prod([np.ones(len(self.members)), *(self.factor(name, n) for name in names)], axis=0))
 
-    def _gained(self, extra: Floats, off: Floats, tick: float) -> Floats:
-        """The rate of the heading's error."""
-        hold = self.fleet.uncertainty.heading_hold
+
+@dataclass(frozen=True, eq=False)
+class _Tick:
+    """Robots whose commands are constant for a time.
+
+    `speed` and `turn` are their rates with their own factors, `model` the turn rate of their model, `push` and `drift`
+    the errors of rates; `hold` is the time constant of the loop on the heading.
+    """
+
+    tick: float
+    speed: Floats
+    turn: Floats
+    model: Floats
+    push: Floats
+    drift: Floats
+    swapped: bool
+    hold: float | None
+
+    @property
+    def reach(self) -> Floats:
+        """Metres that they move at most, with their own factors."""
+        return np.asarray(self.tick * (np.abs(self.speed) + np.abs(self.drift).sum(axis=0)))
+
+    def rates(self, some: Ints, at: Floats, ratios: Floats) -> tuple[Floats, Floats]:
+        """Speed and turn rate of some robots, with ratios of their factors."""
+        # the error of the heading: its rate is what is not the model's, less what a loop takes back
+        extra = ratios[1] * self.turn[some] - self.model[some] + self.push[some]
         # constant in a tick with e' + e / tau = extra at its end, and no more than the bound at its beginning
-        return extra if hold is None else (extra - off / hold) / (1 + tick / hold)
+        gained = extra if self.hold is None else (extra - at[3] / self.hold) / (1 + self.tick / self.hold)
+        return ratios[0] * self.speed[some], self.model[some] + gained
+
+    def moved(self, some: Ints, at: Floats, seconds: Floats, ratios: Floats) -> Floats:
+        """Places, headings and their errors of some robots after some seconds, shape (4, robots)."""
+        x, y, heading, off = at
+        speed, rate = self.rates(some, at, ratios)
+        along = heading + rate * seconds / 2
+        chord = speed * seconds * np.sinc(rate * seconds / 2 / np.pi)
+        first, second = chord * np.cos(along), chord * np.sin(along)
+        dx, dy = (second, first) if self.swapped else (first, second)
+        drift = self.drift[:, some] * seconds
+        return np.stack(
+            [x + dx + drift[0], y + dy + drift[1], heading + rate * seconds, off + (rate - self.model[some]) * seconds]
+        )
 
 
 class _ByRule(_Run):

@@ -146,7 +146,7 @@ class Judge:
         if self.dice is not None:
             # settings of a group follow from its members, whatever the order of the groups
             seed = [self.dice, crc32(members.tobytes())]
-            settings = drawn(problem.fleet, len(members), len(self.controls), seed)
+            settings = drawn(problem, len(members), len(self.controls), seed)
             return StatesGroup(problem, disturbed(problem, self.controls, members, settings, self.substeps))
         step = problem.duration / len(self.fine)
         states = problem.fleet.trajectories(self.fine, members, step)

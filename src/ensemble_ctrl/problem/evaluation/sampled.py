@@ -217,7 +217,7 @@ def replay(
             }
         )
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
-    off = parameters is None and bool(channels(problem.fleet))
+    off = parameters is None and bool(channels(problem))
     dice = (problem.solve.seed if seed is None else seed) if off else None
     judge = Judge(problem, controls, substeps, drawn, dice)
     # blocks of bounded memory, but all members at once where mean(f) or share(p, f) is inside of the task

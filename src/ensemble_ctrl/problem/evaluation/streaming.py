@@ -73,7 +73,7 @@ class Blocks:
         self.problem = problem
         self.seed = whole("seed", problem.solve.seed if seed is None else seed, 0)
         self.substeps = whole("substeps", problem.verify.substeps if substeps is None else substeps, 1)
-        dice = self.seed if channels(problem.fleet) else None
+        dice = self.seed if channels(problem) else None
         self.judge = Judge(problem, problem.fleet.checked_controls(controls), self.substeps, dice=dice)
         if self.judge.together:
             wanted = "a task that is read for each member, to replay it block by block"
