@@ -94,8 +94,7 @@ class Certificate:
     reason : str
         Why nothing can be said of any part, in words; empty where there are bounds.
     uncertainty : dict
-        Bounds of the errors of the model that the claim is for, patches of terrain among them, as plain data; empty for
-        robots that follow it.
+        Bounds of the errors of the model that the claim is for, with the terrain, as plain data; empty without any.
     enough : float or None
         Metres: a clearance that is proven to be larger, and larger than the least, is not refined. None if each is.
 

@@ -33,8 +33,6 @@ from ensemble_ctrl.certificate.instants import Mesh
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem import Problem
-    from ensemble_ctrl.problem.terrain import Patch
-    from ensemble_ctrl.problem.zones import Zone
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -373,8 +371,8 @@ def _extent(problem: Problem) -> float:
     With the way that a moving obstacle would go at its greatest speed, as times are rounded too.
     """
     # X: corners, levels of faces, offsets of motions and the way at their greatest speed (docs/proof.md, section 5)
-    areas: list[Zone | Patch] = [*problem.zones.values(), *problem.terrain.values()]
-    pieces = [*(piece for _, piece in problem.pieces), *(piece for area in areas for piece in area.pieces)]
+    areas = [zone.pieces for zone in problem.zones.values()] + [patch.pieces for patch in problem.terrain.values()]
+    pieces = [piece for _, piece in problem.pieces] + [piece for area in areas for piece in area]
     sizes = [float(np.abs(piece.vertices).max()) for piece in pieces]
     levels = (np.abs(region.unit_rows()[1]) for region in problem.regions.values())
     for motion in problem.motions.values():
