@@ -14,6 +14,8 @@ from tempfile import TemporaryDirectory
 from printed.table import CONFIGS, FIVE, Rows, Table, config
 
 MINIMUM = "time/minimum_time"
+TWO = "two_tractions"
+BOX = "--box linear_traction --box angular_traction"
 CHANNELS = "channels/two_channels"
 HERE = "../docs/printed/too_short"
 """A problem beside this file, and so decided by it, too."""
@@ -85,6 +87,7 @@ TABLES = {
     "misspelt": block("docs/problem_file.md", HERE, "check -q bad.yaml"),
     "too_short": block("docs/command.md", HERE, "too_short.yaml -q", begins=("violated", "it works", "--set", "or ")),
     "widest": block("docs/command.md", FIVE, f"widest configs/{FIVE}.yaml -q"),
+    "widest_box": block("docs/fleets.md", f"fleets/{TWO}", f"widest configs/fleets/{TWO}.yaml {BOX} -q"),
     "channels": block("docs/channels.md", CHANNELS, f"channels configs/{CHANNELS}.yaml -q --no-plots"),
     "minimum_time": block("docs/objectives.md", MINIMUM, f"configs/{MINIMUM}.yaml -q", begins=("minimum",)),
     "bad_maps": block("docs/maps.md", HERE, *MAPS),

@@ -181,6 +181,14 @@ def test_curves_are_one_for_each_value_of_the_second_axis() -> None:
     assert crosses == [[], [2.0]]
 
 
+def test_axes_have_units() -> None:
+    rows = tuple({"horizon.duration": t, "fleet.radius": r, "proven": "yes", "cost": t} for t in (1, 2) for r in (0, 1))
+    found = Sweep("made", ("horizon.duration", "fleet.radius"), rows, 4)
+    assert drawn(found, "curves", "cost").get_xlabel() == "horizon.duration [s]"
+    assert drawn(found).get_ylabel() == "fleet.radius [m]"
+    assert drawn(made(["yes"] * 4, [1.0] * 4)).get_ylabel() == "b", "its ticks have units"
+
+
 def test_a_picture_that_can_not_be_drawn_says_why() -> None:
     with pytest.raises(ec.ProblemError, match="value: expected a column with numbers, got 'status'"):
         drawn(made(["yes"] * 4, [1.0] * 4), value="status")

@@ -76,6 +76,8 @@ def test_too_few_channels_leave_nothing_written(command: Command, pushed: Path) 
     assert done.data["folder"] is None
     assert not (pushed / "plans").exists()
     assert command("channels", "pushed.yaml", "--at-most", "0").code == 2
+    said = command("channels", "pushed.yaml", "--at-most", "1", *QUICK)
+    assert "no channel was left of --at-most 1" in said.out
 
 
 def test_folders_with_anything_else_are_not_replaced(command: Command, pushed: Path) -> None:

@@ -21,8 +21,10 @@ def test_it_writes_the_table_and_a_figure(command: Command, place: Path) -> None
 def test_it_refuses_what_it_does_not_know(command: Command, place: Path) -> None:
     done = command("paper", "boxes")
     assert (done.code, done.out) == (2, "")
-    assert "experiment: expected one of box, polyhedron" in done.err
+    assert "error: EXPERIMENT: expected one of box, polyhedron" in done.err
     done = command("paper", "box", "--robot", "car")
     assert done.code == 2
-    assert "robot: expected one of unicycle, bicycle, got 'car'" in done.err
+    assert "error: --robot: expected one of unicycle, bicycle, got 'car'" in done.err
+    done = command("paper", "box", "--form", "yours")
+    assert "error: --form: expected one of published, ours, linear, got 'yours'" in done.err
     assert not (place / "plans").exists()

@@ -228,3 +228,16 @@ def test_a_signal_after_the_search_is_in_the_result(
 def test_an_uninterrupted_result_says_nothing_of_it(command: Command) -> None:
     done = command("small.yaml", "--no-plots", "--json")
     assert "interrupted" not in done.data
+
+
+def test_widest_that_is_stopped_prints_what_is_proven(place: Path) -> None:
+    arguments = ("widest", "small.yaml", "--tolerance", "1e-4")
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([*COMMAND, *arguments], cwd=place, env=environment(), **pipes) as running:
+        until(running, ": certified")
+        running.send_signal(signal.SIGTERM)
+        out, _ = running.communicate(timeout=60)
+    assert running.returncode == 143
+    assert "small: widest certified traction" in out
+    assert "proven     clearance >=" in out
+    assert "stopped    before its end" in out

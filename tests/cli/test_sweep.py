@@ -50,7 +50,7 @@ def test_a_folder_of_something_else_is_left_alone(command: Command, place: Path)
     [
         (["--format", "xlsx"], "error: --format: expected csv or parquet, got 'xlsx'"),
         (["--plot", "costs"], "error: --plot: expected one of status"),
-        (["--cluster", "everywhere"], "error: cluster: expected local, local:N or tcp://HOST:PORT, got 'everywhere'"),
+        (["--cluster", "everywhere"], "error: --cluster: expected local, local:N or tcp://HOST:PORT, got 'everywhere'"),
         (["--axis", "solve.seed=1"], "--axis solve.seed=1: error: expected a list or a section of values"),
     ],
 )
@@ -61,6 +61,15 @@ def test_wrong_usage_is_said_before_anything_is_made(
     assert done.code == 2
     assert message in done.err
     assert not (place / "plans").exists()
+
+
+def test_why_rows_are_refused_is_said(command: Command, place: Path) -> None:
+    axes = ("--axis", "horizon.duration=[4, 0.5]", "--axis", "fleet.radius=[0, 0.1]")
+    done = command("sweep", "small.yaml", *FAST, *axes, "--no-plots")
+    assert done.code == 0
+    refused = [line for line in done.out.splitlines() if line.startswith("  refused ")]
+    assert len(refused) == 1
+    assert "F[3, 4]" in refused[0] or "horizon" in refused[0] or "task" in refused[0]
 
 
 def test_a_row_that_is_left_out_is_named(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -294,7 +294,24 @@ def test_widest_box_of_two_parameters(command: Command, place: Path) -> None:
     assert outcome.data["curve"][0]["start_y"] >= 0.0
     refused = command("widest", "offsets.yaml", "--box", "start_x")
     assert refused.code == 2
-    assert "expected two of the fleet's (start_x, start_y), got start_x" in refused.err
+    assert "--box: expected two of the fleet's (start_x, start_y), got start_x" in refused.err
+    for option, value in (("--parameter", "start_x"), ("--tolerance", "0.1")):
+        both = command("widest", "offsets.yaml", "--box", "start_x", "--box", "start_y", option, value)
+        assert both.code == 2
+        assert f"{option}: expected none with --box" in both.err
+
+
+def test_widest_writes_its_plan_and_the_picture_of_a_box(command: Command, place: Path) -> None:
+    pair = "  parameters: {traction: {range: [0.98, 1.02]}, start_y: {range: [-0.02, 0.02]}}\n  start: {position"
+    text = SMALL.replace("  start: {position", pair)
+    (place / "pair.yaml").write_text(text)
+    outcome = command("widest", "pair.yaml", "--box", "traction", "--box", "start_y", "-o", "boxed", "--json", "-q")
+    assert outcome.code == 0, outcome.err
+    assert outcome.data["folder"] == "boxed"
+    assert (place / "boxed" / "box.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads((place / "boxed" / "widest.json").read_text())["box"] == outcome.data["box"]
+    assert command("verify", "boxed").code == 0
+    assert outcome.data["box"]["traction"][1] > 1.02
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.moments import Interval, Samples
-from ensemble_ctrl.planning.ranges import Cover, Found, Oracle, largest, part, places, robots
+from ensemble_ctrl.planning.ranges import Cover, Found, Oracle, Scaled, largest, part, places, robots, widened
 from ensemble_ctrl.planning.ranges import curve as curves
 from ensemble_ctrl.planning.ranges.bound import _arcs, _meetings, apart
 from ensemble_ctrl.planning.ranges.box import Boxes
@@ -54,16 +54,25 @@ def problem(**distributions: Any) -> Problem:
     return base.with_(fleet=base.fleet.with_distributions(distributions))
 
 
-def exact(whole: Problem, good: Callable[[Fleet], bool]) -> Any:
-    """An oracle that knows: `good` says which parts have a plan."""
+def exact(
+    whole: Problem,
+    good: Callable[[Fleet], bool],
+    effort: Callable[[Fleet], int] = lambda fleet: 20,
+    screens: list[Fleet] | None = None,
+) -> Any:
+    """An oracle that knows: `good` says which parts have a plan; `screens` gets those that routes are looked for of."""
 
     def certified(fleet: Fleet, guesses: Any = (), routes: str = "search") -> Any:
         tried.append(fleet)
+        if screens is not None and routes == "screen":
+            screens.append(fleet)
         solution = SimpleNamespace(problem=SimpleNamespace(fleet=fleet), controls=np.zeros((1, 2)))
-        return SimpleNamespace(solution=solution) if good(fleet) else None
+        return SimpleNamespace(solution=solution, effort=effort(fleet)) if good(fleet) else None
 
     tried: list[Fleet] = []
-    return SimpleNamespace(problem=whole, certified=certified, stopped=False, tried=tried, failed=[])
+    return SimpleNamespace(
+        problem=whole, certified=certified, stopped=False, tried=tried, failed=[], screens=screens is not None
+    )
 
 
 def ends(cover: Cover, name: str) -> list[tuple[float, float]]:
@@ -285,6 +294,69 @@ def test_the_curve_climbs_as_far_as_the_channels_allow(monkeypatch: pytest.Monke
     assert found[-1].clearance > 0.4
     assert max(asked) < 1.0
     assert [len(point.groups) for point in curves.curve(walled, groups(2, 0.03), 2)] == [2]
+
+
+def half_widths(fleets: list[Fleet]) -> list[float]:
+    return [float((fleet.upper - fleet.lower)[0] / 2) for fleet in fleets]
+
+
+@given(st.floats(0.05, 0.9), st.floats(0.02, 0.3), st.integers(10, 200))
+@examples(60)
+def test_the_largest_size_is_found_however_hard_plans_are_to_find(widest: float, first: float, most: int) -> None:
+    whole = problem(traction=Interval(0.95, 1.05))
+    hard = exact(
+        whole,
+        lambda fleet: half_widths([fleet])[0] <= widest,
+        lambda fleet: int(most * half_widths([fleet])[0] / widest),
+        [],
+    )
+    search = Scaled(hard, lambda half: widened(whole.fleet, {"traction": half}))
+    found = search.run(first, 0.95, 0.01)
+    assert found <= widest + 1e-12
+    assert widest - found <= 0.01 + 1e-9
+    assert found == search.good
+    sizes = half_widths(hard.tried)
+    assert len({round(size, 12) for size in sizes}) == len(sizes), "nothing is tried twice"
+
+
+def test_near_the_largest_size_steps_are_small_and_routes_are_looked_for_once() -> None:
+    """After a plan that was hard to find the next size is wider by the tolerance, and one failing try is enough."""
+    whole, screens = problem(traction=Interval(0.95, 1.05)), list[Fleet]()
+    oracle = exact(
+        whole,
+        lambda fleet: half_widths([fleet])[0] <= 0.1128,
+        lambda fleet: 120 if half_widths([fleet])[0] > 0.11 else 20,
+        screens,
+    )
+    search = Scaled(oracle, lambda half: widened(whole.fleet, {"traction": half}))
+    assert search.run(0.05, 0.95, 0.01) == pytest.approx(0.1125)
+    assert half_widths(oracle.tried) == pytest.approx([0.05, 0.075, 0.1125, 0.1223, 0.1306], abs=1e-4)
+    assert half_widths(screens) == pytest.approx([0.075, 0.1125, 0.1306], abs=1e-4)
+
+
+def test_another_route_goes_on_beyond_the_first_ones_largest_size() -> None:
+    """Continuations end at 0.11; routes that are looked for beyond lead on to 0.4."""
+    whole = problem(traction=Interval(0.95, 1.05))
+    elsewhere: list[bool] = []
+
+    def good(fleet: Fleet) -> bool:
+        half = half_widths([fleet])[0]
+        elsewhere.extend([True] * (len(screens) > 0 and screens[-1] is fleet and half > 0.12))
+        return half <= (0.4 if elsewhere else 0.1128)
+
+    screens: list[Fleet] = []
+    oracle = exact(whole, good, lambda fleet: 120 if half_widths([fleet])[0] > 0.11 else 20, screens)
+    search = Scaled(oracle, lambda half: widened(whole.fleet, {"traction": half}))
+    assert 0.39 <= search.run(0.05, 0.95, 0.01) <= 0.4
+
+
+def test_a_search_that_is_stopped_keeps_what_it_found() -> None:
+    whole = problem(linear_traction=Interval(0.95, 1.05), angular_traction=Interval(0.9, 1.1))
+    oracle = exact(whole, lambda fleet: len(oracle.tried) <= 3)
+    boxes = Boxes(oracle, ("linear_traction", "angular_traction")).run()
+    assert len(boxes.boxes) == 1
+    assert boxes.boxes[0].halves[0] > 0
+    assert boxes.boxes[0].halves[1] == 0
 
 
 def test_the_largest_box_of_two_parameters_is_that_of_the_largest_area() -> None:

@@ -83,6 +83,8 @@ class Channels:
     curve : tuple of Point
         Numbers of channels with the largest clearance found for each, where a number of channels is allowed; else only
         those of `channels`. Empty where the fleet could not be covered.
+    limited : bool
+        Whether it could not be covered because no more channels are allowed.
     """
 
     channels: tuple[Channel, ...]
@@ -90,6 +92,7 @@ class Channels:
     apart: tuple[dict[str, float], ...]
     tried: int
     curve: tuple[Point, ...] = ()
+    limited: bool = False
 
     @property
     def lower_bound(self) -> int:
@@ -162,7 +165,7 @@ def channels(
     ticks = ceil(1 / min(1.0, max(1e-4, number("tolerance", tolerance))))
     found = fewest(problem, most, ticks, max(0.0, number("clearance", clearance)), progress=progress, tell=tell)
     if found.missed is not None:
-        return Channels((), _ranges(found.missed), found.apart, found.tried)
+        return Channels((), _ranges(found.missed), found.apart, found.tried, limited=found.limited)
     first, *more = (found,) if at_most is None else curve(problem, found, most, progress=progress, tell=tell)
     plans = (judged(group.solution, group.shortest, progress=progress) for group in first.groups)
     points = tuple(Point(len(one.groups), one.clearance) for one in (first, *more))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ensemble_ctrl.api.planning import judged
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.core.values import expect
+from ensemble_ctrl.core.values import called, expect
 from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.planning.planner import Progress
 from ensemble_ctrl.planning.ranges import Oracle, Scaled, furthest, widened
 from ensemble_ctrl.planning.ranges import Tell as Tried
 from ensemble_ctrl.planning.ranges.box import Box, Boxes
@@ -19,6 +20,8 @@ from ensemble_ctrl.problem.fleet import Fleet
 
 Tell = Callable[[Interval, bool], None]
 """Called after each range tried, with whether it was certified."""
+Stop = Callable[[], bool]
+"""Whether to end with what is found so far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,14 @@ class Widest:
     tried: int
 
 
-def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, parameter: str | None = None) -> Widest:
+def widest(
+    problem: Problem,
+    tolerance: float = 0.01,
+    tell: Tell | None = None,
+    parameter: str | None = None,
+    *,
+    stop: Stop = lambda: False,
+) -> Widest:
     """Search by doubling and bisection for the widest certified range around a nominal parameter.
 
     Parameters
@@ -59,6 +69,8 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
         Called after each range tried.
     parameter : str, optional
         The parameter to widen, the fleet's first if not given; the others keep their ranges.
+    stop : callable
+        Called during the search; once it returns True, the answer is what is found so far.
 
     Raises
     ------
@@ -85,7 +97,7 @@ def widest(problem: Problem, tolerance: float = 0.01, tell: Tell | None = None, 
         if tell is not None:
             tell(_range(tried, name), good)
 
-    search = Scaled(Oracle(problem, tell=telling), fleet)
+    search = Scaled(Oracle(problem, _stopping(stop), telling), fleet)
     limit = furthest(problem.fleet, name)
     search.run(min(max(own.half_width, tolerance), limit), limit, tolerance)
     return _answer(search, name)
@@ -131,17 +143,21 @@ class WidestBox:
     tried: int
 
 
-def widest_box(problem: Problem, parameters: tuple[str, str] | None = None, *, tell: Tried | None = None) -> WidestBox:
+def widest_box(
+    problem: Problem, parameters: Sequence[str] | None = None, *, tell: Tried | None = None, stop: Stop = lambda: False
+) -> WidestBox:
     """Search for the certified box of two parameters with the largest area, around their nominal values.
 
     Parameters
     ----------
     problem : Problem
         Its own ranges give the nominal values, and the first widths to try.
-    parameters : tuple of str, optional
+    parameters : sequence of str, optional
         The two; the fleet's first two if not given. The others keep their ranges.
     tell : callable, optional
         Called with each fleet tried, and whether it was certified.
+    stop : callable
+        Called during the search; once it returns True, the answer is the largest box found so far.
 
     Raises
     ------
@@ -158,7 +174,7 @@ def widest_box(problem: Problem, parameters: tuple[str, str] | None = None, *, t
     if len(set(chosen)) != 2 or not set(chosen) <= set(names):
         known = ", ".join(names) or "none: all members are equal"
         raise ProblemError(f"parameters: expected two of the fleet's ({known}), got {', '.join(chosen) or 'none'}")
-    search = Boxes(Oracle(problem, tell=tell), (chosen[0], chosen[1])).run()
+    search = Boxes(Oracle(problem, _stopping(stop), tell), (chosen[0], chosen[1])).run()
     best = search.largest
     curve = tuple(
         dict(zip(chosen, box.halves, strict=True)) for box in search.boxes if _is_outermost(box, search.boxes)
@@ -167,6 +183,12 @@ def widest_box(problem: Problem, parameters: tuple[str, str] | None = None, *, t
         return WidestBox({}, None, curve, search.oracle.tried)
     ranges = {name: _range(best.found.solution.problem.fleet, name) for name in chosen}
     return WidestBox(ranges, judged(best.found.solution, best.found.shortest), curve, search.oracle.tried)
+
+
+def _stopping(stop: Stop) -> Progress:
+    """The planner's progress that only asks whether to stop."""
+    called("stop", stop)
+    return lambda phase, iteration: bool(stop())
 
 
 def _is_outermost(box: Box, boxes: list[Box]) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ensemble_ctrl.api.channels import Channel, Channels, channels
+from ensemble_ctrl.api.channels import MOST, Channel, Channels, channels
 from ensemble_ctrl.api.results import SCHEMA, to_json, write_results
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
@@ -74,7 +74,7 @@ def find_channels(options: ChannelOptions) -> int:
         facts = {**_as_data(problem, found), "exit_code": code, "folder": None if placed is None else str(placed)}
         say(to_json(facts), None if placed is None else str(placed))
     else:
-        say("\n".join(_lines(problem, found, placed)), None if placed is None else str(placed))
+        say("\n".join(_lines(problem, found, placed, options.at_most)), None if placed is None else str(placed))
     return code
 
 
@@ -102,11 +102,19 @@ def name_of(k: int) -> str:
     return f"channel-{k + 1}"
 
 
-def _lines(problem: Problem, found: Channels, placed: Path | None) -> Iterator[str]:
+def _missed(found: Channels, at_most: int | None) -> str:
+    """Why a part of the fleet is not covered."""
+    if not found.limited:
+        return "no certified plan was found"
+    allowed = f"{MOST} channels, the most without --at-most" if at_most is None else f"--at-most {at_most}"
+    return f"no channel was left of {allowed}"
+
+
+def _lines(problem: Problem, found: Channels, placed: Path | None, at_most: int | None) -> Iterator[str]:
     """The answer as text."""
     if found.missed is not None:
         yield f"{problem.name}: the fleet could not be covered"
-        yield f"  missed     {_ranges_text(found.missed)}: no certified plan was found, or no channel was left"
+        yield f"  missed     {_ranges_text(found.missed)}: {_missed(found, at_most)}"
     else:
         count = len(found.channels)
         yield f"{problem.name}: {count} broadcast channel{'s' * (count != 1)}, each certified for its group"

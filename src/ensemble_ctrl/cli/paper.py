@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ensemble_ctrl.api.paper import Form, Reproduced, Robot, as_data, experiment, reproduce, table
 from ensemble_ctrl.api.results import SCHEMA, to_json
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
+from ensemble_ctrl.cli.root import UsageError
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.core.storage import put_file
 from ensemble_ctrl.files.folder import ResultsFolder
+
+Name = TypeVar("Name", bound=str)
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,20 @@ class PaperRun:
     plots: bool
     overwrite: bool
     study: bool
+
+
+def known(option: str, given: Sequence[str] | None, names: Sequence[Name]) -> tuple[Name, ...]:
+    """What an option was given, all of it if nothing.
+
+    Raises
+    ------
+    UsageError
+        For a name that is none of those.
+    """
+    wrong = next((name for name in given or () if name not in names), None)
+    if wrong is not None:
+        raise UsageError(f"{option}: expected one of {', '.join(names)}, got {wrong!r}")
+    return tuple(one for name in given or names for one in names if one == name)
 
 
 def run_paper(asked: PaperRun) -> int:

@@ -2,26 +2,44 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ensemble_ctrl.cli.memory import require_memory
-from ensemble_ctrl.cli.root import NAME, Config, Json, Overrides, Overwrite, Quiet, Trust, app, examples_of
+from ensemble_ctrl.cli.root import (
+    NAME,
+    Config,
+    GroupedIn,
+    Json,
+    NoPlots,
+    Overrides,
+    Overwrite,
+    Quiet,
+    Trust,
+    UsageError,
+    WidestIn,
+    app,
+    examples_of,
+)
 
 
 @app.command(
     epilog=examples_of(
         "ensemble-plan widest problem.yaml",
         "ensemble-plan widest problem.yaml --parameter traction --tolerance 0.001",
-        "ensemble-plan widest fleet.yaml --box linear_traction --box angular_traction",
+        "ensemble-plan widest fleet.yaml --box start_x --box start_y -o plans/box",
     )
 )
 def widest(
+    context: typer.Context,
     config: Config,
+    output: WidestIn = None,
     overrides: Overrides = None,
-    tolerance: Annotated[float, typer.Option(help="Find the half width to within this.", metavar="X", min=1e-4)] = 0.01,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Find the half width to within this [default: 0.01].", metavar="X", min=1e-4),
+    ] = None,
     parameter: Annotated[
         str | None, typer.Option(help="The parameter to widen; the fleet's first otherwise.", metavar="NAME")
     ] = None,
@@ -31,15 +49,19 @@ def widest(
     ] = None,
     json: Json = False,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
     trust: Trust = False,
 ) -> None:
     """Find the widest parameter range with a certified plan."""
     require_memory()
-    from ensemble_ctrl.cli.widest import find_widest, find_widest_box
+    from ensemble_ctrl.cli.widest import TOLERANCE, WidestOptions, find_widest
 
-    if box:
-        raise typer.Exit(find_widest_box(config, overrides or [], box, json, quiet))
-    raise typer.Exit(find_widest(config, overrides or [], tolerance, parameter, json, quiet))
+    for name, value in (("--parameter", parameter), ("--tolerance", tolerance)):
+        if box and value is not None:
+            raise UsageError(f"{name}: expected none with --box, which finds both ranges to 2 %; got {value}")
+    names, precise = tuple(box or ()), TOLERANCE if tolerance is None else tolerance
+    given = (output, tuple(overrides or ()), precise, parameter, names, json, quiet, overwrite)
+    raise typer.Exit(find_widest(WidestOptions(config, *given, command=(NAME, *context.obj))))
 
 
 @app.command(
@@ -52,10 +74,7 @@ def widest(
 def channels(
     context: typer.Context,
     config: Config,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder for the plans [default: plans/NAME-channels].", metavar="DIR"),
-    ] = None,
+    output: GroupedIn = None,
     overrides: Overrides = None,
     at_most: Annotated[
         int | None,
@@ -74,7 +93,7 @@ def channels(
     ] = 0.01,
     json: Json = False,
     quiet: Quiet = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    no_plots: NoPlots = False,
     overwrite: Overwrite = False,
     trust: Trust = False,
 ) -> None:

@@ -13,7 +13,7 @@ from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import SCHEMA, to_json
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
-from ensemble_ctrl.cli.root import UsageError
+from ensemble_ctrl.cli.root import UsageError, naming
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.core.errors import first_of
 from ensemble_ctrl.files.folder import require_free, write_text
@@ -110,16 +110,17 @@ def _run(plan: Plan, options: ReplayOptions, progress: Progress, began: float, l
         return plan.replay_blocks(
             options.members, seed=options.seed, substeps=options.substeps, size=options.block, watch=watch
         )
-    return replay_on(
-        plan.problem,
-        plan.controls,
-        Draw(options.members, options.seed, options.substeps, options.block),
-        options.cluster or "local",
-        checkpoint=options.checkpoint,
-        watch=watch,
-        stop=lambda: progress.stop_signal is not None,
-        left_out=lambda outcome: lost.append(outcome.failure),
-    )
+    with naming(cluster="--cluster"):
+        return replay_on(
+            plan.problem,
+            plan.controls,
+            Draw(options.members, options.seed, options.substeps, options.block),
+            options.cluster or "local",
+            checkpoint=options.checkpoint,
+            watch=watch,
+            stop=lambda: progress.stop_signal is not None,
+            left_out=lambda outcome: lost.append(outcome.failure),
+        )
 
 
 def _lines(plan: Plan, found: Summary, options: ReplayOptions, seconds: float) -> Iterator[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +11,7 @@ import typer
 
 from ensemble_ctrl.cli import completion
 from ensemble_ctrl.cli.streams import say
-from ensemble_ctrl.core.errors import EnsembleError
+from ensemble_ctrl.core.errors import EnsembleError, ProblemError
 from ensemble_ctrl.core.version import __version__
 
 NAME = "ensemble-plan"
@@ -60,6 +62,22 @@ LoggedIn = Annotated[
     Path | None,
     typer.Option("-o", "--output", help="Results folder [default: plans/<name>-online].", metavar="DIR"),
 ]
+GroupedIn = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Folder for the plans [default: plans/<name>-channels].", metavar="DIR"),
+]
+SweptIn = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Results folder [default: plans/<name>-sweep].", metavar="DIR"),
+]
+ReproducedIn = Annotated[
+    Path | None, typer.Option("-o", "--output", help="Results folder [default: plans/paper].", metavar="DIR")
+]
+WidestIn = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Write the plan of the widest range here, as run does.", metavar="DIR"),
+]
+NoPlots = Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")]
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
@@ -98,6 +116,18 @@ Members = Annotated[int | None, typer.Option(help="Members to replay (verify.mem
 
 class UsageError(EnsembleError):
     """The command was called wrongly."""
+
+
+@contextmanager
+def naming(**options: str) -> Iterator[None]:
+    """Within: an error about an argument of a function names the option that it came from."""
+    try:
+        yield
+    except ProblemError as error:
+        argument, _, rest = str(error).partition(": ")
+        if argument not in options:
+            raise
+        raise UsageError(f"{options[argument]}: {rest}") from error
 
 
 @app.callback(invoke_without_command=True)

@@ -12,7 +12,7 @@ from ensemble_ctrl.api.sweep import Sweep, run
 from ensemble_ctrl.api.sweep.rows import FORMATS
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
-from ensemble_ctrl.cli.root import UsageError
+from ensemble_ctrl.cli.root import UsageError, naming
 from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.core.errors import ProblemError, first_of
 from ensemble_ctrl.core.jobs import Cluster
@@ -52,7 +52,9 @@ def run_sweep(options: SweepRun) -> int:
         raise UsageError(f"--format: expected {' or '.join(FORMATS)}, got {options.format!r}")
     if options.value not in FACTS:
         raise UsageError(f"--plot: expected one of {', '.join(FACTS)}, got {options.value!r}")
-    progress, cluster = Progress(options.quiet), Cluster.parse(options.cluster)
+    progress = Progress(options.quiet)
+    with naming(cluster="--cluster"):
+        cluster = Cluster.parse(options.cluster)
     files = {name: Variants(name, options.overrides, options.axes) for name in options.configs}
     folder = _folder(next(iter(files.values())).base.problem.name, options)
     with stoppable(progress, lambda: None, PROMISE):
@@ -138,9 +140,11 @@ def _lines(found: Sweep, counts: dict[str, int], files: list[str], folder: Path)
     some = f"{len(found.rows)} of {found.total}" if len(found.rows) < found.total else str(found.total)
     statuses = ", ".join(f"{count} {name}" for name, count in counts.items())
     seconds = sum(row["seconds"] or 0.0 for row in found.rows)
+    refused = [row["message"] for row in found.rows if row["status"] == "refused"]
     return [
         f"{found.name}: {some} row{'s' * (found.total != 1)} over {', '.join(found.axes)}",
         f"  status     {statuses}",
+        *(f"  refused    {line}" for line in first_of(list(dict.fromkeys(refused)))),
         f"  proven     {found.count('proven', 'yes')} of {found.count('found', True)} plans found",
         f"  effort     {seconds:.1f} s of planning",
         f"written to {folder}: {', '.join(files)}",

@@ -15,11 +15,14 @@ from ensemble_ctrl.cli.root import (
     Files,
     Json,
     LoggedIn,
+    NoPlots,
     Overrides,
     Overwrite,
     Quiet,
     Replace,
+    ReproducedIn,
     Saved,
+    SweptIn,
     Trust,
     app,
     examples_of,
@@ -162,7 +165,7 @@ def online(
     ] = None,
     json: Json = False,
     quiet: Quiet = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    no_plots: NoPlots = False,
     overwrite: Overwrite = False,
     trust: Trust = False,
 ) -> None:
@@ -187,10 +190,7 @@ def sweep(
     configs: Annotated[
         list[str], typer.Argument(help="Problem files, with axes in their section `sweep`.", metavar="CONFIG")
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Results folder [default: plans/<name>-sweep].", metavar="DIR"),
-    ] = None,
+    output: SweptIn = None,
     overrides: Overrides = None,
     axes: Annotated[
         list[str] | None,
@@ -201,7 +201,7 @@ def sweep(
     value: Annotated[str, typer.Option("--plot", help="The column that is drawn.", metavar="COLUMN")] = "cost",
     json: Json = False,
     quiet: Quiet = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    no_plots: NoPlots = False,
     overwrite: Overwrite = False,
     trust: Trust = False,
 ) -> None:
@@ -243,22 +243,21 @@ def paper(
     ] = None,
     members: Annotated[int, typer.Option(help="Members replayed of each plan.", metavar="N", min=1)] = 100_000,
     bonmin_limit: Annotated[float, typer.Option(help="Seconds for each run of Bonmin.", metavar="N", min=0.1)] = 10.0,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Results folder [default: plans/paper].", metavar="DIR")
-    ] = None,
+    output: ReproducedIn = None,
     json: Json = False,
     quiet: Quiet = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")] = False,
+    no_plots: NoPlots = False,
     overwrite: Overwrite = False,
     study: Annotated[bool, typer.Option("--study", help="Instead, study truncation orders 1 to 16.")] = False,
 ) -> None:
     """Plan the paper's experiments as published, and beside them."""
     require_memory()
     from ensemble_ctrl.api.paper import EXPERIMENTS, FORMS, ROBOTS
-    from ensemble_ctrl.cli.paper import PaperRun, run_paper
+    from ensemble_ctrl.cli.paper import PaperRun, known, run_paper
 
-    names, kinds, shapes = tuple(experiments or EXPERIMENTS), tuple(robots or ROBOTS), tuple(forms or FORMS)
-    asked = PaperRun(names, kinds, shapes, members, bonmin_limit, output, json, quiet, not no_plots, overwrite, study)  # type: ignore[arg-type]
+    names = known("EXPERIMENT", experiments, EXPERIMENTS)
+    kinds, shapes = known("--robot", robots, ROBOTS), known("--form", forms, FORMS)
+    asked = PaperRun(names, kinds, shapes, members, bonmin_limit, output, json, quiet, not no_plots, overwrite, study)
     raise typer.Exit(run_paper(asked))
 
 

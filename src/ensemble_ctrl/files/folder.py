@@ -16,6 +16,7 @@ from ensemble_ctrl.files.config import named_source
 
 WRITTEN = frozenset(
     {
+        "box.png",
         "certificate.json",
         "controls.csv",
         "controls.png",
@@ -33,6 +34,7 @@ WRITTEN = frozenset(
         "spread.png",
         "summary.json",
         "trajectories.png",
+        "widest.json",
         *(f"animation.{ending}" for ending in ("gif", "mp4")),
     }
 )

@@ -23,8 +23,17 @@ Row = dict[str, Any]
 KINDS = ("heatmap", "curves")
 SIZE = (6.4, 4.2)
 """Inches of a figure of its own."""
-UNITS = {"clearance": "m", "robustness": "m", "duration": "s", **{f"{n}seconds": "s" for n in ("", "solve_", "proof_")}}
+UNITS = {
+    **dict.fromkeys(("clearance", "robustness"), "m"),
+    **dict.fromkeys(("duration", "seconds", "build_seconds", "solve_seconds", "proof_seconds"), "s"),
+}
 """Of the columns that have one."""
+OF_KEYS = {
+    **dict.fromkeys(("duration", "time_limit", "bonmin_limit", "deadline", "delay", "jitter"), "s"),
+    **dict.fromkeys(("radius", "margin", "wheelbase", "start_x", "start_y"), "m"),
+    **dict.fromkeys(("heading", "start_heading"), "rad"),
+}
+"""Of the last words of keys whose values are numbers without a unit."""
 MOST_CURVES = len(LINES)
 """Curves in one picture; values of a further axis beyond them are left out, and their number is said."""
 _LEADING = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
@@ -52,8 +61,8 @@ class Scale:
 
     @property
     def label(self) -> str:
-        """The key, with the unit."""
-        unit = _number(self.values[0])[1]
+        """The key, with the unit of values that have none of their own."""
+        unit = _number(self.values[0])[1] or OF_KEYS.get(self.key.rpartition(".")[2], "")
         return self.key if self.numbers is None or not unit else f"{self.key} [{unit}]"
 
     @property
@@ -141,8 +150,10 @@ def _heat_map(rows: Sequence[Row], across: Scale, up: Scale, value: str, ax: Axe
     for axis, scale in ((ax.xaxis, across), (ax.yaxis, up)):
         shown = np.unique(np.linspace(0, len(scale.values) - 1, min(len(scale.values), 8)).round().astype(int))
         axis.set_ticks(shown.tolist(), labels=[literal(scale.ticks[i]) for i in shown])
-    ax.set_xlabel(literal(across.key))
-    ax.set_ylabel(literal(up.key))
+    # ticks that are texts have their units
+    names = [scale.key if isinstance(scale.values[0], str) else scale.label for scale in (across, up)]
+    ax.set_xlabel(literal(names[0]))
+    ax.set_ylabel(literal(names[1]))
 
 
 def _means(rows: Sequence[Row], scales: Sequence[Scale], value: str) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

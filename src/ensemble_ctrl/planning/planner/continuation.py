@@ -32,14 +32,16 @@ ITERATIONS = 80
 """Iterations of each solve: one that succeeds takes 15 to 65."""
 STEPS = 64
 """The grid has at least this many steps: on coarser ones too much happens between them."""
-HOPELESS = 0.2
+HOPELESS = 0.15
 """Metres that the controls may be short of a proof for another round to be worth while."""
 PROGRESS = 0.7
 """Part of what was missing to a proof that may still be missing after another round."""
-
-
+STUCK = 2e-3
+"""Metres that the task may fall short by where the obstacles are kept clear of, for another round to be worth while."""
 MOST_CELLS = 4
 """Parts of the range with hyperplanes of their own, at most, unless the problem has more."""
+MOST_POINTS = 45
+"""Points of the hulls of all parts, at most: of a box of two parameters each part has as many as a range squared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,7 @@ def continued(problem: Problem, controls: Floats, *, progress: Progress | None =
         near = found.short <= HOPELESS and (len(work) == 1 or found.short <= PROGRESS * last.short)
         best = found if len(work) == 1 or found.short < best.short else best
         last = found
-        if not near:
+        if not near or _is_stuck(problem, found.attempt) or _is_full(problem, found.attempt):
             break
         truncation, asked = _relaxed(problem, found.attempt), _tightened(problem, asked, found)
     return _solution(search, best, work)
@@ -116,10 +118,28 @@ def _round(search: Search, asked: Problem, controls: Floats, truncation: Truncat
     return _Round(attempt, search.certified(refined(attempt.controls, search.problem.steps)))
 
 
+def _is_stuck(problem: Problem, attempt: Attempt) -> bool:
+    """Whether the task alone falls short, which parts with hyperplanes of their own do not change."""
+    value = attempt.value
+    return attempt.status == "solved" and value.gap >= -problem.solve.margin and value.robustness < -STUCK
+
+
+def _is_full(problem: Problem, attempt: Attempt) -> bool:
+    """Whether the hull is too large for as many parts as would make it smaller."""
+    truncation = attempt.truncation
+    crowded = truncation.count * 2 * truncation.cells > MOST_POINTS
+    return _is_wide(problem, attempt) and crowded and truncation.cells < MOST_CELLS
+
+
+def _is_wide(problem: Problem, attempt: Attempt) -> bool:
+    """Whether the hull of a part of the range does not keep clear of the obstacles."""
+    return bool(attempt.truncation.orders) and attempt.value.gap < problem.solve.margin
+
+
 def _relaxed(problem: Problem, attempt: Attempt) -> Truncation:
     """For the next round: more cells where the hull is too large, and one more moment where the tail is."""
     truncation = attempt.truncation
-    if truncation.orders and attempt.value.gap < problem.solve.margin:
+    if _is_wide(problem, attempt):
         truncation = replace(truncation, cells=max(truncation.cells, min(2 * truncation.cells, MOST_CELLS)))
     long = tail(problem, attempt.controls, truncation) >= TAIL_LIMIT
     return raised(truncation) if long else truncation

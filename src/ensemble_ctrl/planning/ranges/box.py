@@ -68,18 +68,18 @@ class Boxes:
     boxes: list[Box] = field(default_factory=list)
 
     def run(self) -> Boxes:
-        """Search; without boxes where not even a single parameter has a range with a plan."""
-        singles = [self._single(k) for k in (0, 1)]
-        if any(size <= 0 for size, _ in singles) or any(found is None for _, found in singles):
+        """Search; without boxes where not even a single parameter has a range with a plan.
+
+        Once the oracle is stopped, the boxes are those found so far.
+        """
+        self.boxes = [box for box in map(self._single, (0, 1)) if box is not None]
+        if len(self.boxes) < 2:
             return self
-        (first, low), (second, high) = singles
-        assert low is not None
-        assert high is not None
-        self.boxes = [Box(0.0, (first, 0.0), low), Box(90.0, (0.0, second), high)]
+        whole = self.boxes[0].halves[0], self.boxes[1].halves[1]
         for angle in ANGLES:
-            self._along(angle, (first, second))
+            self._along(angle, whole)
         for _ in range(FINER):
-            self._along(self._between(), (first, second))
+            self._along(self._between(), whole)
         return self
 
     @property
@@ -87,13 +87,16 @@ class Boxes:
         """The box with the largest area."""
         return max(self.boxes, key=lambda box: box.area, default=None)
 
-    def _single(self, k: int) -> tuple[float, Found | None]:
-        """The widest half width of one parameter with the other at its nominal value, with its plan."""
+    def _single(self, k: int) -> Box | None:
+        """The widest range of one parameter with the other at its nominal value; None where none has a plan."""
         fleet, (name, other) = self.oracle.problem.fleet, (self.names[k], self.names[1 - k])
         limit = furthest(fleet, name)
         own = fleet.parameters[name].half_width or limit / 10
         search = Scaled(self.oracle, lambda half: widened(fleet, {name: half, other: 0.0}))
-        return search.run(min(own, limit), limit, min(PRECISION * limit, own / 10)), search.best
+        size = search.run(min(own, limit), limit, min(PRECISION * limit, own / 10))
+        if search.best is None or size <= 0:
+            return None
+        return Box(90.0 * k, (0.0, size) if k else (size, 0.0), search.best)
 
     def _along(self, angle: float, whole: tuple[float, float]) -> None:
         """The largest box along an angle, from the plan of the nearest one; none where no small one has a plan."""
@@ -104,6 +107,7 @@ class Boxes:
             self.oracle,
             lambda size: widened(fleet, dict(zip(names, halves(size), strict=True))),
             (near.found.solution.controls,),
+            looked=True,  # routes were looked for with each parameter alone
         )
         # a convex set of boxes holds at least t = 1 / (cos a + sin a), a rectangle t = 1 / max(cos a, sin a)
         radians = np.radians(angle)

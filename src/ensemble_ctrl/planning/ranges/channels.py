@@ -32,12 +32,15 @@ class Grouped:
         Members of which no two can share a control: at least as many groups are needed.
     tried : int
         Parts of the fleet tried.
+    limited : bool
+        Whether the fleet is not covered because no more groups are allowed.
     """
 
     groups: tuple[Found, ...]
     missed: Fleet | None
     apart: tuple[dict[str, float], ...]
     tried: int
+    limited: bool = False
 
     @property
     def clearance(self) -> float:
@@ -83,13 +86,13 @@ def fewest(
     except ProblemError:  # the checks refuse it: no plan keeps so much
         return Grouped((), fleet, members, 0)
     if len(members) > most:
-        return Grouped((), fleet, members, 0)
+        return Grouped((), fleet, members, 0, limited=True)
     oracle = Oracle(grown, progress, tell)
     cover = Cover(oracle, ticks, most).run()
     groups, missed = tuple(cover.parts), cover.missed
     if len(_wide(fleet)) == 1 and both_ends and missed is None and len(groups) > len(members) and not oracle.stopped:
         groups = _reduced(oracle, fleet, groups, ticks)
-    return Grouped(tuple(_of(fleet, group) for group in groups), missed, members, oracle.tried)
+    return Grouped(tuple(_of(fleet, group) for group in groups), missed, members, oracle.tried, cover.limited)
 
 
 def _reduced(oracle: Oracle, fleet: Fleet, groups: tuple[Found, ...], ticks: int) -> tuple[Found, ...]:

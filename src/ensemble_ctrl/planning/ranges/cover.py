@@ -50,6 +50,8 @@ class Cover:
         In the order of the parameters.
     missed : Fleet or None
         What no plan was found for.
+    limited : bool
+        Whether that is because there are as many parts as allowed.
     """
 
     oracle: Oracle
@@ -58,6 +60,7 @@ class Cover:
     downwards: bool = False
     parts: list[Found] = field(default_factory=list)
     missed: Fleet | None = None
+    limited: bool = False
 
     @property
     def complete(self) -> bool:
@@ -100,7 +103,7 @@ class Cover:
         rest: Fleet | None = fleet
         while rest is not None and self.complete:
             if len(self.parts) >= self.most or self.oracle.stopped:
-                self.missed = rest
+                self.missed, self.limited = rest, not self.oracle.stopped
                 return
             found = self._longest(rest, axes[0], guess)
             if found is None:

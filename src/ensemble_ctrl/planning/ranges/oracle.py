@@ -52,6 +52,11 @@ class Found:
         return is_proven(self.solution.certificate) and self.solution.attempt.value.excess <= 0
 
     @property
+    def effort(self) -> int:
+        """Iterations of all solves."""
+        return self.solution.iterations
+
+    @property
     def shortfall(self) -> float:
         """What is missing to a proof, metres."""
         certificate = self.solution.certificate
@@ -80,6 +85,11 @@ class Oracle:
     slowest: float = 0.0
     failed: list[Found] = field(default_factory=list)
 
+    @property
+    def screens(self) -> bool:
+        """Whether there is a coarse grid to look for routes on."""
+        return _is_quick(self.problem)
+
     def certified(self, fleet: Fleet, guesses: Sequence[Floats] = (), routes: Routes = "search") -> Found | None:
         """A certified plan for `fleet`, if one is found.
 
@@ -106,6 +116,8 @@ class Oracle:
             if found.proven:
                 break
         proven = best is not None and best.proven
+        if self.stopped and not proven:  # it was not tried to its end
+            return None
         if best is not None and not proven:
             self.failed.append(best)
         if self.tell is not None:
@@ -118,7 +130,7 @@ class Oracle:
             problem = self.problem.with_(fleet=fleet, verify=replace(self.problem.verify, certificate=True))
         except ProblemError:  # the checks refuse it: there is certainly no plan
             return
-        quick = problem.fleet.system.transcription == "positions" and goal_of(problem) is None
+        quick = _is_quick(problem)
         for guess in guesses:
             if not self.stopped:
                 yield self._continued(problem, guess) if quick else self._whole(problem, guess)
@@ -130,8 +142,8 @@ class Oracle:
                 yield self._continued(problem, controls)
 
     def _continued(self, problem: Problem, guess: Floats) -> Found:
-        """From the plan of another part."""
-        return self._timed(problem, lambda timed: Found(planner.continued(timed, guess, progress=self._watch)))
+        """From the plan of another part: its rounds and iterations are bounded, so that no clock has to end it."""
+        return Found(planner.continued(problem, guess, progress=self._watch))
 
     def _whole(self, problem: Problem, guess: Floats | None) -> Found:
         """All that the planner does."""
@@ -158,6 +170,11 @@ def _watching(oracle: Oracle, phase: str, iteration: object) -> bool:
     if oracle.progress is not None:
         oracle.stopped = oracle.progress(phase, iteration) or oracle.stopped  # type: ignore[arg-type]
     return oracle.stopped
+
+
+def _is_quick(problem: Problem) -> bool:
+    """Whether plans of other parts are continued, and routes looked for on a coarse grid."""
+    return problem.fleet.system.transcription == "positions" and goal_of(problem) is None
 
 
 def _brief(problem: Problem) -> Problem:

@@ -12,8 +12,19 @@ NEARER = 0.4
 """Where between one that works and one that does not the next is tried."""
 
 
+def grown(good: float) -> float:
+    """The number to try above one that works."""
+    return good * GROWTH
+
+
 def largest(
-    works: Callable[[float], bool], first: float, limit: float, tolerance: float, *, whole: bool = False
+    works: Callable[[float], bool],
+    first: float,
+    limit: float,
+    tolerance: float,
+    *,
+    whole: bool = False,
+    above: Callable[[float], float] = grown,
 ) -> tuple[float, float]:
     """Bracket the largest number that works, where all smaller ones do, too.
 
@@ -29,6 +40,9 @@ def largest(
         How far apart the two results may be; numbers up to half of it are not tried.
     whole : bool
         Whether only whole numbers are tried; the others are then whole, too.
+    above : callable
+        The next number to try above the largest one that worked, which is larger; between that and one that did not
+        work, a nearer one may be tried.
 
     Returns
     -------
@@ -53,11 +67,11 @@ def largest(
             return 0.0, bad
     good = tried
     while bad > limit and good < limit:
-        tried = min(rounded(good * GROWTH), limit)
+        tried = min(rounded(above(good)), limit)
         good, bad = (tried, bad) if works(tried) else (good, tried)
     bad = min(bad, limit)
     # bisection to the tolerance, nearer to what worked: a number that does not work costs more to try
     while bad - good > tolerance:
-        middle = rounded(good + NEARER * (bad - good))
+        middle = rounded(min(above(good), good + NEARER * (bad - good)))
         good, bad = (middle, bad) if works(middle) else (good, middle)
     return good, bad
