@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.problem.evaluation.sampled import Replay, replay
     from ensemble_ctrl.problem.fleet import Fleet
     from ensemble_ctrl.problem.risk import Risk
-    from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget
+    from ensemble_ctrl.problem.target import Formation, MomentTarget, Pose, SpreadTarget
     from ensemble_ctrl.problem.terrain import Patch
     from ensemble_ctrl.problem.uncertainty import Uncertainty
     from ensemble_ctrl.problem.zones import Zone
@@ -76,6 +76,7 @@ _HOMES = {
     "LegendreBasis": "moments",
     "Mixture": "moments",
     "MomentTarget": "problem.target",
+    "Pose": "problem.target",
     "Objective": "problem",
     "Obstacle": "constraints",
     "Patch": "problem.terrain",
@@ -133,6 +134,7 @@ __all__ = [
     "Patch",
     "Plan",
     "Polyhedron",
+    "Pose",
     "Problem",
     "ProblemError",
     "Quadrotor",

@@ -255,6 +255,7 @@ def task_rows(
     some: tuple[Sequence[Formula], Floats] | None = None,
     errors: Growth | None = None,
     commanded: Commanded | None = None,
+    band: float = BAND,
 ) -> TaskRows:
     """Rows that keep `level` at or below the robustness of every part.
 
@@ -284,6 +285,8 @@ def task_rows(
         Errors of the model, which take from every row.
     commanded : Commanded, optional
         Headings and rates of robots on arcs.
+    band : float
+        As of `LevelOps`; with 0 the largest part at the guess is taken, without any loss.
     """
     # for each reading the matrix from variables to the places at which its rows hold
     everybody = np.eye(layout.count) if places is None else places
@@ -291,7 +294,7 @@ def task_rows(
     fewer, readings["some"] = ((), everybody) if some is None else some
     guess = GuessValues(curve, readings, commanded)
     signals = PointSignals(layout.steps, step, tuple(shift.tolist()), states=states, errors=errors, signals=commanded)
-    ops = LevelOps(layout, guess)
+    ops = LevelOps(layout, guess, band)
     read = [(part, signals) for part in parts] + [(part, replace(signals, of="some")) for part in fewer]
     # the walk over the formula: rows and levels whose minimum is the whole task's robustness
     whole = minimum_of(read, ops)

@@ -196,7 +196,8 @@ def _limits(
     level, short = layout.level(), layout.slack(1)
     errors, commanded = growth(problem, controls), _commanded(problem, model, controls)
     mean, fixed = truncation.mean, (model.curve, model.shift, model.names)
-    rows = task_rows(parts, level, layout, step, mean, *fixed, errors=errors, commanded=commanded)
+    # outside, beyond one side, or slow: as at the guess, chosen again in every round
+    rows = task_rows(parts, level, layout, step, mean, *fixed, errors=errors, commanded=commanded, band=0.0)
     kept = level_row(level, int(short[0]), problem.solve.margin + spare)
     return TaskRows([*rows.blocks, kept], rows.levels)
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ensemble_ctrl.constraints.stl import Always, And, Formula, Predicate, Within
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays
 from ensemble_ctrl.core.values import expect
@@ -137,6 +140,60 @@ class SpreadTarget(ReadOnlyArrays):
     def middle(self) -> Floats:
         """The mean position, shape (d,), metres."""
         return self.mean
+
+
+@dataclass(frozen=True, eq=False)
+class Pose(ReadOnlyArrays):
+    """A place and a heading in which every member has to end, each to a tolerance.
+
+    Parameters
+    ----------
+    position : array_like, shape (d,)
+        Metres.
+    heading : float
+        Radians from +x, counter-clockwise.
+    within : float
+        Largest error of each coordinate of the position, metres, above 0.
+    turn : float
+        Largest error of the heading, radians, above 0 and below pi; whole turns aside.
+
+    Raises
+    ------
+    ProblemError
+        For other shapes, tolerances that are not above 0, or numbers that are not finite.
+
+    Examples
+    --------
+    >>> str(Pose([1.0, 2.0], np.pi / 2, 0.05, np.radians(5)).reached())
+    'G[T,T] (-x >= -1.05 and x >= 0.95 and -y >= -2.05 and y >= 1.95 and heading within 5 deg of 90 deg)'
+    """
+
+    position: Floats
+    heading: float
+    within: float
+    turn: float
+
+    def __post_init__(self) -> None:
+        position = _numbers("position", self.position)
+        if not _placed(np.atleast_2d(position), 1):
+            raise ProblemError(f"target: expected a position of one to three numbers, got shape {position.shape}")
+        object.__setattr__(self, "position", position)
+        for name in ("heading", "within", "turn"):
+            object.__setattr__(self, name, float(_numbers(name, getattr(self, name))))
+        if not self.within > 0:
+            raise ProblemError(f"target: expected a tolerance of the position above 0 m, got {self.within:g}")
+        if not 0 < self.turn < np.pi:
+            wanted = "a tolerance of the heading above 0 deg and below 180 deg"
+            raise ProblemError(f"target: expected {wanted}, got {np.degrees(self.turn):g} deg")
+
+    def reached(self, places: Sequence[str] = ("x", "y"), heading: str = "heading") -> Formula:
+        """That a member is there at the end of the plan, a part of a task, by the names of its states."""
+        parts: list[Formula] = []
+        for name, value in zip(places, self.position.tolist(), strict=True):
+            parts.append(Predicate(((name, -1.0),), value + self.within))
+            parts.append(Predicate(((name, 1.0),), self.within - value))
+        parts.append(Within(heading, self.turn, math.remainder(self.heading, 2 * math.pi)))
+        return Always(And(tuple(parts)), math.inf, math.inf)
 
 
 Target = Formation | MomentTarget | SpreadTarget

@@ -8,11 +8,13 @@ import numpy as np
 
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config.errors import FieldError
+from ensemble_ctrl.files.config.poses import with_poses
 from ensemble_ctrl.files.config.schema import ObjectiveSection, ProblemFile
 from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection
 from ensemble_ctrl.problem import Objective, Problem, ReportOptions, SolveOptions, VerifyOptions
 from ensemble_ctrl.problem.checks import Finding
 from ensemble_ctrl.problem.risk import Risk
+from ensemble_ctrl.problem.target import Pose
 from ensemble_ctrl.problem.uncertainty import Uncertainty
 from ensemble_ctrl.systems import System
 
@@ -40,7 +42,7 @@ def _rest(file: ProblemFile, name: str, system: System) -> dict[str, Any]:
         name=file.name or name,
         duration=duration,
         steps=horizon.steps or max(1, round(duration / STEP)),
-        task=file.task,
+        task=with_poses(file, system),
         regions={name: shape.area for name, shape in file.regions.items()},
         obstacles={
             name: tuple(piece for shape in shapes for piece in shape.pieces) for name, shapes in file.obstacles.items()
@@ -80,7 +82,8 @@ def _objective(section: ObjectiveSection, system: System) -> Objective:
         weights["tolerance"] = _tolerance(section.tolerance, system)
     if terminal is None:
         return Objective(**weights)
-    target = np.array(terminal.target) if isinstance(terminal.target, tuple) else terminal.target
+    target = terminal.target.position if isinstance(terminal.target, Pose) else terminal.target
+    target = np.array(target) if isinstance(target, tuple) else target
     return Objective(target=target, terminal=terminal.weight, **weights)
 
 

@@ -64,7 +64,7 @@ class Terminal(Model):
     """Terminal cost."""
 
     target: TerminalTarget
-    """Where the fleet should end: `[x, y]`, or a formation, moments, or mean and covariance."""
+    """Where the fleet should end: `[x, y]`, a formation, moments, mean and covariance, or a pose to be reached."""
     weight: f.Weight = Objective.terminal
     """Weight of the squared terminal moment error, per m²."""
 

@@ -114,6 +114,8 @@ class RegionShape(f.Model):
     """A GeoJSON or WKT file with one convex polygon, or `feature` of it, in the problem's folder or below."""
     feature: str | None = None
     """Name of the feature in the file, if it holds several."""
+    heading: f.AngleRange | None = None
+    """`[80 deg, 100 deg]`: `in(...)` of the task means a heading in this range, too, whole turns aside."""
     _area: Polyhedron = PrivateAttr()
 
     @model_validator(mode="after")

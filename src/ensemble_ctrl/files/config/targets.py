@@ -13,7 +13,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config.errors import FieldError, only, show
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import STATES
-from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
+from ensemble_ctrl.problem.target import Formation, MomentTarget, Pose, SpreadTarget, Target
 
 Floats = NDArray[np.float64]
 Names = tuple[str, ...]
@@ -21,13 +21,16 @@ Data = dict[str, Any]
 Place = tuple[str | int, ...]
 Made = TypeVar("Made")
 
-FORMS = "{0}, {{PARAMETER: [[value, {0}], ...]}}, {{moments: ...}}, or {{mean: ..., covariance: ...}}"
+FORMS = (
+    "{0}, {{PARAMETER: [[value, {0}], ...]}}, {{moments: ...}}, {{mean: ..., covariance: ...}}, "
+    "or {{position: {0}, heading: ..., tolerances: ...}}"
+)
 MATRICES = {1: "[[a]]", 2: "[[a, b], [b, c]]", 3: "[[a, b, c], [b, d, e], [c, e, f]]"}
 """Covariances in words, by their size."""
-_LENGTH, _NUMBER = quantity("length"), quantity("number")
+_LENGTH, _NUMBER, _ANGLE = quantity("length"), quantity("number"), quantity("angle")
 
 
-def target(value: Any, info: ValidationInfo) -> tuple[float, ...] | Target:
+def target(value: Any, info: ValidationInfo) -> tuple[float, ...] | Target | Pose:
     """A target in any of its forms."""
     names = tuple((info.context or {}).get("places", STATES))
     forms = FORMS.format(_written(names))
@@ -40,6 +43,8 @@ def target(value: Any, info: ValidationInfo) -> tuple[float, ...] | Target:
         rows = np.array(_rows(value["moments"], ("moments",), names))
         given = None if weights is None else np.array(_numbers(weights, ("weights",)))
         return _built(lambda: MomentTarget(rows, given), ("moments",))
+    if keys & {"position", "heading", "tolerances"}:
+        return _pose(value, keys, names)
     if keys & {"mean", "covariance"}:
         only(keys, {"mean", "covariance"})
         for name in ("mean", "covariance"):
@@ -51,6 +56,22 @@ def target(value: Any, info: ValidationInfo) -> tuple[float, ...] | Target:
         raise FieldError(f"expected {forms}, got {show(value)}")
     (name,) = keys
     return _formation(str(name), value[name], names)
+
+
+def _pose(value: Data, keys: set[str], names: Names) -> Pose:
+    """A position and a heading with a tolerance of each."""
+    only(keys, {"position", "heading", "tolerances"})
+    for name in ("position", "heading", "tolerances"):
+        if name not in keys:
+            raise FieldError(f"expected position, heading and tolerances, but {name} is missing")
+    given = value["tolerances"]
+    if not isinstance(given, dict) or set(given) != {"position", "heading"}:
+        raise FieldError(f"expected {{position: 5 cm, heading: 5 deg}}, got {show(given)}", path=("tolerances",))
+    position = _place(value["position"], ("position",), names)
+    within = _one(given["position"], ("tolerances", "position"), _LENGTH)
+    turn = _one(given["heading"], ("tolerances", "heading"), _ANGLE)
+    heading = _one(value["heading"], ("heading",), _ANGLE)
+    return _built(lambda: Pose(np.array(position), heading, within, turn), ("tolerances",))
 
 
 def target_data(given: Any) -> Any:

@@ -115,6 +115,8 @@ def tree(
     setup.setPlanner(planner)
     count = iter(range(iterations))
     setup.solve(base.PlannerTerminationCondition(lambda: next(count, None) is None or stop()))
+    if not setup.haveSolutionPath():  # not even a way towards the goal
+        return None
     path = setup.getSolutionPath()
     used = range(path.getControlCount())
     parts = [(path.getControl(i), round(path.getControlDuration(i) / growth.step)) for i in used]

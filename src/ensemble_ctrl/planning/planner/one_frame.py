@@ -49,6 +49,11 @@ def in_one_frame(problem: Problem) -> Problem:
             for k, m in enumerate(moves)
             for n, pieces in problem.obstacles.items()
         },
+        zones={
+            _name(n, k): replace(zone, pieces=tuple(_moved_piece(piece, m) for piece in zone.pieces))
+            for k, m in enumerate(moves)
+            for n, zone in problem.zones.items()
+        },
         motions={_name(n, k): motion for k in range(len(moves)) for n, motion in problem.motions.items()},
         ignore=tuple(_name(n, k) for k in range(len(moves)) for n in problem.ignore),
         report=replace(problem.report, suggest=False),
