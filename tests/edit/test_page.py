@@ -217,6 +217,37 @@ def test_typed_numbers_keys_undo_and_errors_in_the_text(tab: Page, tmp_path: Pat
         asks_nobody(tab, one)
 
 
+def test_what_would_help_is_a_button_and_time_moves_the_fleet(tab: Page, tmp_path: Path) -> None:
+    file = tmp_path / "five.yaml"
+    file.write_text(FIVE, encoding="utf-8")
+    helps = [{"change": "2 cm less radius", "set": ["fleet.radius=0.02", "fleet.input_bounds.v[1]=2.5"]}]
+    with editor(file) as one:
+        visit(tab, one)
+        wait(tab, FRESH)
+        revision = tab.run("editor.state.revision")
+        found = {
+            "revision": revision,
+            "phase": "suggested",
+            "helps": helps,
+            "failed": ["0.5 of the range"],
+            "limited": False,
+        }
+        tab.run(f"editor.planned({json.dumps(found)})")
+        assert tab.run("document.querySelector('#hint .help').textContent") == "2 cm less radius"
+        tab.run("document.querySelector('#hint .help').click()")
+        wait(tab, f"({TEXT}).includes('radius: 0.02 ') && ({TEXT}).includes('v: [-2, 2.5]')")
+        wait(tab, FRESH)
+        places = "[...document.querySelectorAll('#map .member')].map((dot) => +dot.getAttribute('cx'))"
+        tab.run("document.getElementById('time').value = 0; document.getElementById('time').oninput()")
+        first = tab.run(places)
+        assert max(first) - min(first) < 0.2  # all start at one place
+        tab.run("document.getElementById('play').click()")
+        wait(tab, f"Math.max(...{places}) > {max(first) + 5}")
+        tab.run("document.getElementById('play').click()")
+        assert tab.run("document.getElementById('play').textContent") == "Play"
+        asks_nobody(tab, one)
+
+
 def test_names_that_would_be_scripts_do_nothing(tab: Page, tmp_path: Path) -> None:
     bad = "<img src=x onerror=alert(1)>"
     file = tmp_path / "bad.yaml"

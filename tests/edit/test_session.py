@@ -189,7 +189,12 @@ def test_numbers_with_units_are_read_for_the_map() -> None:
     assert found["a", "box"]["points"] == [[0.5, 1.0], [0.0, 2.0]]
     assert found["c", "polygon"]["path"] == ["obstacles", "c", 1, "polygon"]
     assert {name for name, form in found if form == "fixed"} == {"b", "d", "e"}
-    assert start(data) == {"at": [1.0, 2.0], "path": ["fleet", "start", "position"], "heading": 0.0, "clockwise": True}
+    found_start = start(data)
+    assert found_start is not None
+    assert (found_start["at"], found_start["heading"], found_start["clockwise"]) == ([1.0, 2.0], 0.0, True)
+    apart = start({"fleet": {"start": {"x": 1, "y": "50 cm", "vx": 0}}})
+    assert apart is not None
+    assert (apart["at"], apart["paths"]) == ([1.0, 0.5], [["fleet", "start", "x"], ["fleet", "start", "y"]])
 
 
 def test_a_map_becomes_areas_under_free_names(tmp_path: Path) -> None:

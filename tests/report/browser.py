@@ -42,14 +42,10 @@ class Page:
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         """Call a method of the protocol and return its result."""
-        self._count += 1
-        message = {"id": self._count, "method": method, "params": parameters}
-        message |= {"sessionId": self._session} if self._session else {}
-        self._out.write(json.dumps(message).encode() + b"\0")
-        self._out.flush()
+        number = self._send(method, parameters)
         while True:
             answer = self._next()
-            if answer.get("id") == self._count:
+            if answer.get("id") == number:
                 assert "error" not in answer, answer
                 result: dict[str, Any] = answer["result"]
                 return result
@@ -122,6 +118,15 @@ class Page:
         """The whole page as PNG."""
         return base64.b64decode(self.call("Page.captureScreenshot", captureBeyondViewport=True)["data"])
 
+    def _send(self, method: str, parameters: dict[str, Any]) -> int:
+        """Ask for a method without waiting; the number of the question."""
+        self._count += 1
+        message = {"id": self._count, "method": method, "params": parameters}
+        message |= {"sessionId": self._session} if self._session else {}
+        self._out.write(json.dumps(message).encode() + b"\0")
+        self._out.flush()
+        return self._count
+
     def _next(self) -> dict[str, Any]:
         """The next message; what the page complains of is kept."""
         end = time.monotonic() + PATIENCE
@@ -137,6 +142,8 @@ class Page:
             self._loaded = True
         elif kind in ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"):
             self.complaints.append(json.dumps(data)[:500])
+        elif kind == "Page.javascriptDialogOpening":  # whether to leave a page with something unsaved
+            self._send("Page.handleJavaScriptDialog", {"accept": True})
         elif kind == "Network.requestWillBeSent":
             self.requests.append(data["request"]["url"])
         return message

@@ -17,6 +17,8 @@ SECTIONS = {"obstacles": "obstacle", "regions": "region"}
 """Sections of areas, and what one of them is called."""
 FORMS = ("box", "polygon")
 """Forms whose numbers are in the file."""
+STATES = ("x", "y", "z")
+"""States that are coordinates of the position, for systems whose start is given state by state."""
 _LENGTH, _ANGLE = quantity("length"), quantity("angle")
 
 
@@ -52,16 +54,27 @@ def shapes(data: Any, problem: Problem | None) -> list[Data]:
 
 
 def start(data: Any) -> Data | None:
-    """Where the fleet starts, if that is in the file as numbers: ``at``, ``heading`` in radians from +x or None."""
+    """Where the fleet starts, if that is in the file as numbers.
+
+    Returns
+    -------
+    dict or None
+        ``at``, metres; ``path`` of the position, and ``paths`` of its coordinates where each has its own entry;
+        ``heading`` in radians from +x, or None; whether the file counts it ``clockwise`` from +y.
+    """
     given = _section(_section(data, "fleet"), "start")
-    at = _numbers(given.get("position"), _LENGTH)
+    alone = [name for name in STATES if name in given] if "position" not in given else []
+    at = _numbers([given[name] for name in alone] or given.get("position"), _LENGTH)
     if at is None or len(at) < 2:
         return None
+    above = ["fleet", "start"]
+    paths = [[*above, name] for name in alone] or None
     turned = _number(given.get("heading"), _ANGLE)
     clockwise = given.get("heading_from") == "y"
     if turned is not None and clockwise:
         turned = np.pi / 2 - turned
-    return {"at": at, "path": ["fleet", "start", "position"], "heading": turned, "clockwise": clockwise}
+    place = {"at": at, "path": [*above, "position"], "paths": paths}
+    return {**place, "heading": turned, "clockwise": clockwise}
 
 
 def target(data: Any) -> Data | None:

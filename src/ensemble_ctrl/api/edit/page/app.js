@@ -103,7 +103,10 @@ class App {
   planned(event) {
     this.phase = event.phase;
     this.revision = event.revision;
-    if (event.phase === "planning") this.suggestions = null;
+    if (event.phase === "planning") {
+      this.suggestions = null;
+      this.since = performance.now();
+    }
     if (event.phase === "suggested") this.suggestions = event;
     if (event.phase === "failed") this.failure = event.why;
     if (event.phase === "planned") {
@@ -115,8 +118,9 @@ class App {
       document.documentElement.dataset.planned = event.revision;
     }
     this.map.draw();
-    this.proof.show();
     this.verdict();
+    if (event.phase === "planned" && event.drawing.proven && this.fresh) document.documentElement.dataset.drawn = performance.now();
+    this.proof.show();
   }
   // whether the plan that is drawn is of the text as it is
   get fresh() { return this.plan && this.state && this.plan.revision === this.state.revision && this.state.valid; }
@@ -124,7 +128,10 @@ class App {
   verdict() {
     const element = $("verdict");
     const busy = this.phase === "planning" || this.phase === "suggesting";
-    let words = "Planning …", kind = "open";
+    const seconds = Math.floor((performance.now() - (this.since || performance.now())) / 1000);
+    let words = `Planning${seconds > 2 ? ` for ${seconds} s` : ""}`, kind = "open";
+    clearTimeout(this.clock);
+    if (busy && !this.fresh) this.clock = setTimeout(() => this.verdict(), 1000);
     const errors = this.state ? this.state.found.filter((one) => one.severity === "error") : [];
     if (this.state && !this.state.valid) {
       const first = errors[0];

@@ -8,6 +8,21 @@ export const corners = (shape) => {
   return shape.points;
 };
 
+// changes that give a shape its numbers, or a point its place
+export function puts(shape, value) {
+  if (!shape.paths) return [{ do: "put", path: shape.path, value }];
+  return shape.paths.map((path, k) => ({ do: "put", path, value: value[k] }));
+}
+
+// of a shape's outline, for what lies over what
+export function area(shape) {
+  const outlines = shape.form === "fixed" ? shape.pieces || [] : [corners(shape)];
+  return outlines.reduce((sum, outline) => sum + Math.abs(outline.reduce((twice, [x, y], i) => {
+    const [u, v] = outline[(i + 1) % outline.length];
+    return twice + x * v - u * y;
+  }, 0)) / 2, 0);
+}
+
 // in steps of the grid; a millionth of a metre where it is off
 export const snapped = (value, step) => +(step ? Math.round(value / step) * step : value).toFixed(6);
 

@@ -1,5 +1,5 @@
 // Presses, drags, the wheel and two fingers on the map.
-import { corners, disc, moved, resized, snapped } from "./geometry.js";
+import { corners, disc, moved, puts, resized, snapped } from "./geometry.js";
 import { key } from "./map.js";
 
 const CLOSE = 12; // pixels from the first corner that close a polygon
@@ -150,7 +150,7 @@ export class Gestures {
   send(dragging) {
     const { drag } = this, shape = this.map.dragged;
     if (drag.what === "turn") return this.map.turn(shape.heading * 180 / Math.PI, drag.group, dragging);
-    return this.app.edit([{ do: "put", path: shape.path, value: shape.at || shape.points }], drag.group, dragging);
+    return this.app.edit(puts(shape, shape.at || shape.points), drag.group, dragging);
   }
   async up(event) {
     this.fingers.delete(event.pointerId);

@@ -1,5 +1,5 @@
 // The map: what the file has, editable; what the plan does, over it.
-import { corners, moved, snapped, ticks } from "./geometry.js";
+import { area, corners, moved, puts, snapped, ticks } from "./geometry.js";
 import { Gestures } from "./gestures.js";
 import { Tools } from "./tools.js";
 
@@ -80,9 +80,13 @@ export class MapView {
     const view = drawing && drawing.views[0];
     document.getElementById("chart").hidden = !this.app.state.map.plane;
     const focused = this.svg.contains(document.activeElement) ? document.activeElement.dataset.key : null;
-    const below = [...this.grid(), ...shapes.filter((s) => s.kind === "region").map((s) => this.area(s, chosen))];
+    // the larger below the smaller; obstacles above regions, but in space, where they may be far above or below them
+    const space = Boolean(view && view.hidden);
+    const areas = shapes.filter((s) => s.form).sort((a, b) => area(b) - area(a));
+    const below = [...this.grid(), ...areas.filter((s) => space || s.kind === "region").map((s) => this.area(s, chosen))];
+    this.svg.classList.toggle("space", space);
     const plan = view && this.app.state.map.plane ? [element("g", { class: `plan${this.app.fresh ? "" : " old"}` }, [...this.tube(view), ...this.ways(drawing, view)])] : [];
-    const above = shapes.filter((s) => s.kind === "obstacle").map((s) => this.area(s, chosen));
+    const above = areas.filter((s) => !space && s.kind === "obstacle").map((s) => this.area(s, chosen));
     const moving = view ? this.moving(view, shapes) : [];
     const points = shapes.filter((s) => s.at).map((s) => this.point(s, chosen));
     const dots = view && this.app.state.map.plane ? [element("g", { class: `plan${this.app.fresh ? "" : " old"}` }, [...this.members(drawing, view), ...this.marks(view)])] : [];
@@ -284,9 +288,8 @@ export class MapView {
     if (step && shape && shape.form !== "fixed" && event.target.type !== "range" && event.target.getAttribute?.("role") !== "tab") {
       const by = (this.tools.snap || 0.01) * (event.shiftKey ? 10 : 1);
       const [dx, dy] = step.map((one) => one * by);
-      const path = shape.path;
       const value = shape.at ? shape.at.map((v, k) => (k < 2 ? snapped(v + [dx, dy][k], 0) : v)) : moved(shape, dx, dy, 0);
-      this.app.edit([{ do: "put", path, value }], `keys ${key(shape)}`);
+      this.app.edit(puts(shape, value), `keys ${key(shape)}`);
       event.preventDefault();
     } else if ((event.key === "Delete" || event.key === "Backspace") && shape) {
       this.remove();

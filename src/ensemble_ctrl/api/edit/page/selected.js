@@ -38,7 +38,7 @@ export class Selected {
   numbers(shape) {
     const put = (path) => (value) => this.app.edit([{ do: "text", path, value }]);
     if (shape.kind === "start" || shape.kind === "target") {
-      const fields = shape.at.map((value, k) => this.field("xyz"[k], `${"xyz"[k]} [m]`, value, put([...shape.path, k])));
+      const fields = shape.at.map((value, k) => this.field("xyz"[k], `${"xyz"[k]} [m]`, value, put(shape.paths ? shape.paths[k] : [...shape.path, k])));
       if (shape.kind === "start" && shape.heading !== null) {
         const degrees = +(shape.heading * 180 / Math.PI).toFixed(4);
         fields.push(this.field("heading", "heading [deg]", degrees, (value) => this.app.map.turn(+value)));

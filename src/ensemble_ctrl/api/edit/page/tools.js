@@ -1,3 +1,5 @@
+import { puts } from "./geometry.js";
+
 // What a press on the map does: select, or draw a shape, or put the start or the target there.
 const TOOLS = [
   ["select", "Select", "v"], ["box", "Box", "b"], ["polygon", "Polygon", "p"], ["disc", "Disc", "d"],
@@ -102,7 +104,7 @@ export class Tools {
   putStart(point) {
     const data = this.app.state.map.data, own = this.app.state.map.start;
     const place = own ? [...point, ...own.at.slice(2)] : point;
-    const edits = own ? [{ do: "put", path: own.path, value: place }]
+    const edits = own ? puts(own, place)
       : [{ do: "put", path: ["fleet"], value: { model: "unicycle", ...data.fleet, start: { position: place, heading: "0 deg" } } }];
     if (!data.horizon) edits.push({ do: "put", path: ["horizon"], value: { duration: "10 s" } });
     this.app.edit(edits);
