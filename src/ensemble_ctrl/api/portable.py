@@ -12,8 +12,7 @@ import numpy as np
 
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.certificate import Certificate, as_data
-from ensemble_ctrl.certificate.bound import Bound
-from ensemble_ctrl.certificate.certify import CounterExample
+from ensemble_ctrl.certificate.bound import Bound, CounterExample
 from ensemble_ctrl.certificate.task import TaskBound
 from ensemble_ctrl.files.config.portable import problem_of, problem_text
 from ensemble_ctrl.problem import Problem
@@ -34,7 +33,7 @@ def plan_text(plan: Plan) -> str:
             "names": run.names,
             "clearances": [asdict(one) for one in run.clearances],
             "shares": [asdict(one) for one in run.shares],
-            **{name: getattr(run, name) for name in ("substeps", "seconds", "corners")},
+            **{name: getattr(run, name) for name in ("substeps", "seconds", "corners", "starts")},
         }
     if plan.certificate is not None:
         facts["certificate"] = as_data(plan.certificate)
@@ -76,6 +75,7 @@ def _replay(facts: dict[str, Any], arrays: Any) -> Replay:
         seconds=facts["seconds"],
         corners=facts["corners"],
         shares=tuple(ShareSeen(**one) for one in facts["shares"]),
+        starts=tuple(facts["starts"]),
     )
 
 

@@ -4,8 +4,8 @@
 constraints or transcription.
 """
 
-from ensemble_ctrl.certificate.bound import Bound
-from ensemble_ctrl.certificate.certify import PROOFS, Certificate, CounterExample, Proof, certify, unproven
+from ensemble_ctrl.certificate.bound import Bound, CounterExample
+from ensemble_ctrl.certificate.certify import PROOFS, Certificate, Proof, certify, unproven
 from ensemble_ctrl.certificate.record import EFFORT, as_data, claim, differences
 from ensemble_ctrl.certificate.task import TaskBound
 
@@ -28,8 +28,8 @@ TRUSTED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "certificate.": (
-            *("bound", "certify", "clearance", "commands", "disturbance", "enclosure", "errors", "fingerprint"),
-            *("instants", "masses", "schedule", "share", "signals", "starts", "task", "terrain"),
+            *("apart", "bound", "certify", "clearance", "commands", "disturbance", "enclosure", "errors"),
+            *("fingerprint", "instants", "masses", "schedule", "share", "signals", "starts", "task", "terrain"),
         ),
         "constraints.": (
             *("_rows", "_sides", "cover", "disc", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
@@ -45,7 +45,7 @@ TRUSTED = tuple(
 GENERAL = tuple(
     f"ensemble_ctrl.certificate.general.{module}"
     for module in (
-        *("proof", "start", "enclosure", "basis", "models", "smooth", "gradients", "growth", "boxes"),
+        *("proof", "start", "enclosure", "basis", "models", "smooth", "gradients", "growth", "boxes", "lines"),
         *("clearance", "task", "jacobian", "disturbed"),
     )
 )

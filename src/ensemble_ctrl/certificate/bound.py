@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Verdict = Literal["yes", "no", "undecided"]
 
 ALIKE = 1e-9
 """Metres by which members seen have to differ for one to be worse: more than the rounding of another machine."""
@@ -45,6 +46,28 @@ class Bound:
     sampled: float
     parameters: Member
     time: float
+
+
+@dataclass(frozen=True)
+class CounterExample:
+    """A member that violates the task, or the fleet where the task reads it as a whole.
+
+    Attributes
+    ----------
+    what : str
+        The obstacle kept out of, or the part of the task.
+    parameters : dict of str to float
+        Whose parameters these are; replaying this member shows the violation. Empty for the fleet.
+    time : float or None
+        When, in seconds, where it is an obstacle.
+    amount : float
+        Metres by which it violates, > 0.
+    """
+
+    what: str
+    parameters: Member
+    time: float | None
+    amount: float
 
 
 class Search(Protocol):

@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.certificate.bound import Bound, nearest_piece, nearness
+from ensemble_ctrl.certificate.bound import Bound, CounterExample, Verdict, nearest_piece, nearness
 from ensemble_ctrl.certificate.clearance import Prover
 from ensemble_ctrl.certificate.enclosure import Flow, Ranged
 from ensemble_ctrl.certificate.errors import Unenclosed
@@ -36,7 +36,6 @@ from ensemble_ctrl.problem.specification import (
 if TYPE_CHECKING:
     from ensemble_ctrl.moments import Distribution
     from ensemble_ctrl.problem import Problem
-    from ensemble_ctrl.problem.ensemble import Member
     from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
@@ -44,29 +43,6 @@ SPLITS = (1, 4, 16)
 """Parts into which each step is cut, in turn, until a part of the task is proven or refuted."""
 ENOUGH = 0.5
 """Metres of clearance beyond which an obstacle's bound is not refined, if another one is nearer."""
-Verdict = Literal["yes", "no", "undecided"]
-
-
-@dataclass(frozen=True)
-class CounterExample:
-    """A member that violates the task, or the fleet where the task reads it as a whole.
-
-    Attributes
-    ----------
-    what : str
-        The obstacle kept out of, or the part of the task.
-    parameters : dict of str to float
-        Whose parameters these are; replaying this member shows the violation. Empty for the fleet.
-    time : float or None
-        When, in seconds, where it is an obstacle.
-    amount : float
-        Metres by which it violates, > 0.
-    """
-
-    what: str
-    parameters: Member
-    time: float | None
-    amount: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +164,8 @@ def certify(
     specification = problem.specification
     chances = {id(chance.part): chance for chance in specification.chance}
     try:
+        if problem.pairs:
+            raise Unenclosed("members of several starts in one frame are no fleet to prove something of")
         if problem.uncertain and not getattr(proof, "counts_errors", False):
             raise Unenclosed("this enclosure does not count errors of the model")
         clearances = _clearances(proof, specification.avoid, np.inf if each else ENOUGH)

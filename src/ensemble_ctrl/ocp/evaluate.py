@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
+from ensemble_ctrl.ocp.apart import apart_gap
 from ensemble_ctrl.ocp.chance import all_hyperplanes, members_within, reach, required_parts
 from ensemble_ctrl.ocp.cost import CommandCost, Scale, cost
 from ensemble_ctrl.ocp.disturbance import growth, lowered
@@ -101,6 +102,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
         hyperplanes = all_hyperplanes(problem, truncation, curve, reach(problem, curve), controls)
     # clearance of the hull from separating hyperplanes, a lower bound; the largest change of a command
     gap, excess = float(hyperplanes.gap.min(initial=np.inf)), rate_excess(fleet.rate_bounds, controls, step)
+    gap = gap if in_moments else min(gap, apart_gap(problem, curve))
     return Value(cost(aim, effort, terminal, worst, risk), worst, terminal, effort, gap, excess, risk)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
+from ensemble_ctrl.ocp.apart import apart_gap
 from ensemble_ctrl.ocp.cost import CommandCost, cost
 from ensemble_ctrl.ocp.disturbance import Growth, growth, lowered
 from ensemble_ctrl.ocp.evaluate import Value, rate_excess
@@ -106,7 +107,7 @@ def _gap(problem: Problem, paths: Floats, errors: Growth | None) -> float:
         (avoid.distances(paths, times) - away[avoid.during(times)]).min(initial=np.inf)
         for avoid in problem.specification.avoid
     )
-    return min(map(float, found), default=np.inf)
+    return min(*map(float, found), apart_gap(problem, paths.swapaxes(0, 1)), np.inf)
 
 
 def _terminal(problem: Problem, controls: Floats) -> float:

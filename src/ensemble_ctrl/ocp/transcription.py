@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Mean
 from ensemble_ctrl.core.errors import UnsupportedError
+from ensemble_ctrl.ocp.apart import apart_rows
 from ensemble_ctrl.ocp.chance import required_parts
 from ensemble_ctrl.ocp.cost import CommandCost
 from ensemble_ctrl.ocp.disturbance import growth
@@ -129,6 +130,7 @@ def transcribe(
     blocks = [
         *model.dynamics(),
         *_avoidance(problem, truncation, model, avoiding, slack, spare[0]),
+        *apart_rows(problem, model, spare[0]),
         *task.blocks,
         *limits.blocks,
         *rate_rows(layout, problem.fleet.rate_bounds, model.scale.half, step),

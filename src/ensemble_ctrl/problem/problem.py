@@ -21,6 +21,7 @@ from ensemble_ctrl.problem.arguments.fleets import frozen
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.risk import Risk
 from ensemble_ctrl.problem.specification import Specification
+from ensemble_ctrl.problem.starts import Pair
 from ensemble_ctrl.problem.target import Formation, MomentTarget, SpreadTarget, Target
 from ensemble_ctrl.problem.terrain import Patch, terrain_data
 from ensemble_ctrl.problem.uncertainty import Uncertainty
@@ -279,6 +280,8 @@ class Problem:
         moments themselves with their bilinear dynamics, as in the paper.
     integrator : {"exponential", "rk4"}
         Of modal coordinates: the exact step, or one step of the classical Runge-Kutta rule.
+    pairs : tuple of Pair
+        Members that keep apart in a program of several starts; made by the planner, and never proven.
 
     Raises
     ------
@@ -306,6 +309,7 @@ class Problem:
     integrator: Integrator = "exponential"
     zones: Mapping[str, Zone] = field(default_factory=dict)
     terrain: Mapping[str, Patch] = field(default_factory=dict)
+    pairs: tuple[Pair, ...] = ()
 
     def __post_init__(self) -> None:
         from ensemble_ctrl.problem.checks import require_sound

@@ -19,9 +19,10 @@ from ensemble_ctrl.constraints.disc import obstacle_of
 from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.constraints.stl.formula import Always, Formula, Not, Share
 from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside
+from ensemble_ctrl.constraints.stl.leaves import Apart, Avoid, Inside
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, conjuncts, ground, kept_out, reads_fleet, resolve
 from ensemble_ctrl.problem.signals import angle_range, signals_read
+from ensemble_ctrl.problem.starts import keeps_apart
 from ensemble_ctrl.problem.zones import required, rules, zone_pieces
 
 if TYPE_CHECKING:
@@ -130,6 +131,26 @@ class AvoidThroughout:
                 )
 
 
+@dataclass(frozen=True)
+class ApartConstraint:
+    """A conjunct ``G[a,b] apart(d)``: members of different starts keep away from each other.
+
+    Attributes
+    ----------
+    distance : float
+        Metres between their centres.
+    begin, end : float
+        Its window in seconds; the whole horizon where it has none.
+    """
+
+    distance: float
+    begin: float
+    end: float
+
+    def __str__(self) -> str:
+        return str(Apart(self.distance))
+
+
 @dataclass(frozen=True, eq=False)
 class TaskPart:
     """A conjunct of the task with a robustness.
@@ -222,6 +243,8 @@ class Specification:
         Those of `parts` that are ``share(p, f)`` with p below 1, where `f` is read for each member.
     signals : tuple of str
         What the task refers to besides the states of trajectories, such as the heading of robots on arcs.
+    apart : tuple of ApartConstraint
+        How far members of different starts keep from each other.
     """
 
     task: Formula
@@ -231,6 +254,7 @@ class Specification:
     chance: tuple[ChanceConstraint, ...]
     sources: tuple[object, ...]
     signals: tuple[str, ...] = ()
+    apart: tuple[ApartConstraint, ...] = ()
 
     @classmethod
     def of(cls, problem: Problem) -> Specification:
@@ -245,6 +269,7 @@ class Specification:
             tuple(_chance(problem, part) for part in parts if _is_chance(part.written)),
             _sources(problem),
             signals_read(problem),
+            tuple(_apart(problem, part) for part in conjuncts(problem.task) if keeps_apart(part)),
         )
 
     @property
@@ -270,11 +295,18 @@ def _sources(problem: Problem) -> tuple[object, ...]:
 
 def _split(problem: Problem, task: Formula) -> tuple[tuple[AvoidThroughout, ...], tuple[TaskPart, ...]]:
     """The conjuncts that only avoid, and the others; without those that others imply."""
-    needed = without_implied(conjuncts(task), problem.duration)
+    needed = [part for part in without_implied(conjuncts(task), problem.duration) if not keeps_apart(part)]
     # G (avoid and ...) becomes constraints on the clearance, every other conjunct keeps its robustness
     always = (part for part in needed if isinstance(part, Always) and kept_out(part))
     others = (part for part in needed if not kept_out(part))
     return tuple(AvoidThroughout.of(problem, part) for part in always), tuple(TaskPart.of(problem, p) for p in others)
+
+
+def _apart(problem: Problem, part: Formula) -> ApartConstraint:
+    """The constraint of one ``G[a,b] apart(d)``."""
+    (leaf,) = part.parts
+    assert isinstance(leaf, Apart)
+    return ApartConstraint(leaf.distance, *_window(problem, resolve(part, problem.duration)))
 
 
 def _is_chance(part: Formula) -> bool:

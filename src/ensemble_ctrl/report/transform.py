@@ -66,7 +66,9 @@ def conflict_places(plan: PlanLike) -> list[tuple[Conflict, Floats]]:
         return []
     found = []
     for conflict in plan.conflicts()[:CONFLICTS]:
-        there = by_start(plan.problem)[conflict.start]
+        there = by_start(plan.problem).get(conflict.start)
+        if there is None:
+            continue  # of two members that come too close
         way = trajectories(there, plan.controls, there.fleet.members([conflict.parameters]), 4)[0]
         times = np.linspace(0.0, plan.problem.duration, len(way))
         # position at the conflict's time, linear between samples

@@ -14,7 +14,7 @@ from ensemble_ctrl.constraints.stl.formula import (
     Until,
 )
 from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Predicate, Within
+from ensemble_ctrl.constraints.stl.leaves import Apart, Avoid, Inside, Known, Predicate, Within
 from ensemble_ctrl.constraints.stl.operations import Backend, ExactOps, NumpyBackend, Ops, SmoothOps
 from ensemble_ctrl.constraints.stl.progression import progressed, settled
 from ensemble_ctrl.constraints.stl.rewrite import (
@@ -33,6 +33,7 @@ from ensemble_ctrl.constraints.stl.text import FormulaError, parse
 __all__ = [
     "Always",
     "And",
+    "Apart",
     "Avoid",
     "Backend",
     "Eventually",

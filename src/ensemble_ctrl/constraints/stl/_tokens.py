@@ -40,7 +40,7 @@ SPELLINGS = {
 """Every spelling of a token, the one that is printed first."""
 
 _KINDS: dict[str, str] = {text: kind for kind, texts in SPELLINGS.items() for text in texts.split()} | {
-    text: text for text in ["in", "avoid", "mean", "share", "abs", "within", *"()[]{},:"]
+    text: text for text in ["in", "avoid", "apart", "mean", "share", "abs", "within", *"()[]{},:"]
 }
 _OPERATORS = {text for kind in SPELLINGS if kind not in ("T", "U", "F", "G") for text in SPELLINGS[kind].split()} | {
     *("until", "eventually", "finally", "always", "globally")
@@ -54,6 +54,9 @@ ANGLE_UNITS = {"deg": math.pi / 180, "rad": 1.0}
 """Units of an angle by name, with the factor to radians."""
 TIME_UNITS = {"s": (1, 1), "ms": (1, 1000), "min": (60, 1), "h": (3600, 1)}
 """Units of time by name, with the factor to seconds as numerator and denominator (500 ms are 500 / 1000)."""
+
+LENGTH_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0}
+"""Units of length by name, with the factor to metres."""
 
 _SYMBOLS = {"−": "-", "·": "*", "×": "*", "≥": ">=", "≤": "<=", "∞": "inf"}
 """Symbols by their text."""
@@ -152,6 +155,15 @@ class Tokens:
         token = self.next()
         if token.text in ANGLE_UNITS:
             return ANGLE_UNITS[token.text]
+        self._at, self._last = before
+        return 1.0
+
+    def length_unit(self) -> float:
+        """Pass the unit of a length, if one comes next: its factor to metres, 1 without."""
+        before = self._at, self._last
+        token = self.next()
+        if token.text in LENGTH_UNITS:
+            return LENGTH_UNITS[token.text]
         self._at, self._last = before
         return 1.0
 

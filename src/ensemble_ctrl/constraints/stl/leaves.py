@@ -188,6 +188,30 @@ class Avoid(_Place):
     word: ClassVar[str] = "avoid"
 
 
+@dataclass(frozen=True, slots=True)
+class Apart(Formula):
+    """Members of different starts are at least so far from each other, centre to centre.
+
+    Parameters
+    ----------
+    distance : float
+        Metres, above 0.
+    column : int
+        1-based place in the text it came from, 0 if none; not compared.
+    """
+
+    distance: float
+    column: int = field(default=0, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not 0 < self.distance < math.inf:
+            raise ProblemError(f"apart(...): expected a distance above 0 m, got {number(self.distance)} m")
+        object.__setattr__(self, "depth", 1)
+
+    def __str__(self) -> str:
+        return f"apart({number(self.distance)} m)"
+
+
 def _signed(value: float, name: str) -> str:
     """One term of a sum with its sign."""
     size = "" if abs(value) == 1 else f"{number(abs(value))}*"

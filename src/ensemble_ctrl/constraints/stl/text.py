@@ -10,7 +10,7 @@ From loose to tight::
     unary   = "not" unary
             | ("F" | "G") [window] unary
             | "(" formula ")" | "mean" "(" formula ")" | "share" "(" number "," formula ")"
-            | "in" "(" place ")" | "avoid" "(" place ")" | "true" | "false"
+            | "in" "(" place ")" | "avoid" "(" place ")" | "apart" "(" number [unit] ")" | "true" | "false"
             | sum compare sum {compare sum}            compare is ">=", "<=", ">" or "<"
             | state "within" angle "of" ["+" | "-"] angle    whole turns aside
     window  = "[" time ("," | ":") time "]"            without one, the rest of the horizon
@@ -33,7 +33,7 @@ from ensemble_ctrl.constraints.stl._build import Operand, Operator, Sum, built
 from ensemble_ctrl.constraints.stl._tokens import FormulaError, Token, Tokens
 from ensemble_ctrl.constraints.stl._window import read_window
 from ensemble_ctrl.constraints.stl.formula import Formula
-from ensemble_ctrl.constraints.stl.leaves import Avoid, Inside, Known, Within
+from ensemble_ctrl.constraints.stl.leaves import Apart, Avoid, Inside, Known, Within
 from ensemble_ctrl.core.errors import ProblemError, shortened
 from ensemble_ctrl.core.values import expect
 
@@ -139,6 +139,9 @@ class _Parser:
             elif whole and (kind == "in" or kind == "avoid"):
                 self._operands.append(self._place(kind))
                 return
+            elif whole and kind == "apart":
+                self._operands.append(self._apart())
+                return
             elif kind == "abs":
                 self._tokens.take("(", "'('")
                 self._wait(Operator(kind, 0, column, 1))
@@ -156,6 +159,16 @@ class _Parser:
         place = self._tokens.place()
         self._tokens.take(")", "')'")
         return (Inside if kind == "in" else Avoid)(place.text, column=place.column)
+
+    def _apart(self) -> Formula:
+        """The rest of ``apart(distance)``."""
+        self._tokens.take("(", "'('")
+        number = self._tokens.take("number", "a distance")
+        distance = float(number.text) * self._tokens.length_unit()
+        self._tokens.take(")", "')', or a unit (m, cm, mm)")
+        if not 0 < distance < math.inf:
+            raise FormulaError(number.column, "a distance above 0 m", number.text)
+        return Apart(distance, column=number.column)
 
     def _prefix(self, token: Token) -> Operator:
         """An operator in front of a formula, with its window, or its share and bracket."""

@@ -39,6 +39,7 @@ from ensemble_ctrl.planning.planner.grids import coarse_steps
 from ensemble_ctrl.planning.planner.one_frame import in_one_frame
 from ensemble_ctrl.planning.planner.patches import across_or_round
 from ensemble_ctrl.planning.planner.positions import by_positions
+from ensemble_ctrl.planning.planner.proving import CERTIFY_ROUNDS, CLOSE, is_proven, least_bound
 from ensemble_ctrl.planning.planner.search import AFTERWARDS, Progress, Search
 from ensemble_ctrl.planning.planner.solution import Solution, Status
 from ensemble_ctrl.planning.planner.states import by_states
@@ -79,8 +80,13 @@ def solve(
     named(problem.solve.solver)
     _require_endable(problem)
     if problem.fleet.starts:
-        found = solve(in_one_frame(problem), progress=progress, guess=guess, log=log)
-        return _of_all_starts(problem, found)
+        base = in_one_frame(problem)
+
+        def again(margin: float, controls: Floats | None) -> Solution:
+            with_margin = replace(base.solve, margin=base.solve.margin + margin)
+            return solve(base.with_(solve=with_margin), progress=progress, guess=controls, log=log)
+
+        return _of_all_starts(problem, again(0.0, guess), again)
     search = Search(problem, progress, log)
     strategy = STRATEGIES[problem.fleet.system.transcription]
     ways = partial(across_or_round, strategy) if problem.terrain else strategy
@@ -89,12 +95,25 @@ def solve(
     return found
 
 
-def _of_all_starts(problem: Problem, found: Solution) -> Solution:
-    """The plan of the common frame as the plan of a fleet with several starts, proven for each of them."""
-    whole = replace(found, problem=problem)
-    if found.certificate is None:
-        return whole
-    return replace(whole, certificate=certify(problem, found.controls))
+def _of_all_starts(problem: Problem, found: Solution, again: Callable[[float, Floats | None], Solution]) -> Solution:
+    """The plan of the common frame as the plan of a fleet with several starts, proven for each of them.
+
+    Where members come closer to each other than they may, it is solved `again` with more margin.
+    """
+    if not problem.verify.certificate:
+        return replace(found, problem=problem)
+    certificate, margin = certify(problem, found.controls), 0.0
+    for _ in range(CERTIFY_ROUNDS if problem.specification.apart else 0):
+        short = max(0.0, -certificate.clearance, -certificate.robustness)
+        if is_proven(certificate) or certificate.reason or not short <= CLOSE or found.status != "planned":
+            break
+        # the margin grows by 1.5 times what is missing, and 1 mm
+        margin += 1.5 * short + 1e-3
+        better = again(margin, found.controls)
+        proof = certify(problem, better.controls)
+        if is_proven(proof) or least_bound(proof) > least_bound(certificate):
+            found, certificate = better, proof
+    return replace(found, problem=problem, certificate=certificate)
 
 
 def _report(found: Solution) -> None:

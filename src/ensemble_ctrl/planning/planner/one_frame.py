@@ -9,8 +9,9 @@ Nothing here is part of a proof, which is about each start as it is (`ensemble_c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from ensemble_ctrl.constraints.stl import Always, And, Avoid, Formula, Inside, P
 from ensemble_ctrl.constraints.stl.rewrite import map_leaves, rebuilt
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.specification import avoided
+from ensemble_ctrl.problem.starts import Pair, keeps_apart
+from ensemble_ctrl.problem.zones import Zone
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +41,8 @@ def in_one_frame(problem: Problem) -> Problem:
     moves = [middle - place for place in places]
     common = {name: _common([_moved_region(region, m) for m in moves]) for name, region in problem.regions.items()}
     shared = {name: region for name, region in common.items() if region is not None and not region.is_empty}
-    tasks = tuple(part for one in conjuncts(problem.task) for part in _of_all(problem, one, moves, shared))
+    kept = [part for part in conjuncts(problem.task) if not keeps_apart(part)]
+    tasks = tuple(part for one in kept for part in _of_all(problem, one, moves, shared))
     return problem.with_(
         fleet=base.with_(position=base.position + middle),
         task=tasks[0] if len(tasks) == 1 else And(tasks),
@@ -55,9 +59,25 @@ def in_one_frame(problem: Problem) -> Problem:
             for n, zone in problem.zones.items()
         },
         motions={_name(n, k): motion for k in range(len(moves)) for n, motion in problem.motions.items()},
+        zones={
+            _name(n, k): Zone(tuple(_moved_piece(piece, m) for piece in zone.pieces), zone.speed)
+            for k, m in enumerate(moves)
+            for n, zone in problem.zones.items()
+        },
         ignore=tuple(_name(n, k) for k in range(len(moves)) for n in problem.ignore),
         report=replace(problem.report, suggest=False),
+        verify=replace(problem.verify, certificate=problem.verify.certificate and not problem.specification.apart),
+        pairs=tuple(_pairs(problem)),
     )
+
+
+def _pairs(problem: Problem) -> Iterator[Pair]:
+    """Members that keep apart: one pair for all starts that differ alike."""
+    for wanted in problem.specification.apart:
+        differ = {tuple(np.subtract(a, b).tolist()) for a, b in combinations(problem.fleet.starts.values(), 2)}
+        # a pair and the same the other way round are one
+        for offset in sorted({max(one, tuple(-x for x in one)) for one in differ}):
+            yield Pair(offset, wanted.distance, wanted.begin, wanted.end)
 
 
 def _name(name: str, k: int) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from ensemble_ctrl.constraints.stl import Always, Inside, conjuncts
 from ensemble_ctrl.constraints.stl.rewrite import reads_fleet
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding
+from ensemble_ctrl.problem.checks.members_apart import members_apart_findings, too_close
 from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.systems import SYSTEMS
 
@@ -24,12 +25,12 @@ FAR = 10.0
 
 def findings_of_starts(problem: Problem, each: Callable[[Problem], tuple[Finding, ...]]) -> tuple[Finding, ...]:
     """What `each` finds of the members of every start; what is about all of them is said once."""
-    if refused := (*_refused(problem), *_rates(problem)):
+    if refused := (*_refused(problem), *_rates(problem), *members_apart_findings(problem)):
         return refused
     found = {name: each(one) for name, one in by_start(problem).items()}
     common = [one for one in next(iter(found.values())) if all(one in other for other in found.values())]
     own = (_at(one, name) for name, findings in found.items() for one in findings if one not in common)
-    return (*common, *own, *_gathered(problem))
+    return (*common, *own, *_gathered(problem), *too_close(problem))
 
 
 def _at(finding: Finding, name: str) -> Finding:
@@ -83,6 +84,7 @@ def _refused(problem: Problem) -> Iterator[Finding]:
         ("solve", "guarantee"): problem.solve.guarantee == "moment",
         ("report", "baseline"): problem.report.baseline,
         ("online",): problem.online is not None,
+        ("terrain",): bool(problem.terrain),
     }
     hints = {
         ("task",): "mean(...) and share(...) are about the fleet as a whole: write the task without them",

@@ -20,6 +20,7 @@ from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.constraints.stl.robustness import fits_grid
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.problem.checks.finding import Finding
+from ensemble_ctrl.problem.checks.members_apart import members_apart_findings
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
@@ -32,6 +33,7 @@ MORE_STEPS = 1000
 
 def task_findings(problem: Problem) -> Iterator[Finding]:
     """Unknown names, and windows that end after the plan."""
+    yield from members_apart_findings(problem)
     known = (*problem.fleet.states, *problem.fleet.system.signals)
     for error in name_errors(problem.task, problem.regions, (*problem.obstacles, *problem.zones), known):
         yield _from_formula(error)

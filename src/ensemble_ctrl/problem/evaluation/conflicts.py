@@ -18,7 +18,8 @@ from ensemble_ctrl.constraints.stl import (
     member_robustness,
 )
 from ensemble_ctrl.core.errors import RunawayError
-from ensemble_ctrl.problem.evaluation.sampled import affordable, replay, states
+from ensemble_ctrl.problem.evaluation.apart import closest_pairs, compared
+from ensemble_ctrl.problem.evaluation.sampled import affordable, replay, states, trajectories
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.signals import columns, names_in, with_signals
@@ -93,7 +94,22 @@ def conflicts(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:
         for name, there in by_start(problem).items()
         for one in _of_one(there, controls)
     ]
+    found += _too_close(problem, controls)
     return tuple(sorted(found, key=lambda c: -c.amount))
+
+
+def _too_close(problem: Problem, controls: Floats) -> list[Conflict]:
+    """Members of different starts that come too close to each other."""
+    some = compared(problem, problem.steps * SAMPLES + 1)
+    if not some:
+        return []
+    members = problem.fleet.grid(some)
+    try:
+        paths = {name: trajectories(one, controls, members, SAMPLES) for name, one in by_start(problem).items()}
+    except RunawayError:
+        return []
+    near = [clearance for *_, clearance, _ in closest_pairs(problem, paths, dict.fromkeys(paths, members))]
+    return [Conflict(c.obstacle, -c.distance, c.parameters, c.time) for c in near if c.distance < 0]
 
 
 def _of_one(problem: Problem, controls: Floats) -> tuple[Conflict, ...]:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints.stl import Share
 from ensemble_ctrl.core.values import expect, whole
+from ensemble_ctrl.problem.evaluation.apart import closest_pairs, compared
 from ensemble_ctrl.problem.evaluation.clearance import Clearance
 from ensemble_ctrl.problem.evaluation.disturbed import channels
 from ensemble_ctrl.problem.evaluation.interval import wilson
@@ -209,12 +210,14 @@ def replay(
         count = problem.verify.members if members is None else whole("members", members, 1)
         share = -(-count // len(problem.fleet.starts))
         return _together(
+            problem,
+            controls,
             {
                 name: replay(
                     one, controls, members=share, parameters=parameters, substeps=substeps, seed=seed, watch=watch
                 )
                 for name, one in by_start(problem).items()
-            }
+            },
         )
     drawn = _draw(problem, members, seed) if parameters is None else problem.fleet.members(parameters)
     off = parameters is None and bool(channels(problem))
@@ -244,8 +247,9 @@ def replay(
     return Replay(drawn, names, robustness, clearances, violating, substeps, seconds, corners, shown, off)
 
 
-def _together(runs: Mapping[str, Replay]) -> Replay:
-    """One replay of the members of all starts, those at corners of the ranges first."""
+def _together(problem: Problem, controls: Floats, runs: Mapping[str, Replay]) -> Replay:
+    """One replay of the members of all starts, those at corners of the ranges first; some are compared in pairs."""
+    pairs = _in_pairs(problem, controls, runs)
     each = list(runs.values())
     starts = [name for name, one in runs.items() for _ in range(one.members)]
     corner = np.concatenate([np.arange(one.members) < one.corners for one in each])
@@ -254,7 +258,7 @@ def _together(runs: Mapping[str, Replay]) -> Replay:
         np.concatenate([one.parameters for one in each])[order],
         each[0].names,
         np.concatenate([one.robustness for one in each])[order],
-        tuple(replace(c, obstacle=label(c.obstacle, name)) for name, one in runs.items() for c in one.clearances),
+        (*(replace(c, obstacle=label(c.obstacle, name)) for name, one in runs.items() for c in one.clearances), *pairs),
         np.concatenate([one.violating for one in each])[order],
         each[0].substeps,
         sum(one.seconds for one in each),
@@ -262,6 +266,24 @@ def _together(runs: Mapping[str, Replay]) -> Replay:
         disturbed=each[0].disturbed,
         starts=tuple(starts[k] for k in order),
     )
+
+
+def _in_pairs(problem: Problem, controls: Floats, runs: Mapping[str, Replay]) -> list[Clearance]:
+    """How near the first members of the starts come to each other; their robustness falls to that where it is less."""
+    substeps = next(iter(runs.values())).substeps
+    some = compared(problem, len(controls) * substeps + 1)
+    if not some:
+        return []
+    members = {name: one.parameters[:some] for name, one in runs.items()}
+    paths = {name: trajectories(one, controls, members[name], substeps) for name, one in by_start(problem).items()}
+    found = []
+    for one, other, clearance, least in closest_pairs(problem, paths, members):
+        for name, axis in ((one, 1), (other, 0)):
+            seen = runs[name].robustness[:some]
+            np.minimum(seen, least.min(axis=axis), out=seen)
+            runs[name].violating[:some] |= least.min(axis=axis) < 0
+        found.append(clearance)
+    return found
 
 
 def _seen(part: Share, robustness: Floats, drawn: bool) -> ShareSeen:
