@@ -14,11 +14,11 @@ from tests.paths import ROOT as REPOSITORY
 from tests.test_architecture import imports
 
 ROOT = Path(ensemble_ctrl.__file__).parents[1]
-LINES = 3_900
+LINES = 4_070
 """Lines of code that have to be right: neither blank, nor comments, nor docstrings."""
-OF_PROOF = 1_870
+OF_PROOF = 2_000
 """Those of them in `ensemble_ctrl.certificate`."""
-OF_GENERAL = 1_615
+OF_GENERAL = 1_650
 """Lines of code that have to be right in addition, for systems that are not robots on arcs."""
 UNPROVEN = "ensemble_ctrl.certificate.general.picard"
 """Polynomials near the true states, of which nothing is assumed: how far they are is proven afterwards."""

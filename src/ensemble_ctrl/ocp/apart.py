@@ -101,6 +101,6 @@ def _tried(offset: Floats) -> Floats:
         angle = 2 * np.pi * turns / DIRECTIONS
         return np.vstack([own, np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, : len(offset)]])
     # a Fibonacci lattice on the sphere
-    z, angle = 1 - (2 * turns + 1) / DIRECTIONS, np.pi * (3 - 5**0.5) * turns
+    z, around = 1 - (2 * turns + 1) / DIRECTIONS, np.pi * (3 - 5**0.5) * turns
     flat = np.sqrt(1 - z**2)
-    return np.vstack([own, np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1)])
+    return np.vstack([own, np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)])

@@ -377,10 +377,8 @@ class Problem:
     def __repr__(self) -> str:
         order = "auto" if self.order is None else self.order
         count = len(self.obstacles)
-        distributions = ", ".join(
-            f"{name} {distribution.lower:g}..{distribution.upper:g}"
-            for name, distribution in self.fleet.parameters.items()
-        )
+        ranges = self.fleet.parameters.items()
+        distributions = ", ".join(f"{name} {one.lower:g}..{one.upper:g}" for name, one in ranges)
         return (
             f"Problem({self.name!r}: {self.fleet.system.name}, {distributions}, "
             f"{self.duration:g} s in {self.steps} steps, order {order}, {count} obstacle{'s' * (count != 1)}, "
@@ -391,10 +389,8 @@ class Problem:
         from ensemble_ctrl.problem.drawing import card_html, map_svg
 
         order = "auto" if self.order is None else str(self.order)
-        ranges = ", ".join(
-            f"{name} {distribution.lower:g} to {distribution.upper:g}"
-            for name, distribution in self.fleet.parameters.items()
-        )
+        distributions = self.fleet.parameters.items()
+        ranges = ", ".join(f"{name} {one.lower:g} to {one.upper:g}" for name, one in distributions)
         rows = [
             ("fleet", f"{self.fleet.system.name}, {ranges or 'all members equal'}, radius {self.fleet.radius:g} m"),
             ("horizon", f"{self.duration:g} s in {self.steps} steps, order {order}"),
