@@ -23,7 +23,6 @@ from ensemble_ctrl.constraints.stl.rewrite import map_leaves, rebuilt
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.specification import avoided
 from ensemble_ctrl.problem.starts import Pair, keeps_apart
-from ensemble_ctrl.problem.zones import Zone
 
 Floats = NDArray[np.float64]
 
@@ -59,11 +58,6 @@ def in_one_frame(problem: Problem) -> Problem:
             for n, zone in problem.zones.items()
         },
         motions={_name(n, k): motion for k in range(len(moves)) for n, motion in problem.motions.items()},
-        zones={
-            _name(n, k): Zone(tuple(_moved_piece(piece, m) for piece in zone.pieces), zone.speed)
-            for k, m in enumerate(moves)
-            for n, zone in problem.zones.items()
-        },
         ignore=tuple(_name(n, k) for k in range(len(moves)) for n in problem.ignore),
         report=replace(problem.report, suggest=False),
         verify=replace(problem.verify, certificate=problem.verify.certificate and not problem.specification.apart),
