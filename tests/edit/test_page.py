@@ -245,6 +245,9 @@ def test_what_would_help_is_a_button_and_time_moves_the_fleet(tab: Page, tmp_pat
         wait(tab, f"Math.max(...{places}) > {max(first) + 5}")
         tab.run("document.getElementById('play').click()")
         assert tab.run("document.getElementById('play').textContent") == "Play"
+        yard = (ROOT / "configs" / "maps" / "yard.geojson").read_text(encoding="utf-8")
+        tab.run(f"editor.map.tools.bring(new File([{json.dumps(yard)}], 'yard.geojson'))")
+        wait(tab, f"({TEXT}).includes('greenhouse') && editor.state.valid")
         asks_nobody(tab, one)
 
 

@@ -108,6 +108,18 @@ def test_a_file_changed_on_disk_is_noticed_and_never_overwritten_silently(tmp_pa
     assert file.exists()
 
 
+def test_a_file_that_can_not_be_read_any_more_leaves_the_text(tmp_path: Path) -> None:
+    edited = session(tmp_path)
+    before = edited.text
+    (tmp_path / "mine.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match="UTF-8"):
+        edited.look()
+    assert edited.text == before
+    assert edited.state()["disk"] == "changed"
+    with pytest.raises(DiskChangedError):
+        edited.save()
+
+
 def test_line_ends_and_a_byte_order_mark_are_kept(tmp_path: Path) -> None:
     text = "\ufeff" + FIVE.read_text(encoding="utf-8").replace("\n", "\r\n")
     edited = session(tmp_path, text)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.api.plans import Plan
+from ensemble_ctrl.certificate.certify import CounterExample
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.html import cards, verdict_class
 from ensemble_ctrl.report.map_content import MapContent, map_contents
@@ -41,6 +42,7 @@ def drawing(plan: Plan) -> Data:
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     keep = some(len(times), FRAMES)
     ribbons, marks = tubes(problem, controls), conflict_places(plan)
+    counter = _counter(plan)
     views = [
         {
             "axes": content.labels,
@@ -51,6 +53,7 @@ def drawing(plan: Plan) -> Data:
                 {"at": _rounded(content.at(place, conflict.time)), "text": conflict_text(conflict)}
                 for conflict, place in marks
             ],
+            "counter": None if counter is None else _seen(counter, content),
             **_surroundings(content, times[keep]),
         }
         for content in map_contents(problem, paths)
@@ -70,6 +73,28 @@ def drawing(plan: Plan) -> Data:
         "views": views,
         "cards": cards(plan),
     }
+
+
+def _counter(plan: Plan) -> tuple[CounterExample, Floats] | None:
+    """The member that the certificate found to violate the task, with its way, shape (times, d)."""
+    found = None if plan.certificate is None else plan.certificate.counter_example
+    if found is None or not found.parameters:
+        return None
+    member = plan.problem.fleet.members([found.parameters])
+    return found, trajectories(plan.problem, plan.controls, member, 4)[0]
+
+
+def _seen(counter: tuple[CounterExample, Floats], content: MapContent) -> Data:
+    """The counter-example in one view: its way, and where it violates an obstacle."""
+    found, way = counter
+    times = np.linspace(0.0, content.problem.duration, len(way))
+    text = f"{found.what}: {member_text(found.parameters)} violates it by {found.amount:.3g} m"
+    place = None
+    if found.time is not None:
+        there = np.array([np.interp(found.time, times, column) for column in way.T])
+        place = _rounded(content.at(there, found.time))
+    points = np.array([content.at(point, time) for point, time in zip(way, times, strict=True)])
+    return {"way": _rounded(points[some(len(times), FRAMES)]), "at": place, "text": text}
 
 
 def _ribbon(ribbon: Ribbon) -> Data:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from starlette.responses import JSONResponse, Response
 
 from ensemble_ctrl.api.edit.planner import Planner, Wanted
 from ensemble_ctrl.api.edit.session import Session
+from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.files.config.portable import problem_text
 
 LOOK = 1.0
@@ -122,13 +123,18 @@ class Hub:
         self.latest.append(event)
         self._tell({"kind": "plan", **event})
 
+    def _noticed(self) -> tuple[int, bool, bool]:
+        """What a look at the file may change."""
+        return self.session.revision, self.session.disk.changed, self.session.disk.missing
+
     async def _watch(self) -> None:
         """Look at the file now and then."""
         while True:
             await asyncio.sleep(LOOK)
-            before, disk = self.session.revision, self.state()["disk"]
+            before = self._noticed()
             async with self._order:
-                await asyncio.to_thread(self.session.look)
-                if self.session.revision != before or self.state()["disk"] != disk:
+                with suppress(EnsembleError):  # it can't be read now: that it has changed is shown
+                    await asyncio.to_thread(self.session.look)
+                if self._noticed() != before:
                     self._tell({"kind": "state", **self.state()})
                     self.plan()

@@ -127,7 +127,8 @@ class App {
 
   verdict() {
     const element = $("verdict");
-    const busy = this.phase === "planning" || this.phase === "suggesting";
+    const valid = Boolean(this.state && this.state.valid);
+    const busy = valid && (this.phase === "planning" || this.phase === "suggesting");
     const seconds = Math.floor((performance.now() - (this.since || performance.now())) / 1000);
     let words = `Planning${seconds > 2 ? ` for ${seconds} s` : ""}`, kind = "open";
     clearTimeout(this.clock);
@@ -169,7 +170,7 @@ class App {
   }
   notice(text, actions, kind) {
     const element = $("notice");
-    if (!text && !kind && ["disk", "connection"].includes(element.dataset.kind) && !element.dataset.over) return;
+    if (!text && !kind && ["disk", "connection"].includes(element.dataset.kind)) return;
     element.replaceChildren(text);
     element.dataset.kind = kind || "";
     for (const [label, action] of actions || []) {
@@ -186,6 +187,7 @@ class App {
     this.selection = selection;
     this.map.draw();
     this.selected.show();
+    if (!this.suggestions) this.map.hint();
   }
 
   tab(name) {

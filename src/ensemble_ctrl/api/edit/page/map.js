@@ -167,10 +167,13 @@ export class MapView {
     return this.dots;
   }
   marks(view) {
-    return view.marks.map((mark) => {
-      const [cx, cy] = this.at(mark.at);
-      return element("circle", { class: "mark", cx, cy, r: 9 }, [element("title", {}, [mark.text])]);
-    });
+    const ring = ({ at, text }) => {
+      const [cx, cy] = this.at(at);
+      return element("circle", { class: "mark", cx, cy, r: 9 }, [element("title", {}, [text])]);
+    };
+    const { counter } = view;
+    const way = counter ? [element("polyline", { class: "counter", points: this.text(counter.way) }, [element("title", {}, [counter.text])])] : [];
+    return [...way, ...view.marks.map(ring), ...(counter && counter.at ? [ring(counter)] : [])];
   }
   moving(view, shapes) {
     this.ghosts = [];
