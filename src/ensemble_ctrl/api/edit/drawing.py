@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.api.plans import Plan
-from ensemble_ctrl.certificate.certify import CounterExample
+from ensemble_ctrl.certificate import CounterExample
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.report.html import cards, verdict_class
 from ensemble_ctrl.report.map_content import MapContent, map_contents
