@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.random import Generator
 
-from . import driving, impossible, swings, tours
+from . import driving, gates, impossible, swings, tours
 from .case import Case
 
 FAMILIES: dict[str, tuple[int, Callable[[int, Generator], Case]]] = {
@@ -21,6 +21,7 @@ FAMILIES: dict[str, tuple[int, Callable[[int, Generator], Case]]] = {
     "visits": (6, tours.visits),
     "moving": (6, driving.moving),
     "plants": (8, swings.plants),
+    "gates": (4, gates.gates),
     "impossible": (6, impossible.impossible),
 }
 """By name: how many, and what draws one from a seed."""

@@ -1,4 +1,4 @@
-"""Systems of one's own: plants that swing up, tip over or run away."""
+"""Systems of one's own: plants that swing up, tip over or run away, and a vehicle that can't stop."""
 
 from __future__ import annotations
 
@@ -64,6 +64,18 @@ class Spin(ec.OdeSystem):
         """The Bloch equations, detuned by 0.1 rad/s, without decay."""
         drive = psi["strength"] * u[0]
         return [-0.1 * x[1], 0.1 * x[0] - drive * x[2], drive * x[1]]
+
+
+class Glider(ec.OdeSystem):
+    """A vehicle that can't stop, and turns in wide bends that it has to begin in time."""
+
+    name, states, positions = "glider", ("x", "y", "yaw", "turn"), ("x", "y")
+    controls, control_units, input_bounds = ("speed", "moment"), ("m/s", "1/s^2"), ((0.5, 1.0), (-0.6, 0.6))
+    parameters = {"load": 1.0}
+
+    def xdot(self, x: Any, u: Any, psi: Mapping[str, Any]) -> Sequence[Any]:
+        """Place, heading, and a turn rate with linear drag."""
+        return [u[0] * cos(x[2]), u[0] * sin(x[2]), x[3], u[1] / psi["load"] - 0.8 * x[3]]
 
 
 def pushes(model: type[ec.OdeSystem], rng: Generator, steps: int, step: float) -> Floats:

@@ -82,7 +82,7 @@ class Tube:
 def driven(fleet: Mapping[str, Any], duration: float, controls: Floats) -> Tube:
     """The fleet of a problem file, with one parameter, under some commands."""
     horizon = {"duration": duration, "steps": len(controls)}
-    first = "first" if isinstance(fleet["model"], dict) else "x"
+    first = "first" if "first" in fleet["start"] else "x"
     text = text_of({"version": 1, "fleet": fleet, "horizon": horizon, "task": f"F {first} <= 1000000"})
     made = ec.load_text(text, str(HERE / "plants.yaml"), trust=True).fleet
     (distribution,) = made.parameters.values()

@@ -15,6 +15,8 @@ KINDS = {
     "random": ("guess with random commands", "guesses with random commands"),
     "start": ("other start for the whole fleet", "other starts for the whole fleet"),
     "tree": ("way found for several members", "ways found for several members"),
+    "state tree": ("way found by trying commands", "ways found by trying commands"),
+    "timing": ("other timing of the best way", "other timings of the best way"),
     "waves": ("guess with waves added", "guesses with waves added"),
 }
 """Words for one guess of a kind, and for several."""

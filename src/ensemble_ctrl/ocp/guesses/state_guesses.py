@@ -38,7 +38,7 @@ class StateGuesses:
 def guesses(problem: Problem, steps: int) -> list[Guess]:
     """As many guesses as `solve.routes` says: the ways of doing the task, then other routes around obstacles."""
     most = MOST if problem.solve.routes == "all" else int(problem.solve.routes)
-    tasks = list(islice(_itineraries(problem), most))
+    tasks = list(islice(itineraries(problem), most))
     found: list[Guess] = []
     routed = [(name, stops, _legs(problem, stops, -(-most // len(tasks)))) for name, stops in tasks]
     for choice in range(most):
@@ -49,7 +49,7 @@ def guesses(problem: Problem, steps: int) -> list[Guess]:
     return found
 
 
-def _legs(problem: Problem, stops: list[Stop], count: int) -> list[list[Floats]]:
+def _legs(problem: Problem, stops: list[Place], count: int) -> list[list[Floats]]:
     """Up to `count` ways from each stop to the next."""
     pieces = [piece for avoid in problem.specification.avoid for piece in avoid.pieces]
     keep = max((avoid.radius for avoid in problem.specification.avoid), default=0.0) + problem.solve.margin
@@ -58,16 +58,18 @@ def _legs(problem: Problem, stops: list[Stop], count: int) -> list[list[Floats]]
 
 
 @dataclass(frozen=True, eq=False)
-class Stop:
+class Place:
     """Be at a place at a time, and stay there until another, seconds."""
 
     place: Floats
     early: float
     late: float
     dwell: float = 0.0
+    room: float = 0.0
+    """Distance to the nearest corner of its region, metres."""
 
 
-def _itineraries(problem: Problem) -> Iterator[tuple[str, list[Stop]]]:
+def itineraries(problem: Problem) -> Iterator[tuple[str, list[Place]]]:
     """Places to be at, one list for each way of doing the task."""
     seen: set[str] = set()
     for skeleton in skeletons(problem):
@@ -78,20 +80,22 @@ def _itineraries(problem: Problem) -> Iterator[tuple[str, list[Stop]]]:
                 yield name, _stops(problem, skeleton, order)
 
 
-def _stops(problem: Problem, skeleton: Skeleton, order: Sequence[int]) -> list[Stop]:
+def _stops(problem: Problem, skeleton: Skeleton, order: Sequence[int]) -> list[Place]:
     """The middles of the regions to be visited, and the target."""
     stops = []
     for i in order:
         visit = skeleton.visits[i]
         if visit.region.is_bounded:
-            stops.append(Stop(visit.region.vertices.mean(axis=0), visit.early, visit.late, visit.dwell))
+            middle = visit.region.vertices.mean(axis=0)
+            room = float(np.linalg.norm(visit.region.vertices - middle, axis=1).min())
+            stops.append(Place(middle, visit.early, visit.late, visit.dwell, room))
     target = problem.objective.target
     if isinstance(target, np.ndarray) and not stops:
-        stops.append(Stop(target, problem.duration, problem.duration))
+        stops.append(Place(target, problem.duration, problem.duration))
     return stops
 
 
-def _driven(problem: Problem, steps: int, name: str, stops: list[Stop], legs: list[Floats]) -> Guess:
+def _driven(problem: Problem, steps: int, name: str, stops: list[Place], legs: list[Floats]) -> Guess:
     """The middle member's states along a way through the stops, from rest to rest between them."""
     fleet, times = problem.fleet, np.linspace(0.0, problem.duration, steps + 1)
     path = np.tile(fleet.start_place, (steps + 1, 1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.ocp import state_rounds as shooting
 from ensemble_ctrl.ocp.candidates import tried
-from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses
+from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses, further_rounds, ompl_paths
 from ensemble_ctrl.ocp.guesses.restarts import Restart, restarts, wandering
 from ensemble_ctrl.ocp.mixed import Round
 from ensemble_ctrl.ocp.parametrisation import Iterate
@@ -34,7 +34,8 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
     """In full states of the members at the nodes, by multiple shooting (`ensemble_ctrl.ocp.state_rounds`).
 
     Each guess is solved for the middle member; the best is solved for the whole fleet, the next best where that fails,
-    and last from other starts. A guess that was given stands alone, unless a state runs away under it.
+    then a few guesses of other kinds, the fleet from other starts, and the rest of these guesses. A guess that was
+    given stands alone, unless a state runs away under it.
     """
     require_traceable(problem.fleet)
     search.tell("guess")
@@ -48,6 +49,13 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
         more = wandering(problem, starts[0])
         starts, found = [*starts, *more], [*found, *_for_middle(search, problem, more)]
     chosen = _for_fleet(search, problem, starts, found)
+    if starts:
+        rounds = further_rounds(search.request(steps, chosen.attempt.controls))
+        further = _tried(search, chosen, next(rounds, iter(())))
+        _restarted(search, chosen, starts, found)
+        while not chosen.settled(search) and (batches := next(rounds, None)):
+            further += _tried(search, chosen, batches)
+        starts, found = [*starts, *(guess for guess, _ in further)], [*found, *(one for _, one in further)]
     seconds["solve"] = time.perf_counter() - search.began - seconds["guess"]
     attempt, work = chosen.attempt, [*(one for one, _ in found), *chosen.work]
     certificate: Certificate | None = None
@@ -83,6 +91,7 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
         certificate,
         nlp,
         tuple(others),
+        () if chosen.attempt.value.keeps(0.0) or not starts or ompl_paths.available() else ("ompl",),
     )
 
 
@@ -117,10 +126,33 @@ class _Chosen:
             self.attempt, self.start, self.solver = attempt, start, solver
         self.work.append(attempt)
 
+    def settled(self, search: Search) -> bool:
+        """Whether to look no further."""
+        return search.over() or self.attempt.value.keeps(0.0)
+
+    def join(self, other: _Chosen) -> None:
+        """Keep the better one, and the work of both."""
+        if _middle_rank(other.attempt) < _middle_rank(self.attempt):
+            self.attempt, self.start, self.solver = other.attempt, other.start, other.solver
+        self.work += other.work
+        self.restarts += other.restarts
+
+
+def _tried(
+    search: Search, chosen: _Chosen, batches: Iterator[list[Guess]]
+) -> list[tuple[Guess, tuple[Attempt, Floats]]]:
+    """Solve further guesses for the middle member, and the best of each few for the fleet, until there is a plan."""
+    done = list[tuple[Guess, tuple[Attempt, Floats]]]()
+    while not chosen.settled(search) and (guesses := next(batches, None)):
+        solved = _for_middle(search, search.problem, guesses)
+        chosen.join(_for_fleet(search, search.problem, guesses, solved))
+        done += zip(guesses, solved, strict=True)
+    return done
+
 
 def _for_fleet(search: Search, problem: Problem, starts: list[Guess], found: list[tuple[Attempt, Floats]]) -> _Chosen:
-    """The whole fleet from the best plans of the middle member, then from other starts if that one has a plan."""
-    ranked = sorted(range(len(found)), key=lambda k: _middle_rank(found[k][0]))
+    """The whole fleet from the best plans of the middle member."""
+    ranked = _ranked(found)
     from_ = {k: (starts[k] if starts else None, partial(_made_good, *found[k])) for k in ranked[:FINALISTS]}
     chosen = _Chosen(found[ranked[0]][0], *from_[ranked[0]])
     for origin, solver in from_.values():
@@ -130,17 +162,26 @@ def _for_fleet(search: Search, problem: Problem, starts: list[Guess], found: lis
         if solved is None:
             return chosen
         chosen.take(solved, origin, solver)
-    # other starts only where the middle member has a plan and the fleet has none
-    middle, states = found[ranked[0]]
-    if not starts or chosen.attempt.value.keeps(0.0) or not shooting.middle_does(middle):
-        return chosen
-    for batch in restarts(problem, starts[ranked[0]].iterate, Iterate(middle.controls, states)):
-        for restart, attempt in _again(search, problem, batch):
+    return chosen
+
+
+def _restarted(search: Search, chosen: _Chosen, starts: list[Guess], found: list[tuple[Attempt, Floats]]) -> None:
+    """The fleet from other starts, where the middle member has a plan and the fleet has none."""
+    best = _ranked(found)[0]
+    middle, states = found[best]
+    if chosen.settled(search) or not shooting.middle_does(middle):
+        return
+    for batch in restarts(search.problem, starts[best].iterate, Iterate(middle.controls, states)):
+        for restart, attempt in _again(search, search.problem, batch):
             chosen.take(attempt, restart, partial(_anew, restart))
             chosen.restarts.append((restart, attempt))
-        if search.over() or chosen.attempt.value.keeps(0.0):
+        if chosen.settled(search):
             break
-    return chosen
+
+
+def _ranked(found: list[tuple[Attempt, Floats]]) -> list[int]:
+    """Which plans of the middle member come first, by their places."""
+    return sorted(range(len(found)), key=lambda k: _middle_rank(found[k][0]))
 
 
 def _middle_rank(found: Attempt) -> tuple[bool, tuple[bool, float, float]]:
