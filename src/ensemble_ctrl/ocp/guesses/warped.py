@@ -23,6 +23,8 @@ SHARES: dict[str, Callable[[Floats], Floats]] = {
 """Share of the way's time at each share of the plan's time; both ends stay."""
 SUBSTEPS = 2
 """Steps of integration in a step of control."""
+LARGE = 1e3
+"""Size of a state beyond which a member runs away."""
 
 
 class WarpedGuesses:
@@ -37,14 +39,20 @@ class WarpedGuesses:
     def propose(self, request: Request) -> Iterator[list[Guess]]:
         """All of them together."""
         if request.best is not None:
-            yield list(warped(request.problem, request.best))
+            yield from filter(None, [list(warped(request.problem, request.best))])
 
 
 def warped(problem: Problem, controls: Floats) -> Iterator[Guess]:
     """A guess for each of `SHARES`, from commands of shape (steps, n_u) that are no plan."""
-    make = _on_arcs if problem.fleet.system.transcription == "positions" else _in_states
-    for name, share in SHARES.items():
-        yield make(problem, controls, share, f"the same way {name}")
+    if problem.fleet.system.transcription == "positions":
+        for name, share in SHARES.items():
+            yield _on_arcs(problem, controls, share, f"the same way {name}")
+        return
+    fleet, step = problem.fleet, problem.duration / len(controls)
+    states = fleet.integrated(controls, fleet.center[None], step, SUBSTEPS, rk4)[0]
+    # under commands that run away there is no way to keep
+    for name, share in SHARES.items() if (np.abs(states) < LARGE).all() else ():
+        yield _in_states(problem, controls, states, share, f"the same way {name}")
 
 
 def _on_arcs(problem: Problem, controls: Floats, share: Callable[[Floats], Floats], name: str) -> Guess:
@@ -77,15 +85,15 @@ def _poses(problem: Problem, controls: Floats) -> Floats:
     return np.column_stack([places, headings])
 
 
-def _in_states(problem: Problem, controls: Floats, share: Callable[[Floats], Floats], name: str) -> Guess:
+def _in_states(
+    problem: Problem, controls: Floats, states: Floats, share: Callable[[Floats], Floats], name: str
+) -> Guess:
     """The middle member's states and commands at other times; the program makes them fit together."""
-    fleet, steps = problem.fleet, len(controls)
+    steps = len(controls)
     grid = np.linspace(0.0, 1.0, steps + 1)
-    states = fleet.integrated(controls, fleet.center[None], problem.duration / steps, SUBSTEPS, rk4)[0]
-    at = share(grid)
-    moved = np.stack([np.interp(at, grid, column) for column in np.nan_to_num(states).T], axis=1)
+    moved = np.stack([np.interp(share(grid), grid, column) for column in states.T], axis=1)
     commands = controls[np.minimum((share((grid[:-1] + grid[1:]) / 2) * steps).astype(int), steps - 1)]
-    corners = moved[:, fleet.place_columns]
+    corners = moved[:, problem.fleet.place_columns]
     length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
     return Guess(commands, np.asarray(corners), length, (), name, "timing", moved[:, :, None])
 
