@@ -66,11 +66,7 @@ def to_data(problem: Problem) -> Data:
         "obstacles": {name: _obstacle(pieces, places) for name, pieces in problem.obstacles.items()},
         "motions": {name: _motion(motion) for name, motion in problem.motions.items()},
         "zones": _zones(problem),
-        **(
-            {"terrain": {name: _patch(patch, places) for name, patch in problem.terrain.items()}}
-            if problem.terrain
-            else {}
-        ),
+        "terrain": {name: _patch(patch, places) for name, patch in problem.terrain.items()},
         "ignore": list(problem.ignore),
         "task": str(problem.task),
         "objective": _objective(problem.objective, problem.fleet.system.controls),
