@@ -16,6 +16,7 @@ from ensemble_ctrl.certificate.__main__ import main as check_alone
 from ensemble_ctrl.cli.app import invoke as main
 from ensemble_ctrl.core.plain import to_json
 from ensemble_ctrl.files.config import dump, to_data
+from ensemble_ctrl.ocp.terrain import crossed
 from ensemble_ctrl.planning.suggest import suggest
 from ensemble_ctrl.problem.plain import problem_of, proven_part
 from ensemble_ctrl.report.html import report_html
@@ -142,3 +143,20 @@ def test_speeds_and_headings_of_the_task_count_terrain() -> None:
         assert robust[0] < robust[1] - 0.9 * off, task
         worst = ec.replay(problem.with_(terrain=patch), turning, members=60, substeps=4).worst[0]
         assert robust[0] - 1e-9 <= worst < robust[1] + 1e-9
+
+
+def test_each_start_meets_its_own_patches() -> None:
+    two = TEXT.replace("heading: 0}", "heading: 0}\n  starts: {a: [0, 0], b: [0, 2.2]}").replace(
+        "[-0.5, 0.5]", "[-3, 3]"
+    )
+    problem = ec.load_text(two.replace("post: {box: [[1.0, 1.2], [0.9, 1.1]]}", "post: {box: [[2, 2.2], [4.9, 5]]}"))
+    both = ec.certify(problem, STRAIGHT)
+    alone = [ec.certify(problem.with_(fleet=problem.fleet.at_start(name)), STRAIGHT) for name in ("a", "b")]
+    assert both.robustness == pytest.approx(min(one.robustness for one in alone))
+    assert alone[0].robustness < alone[1].robustness - 0.2  # only the members from a meet the mud
+    run = ec.replay(problem, STRAIGHT, members=60)
+    assert run.disturbed
+    assert both.robustness - 1e-9 <= run.worst[0] < alone[1].robustness
+    assert crossed(problem, STRAIGHT)["mud"].begin == pytest.approx(2.6, abs=0.21)
+    with pytest.raises(ec.ConfigError, match=r"apart\(0.2 m\) is not supported for robots with errors of the model"):
+        ec.load_text(two.replace("G avoid(post)", "G avoid(post) and G apart(0.2)"))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.starts import by_start
 
 Floats = NDArray[np.float64]
 
@@ -85,15 +86,25 @@ def crossed(problem: Problem, controls: Floats) -> dict[str, Crossing]:
     problem : Problem
     controls : ndarray, shape (steps, n_u)
     """
+    found: dict[str, Crossing] = {}
+    for one in by_start(problem).values() if problem.terrain else ():
+        for name, met in _crossed(one, controls).items():
+            old = found.get(name, met)
+            found[name] = Crossing(min(old.begin, met.begin), max(old.end, met.end))
+    return found
+
+
+def _crossed(problem: Problem, controls: Floats) -> dict[str, Crossing]:
+    """The same for members of one start."""
     from ensemble_ctrl.ocp.disturbance import growth
 
-    errors = growth(problem, controls) if problem.terrain else None
+    errors = growth(problem, controls)
     if errors is None:
         return {}
     fleet, step = problem.fleet, problem.duration / len(controls)
     members = np.concatenate([fleet.corners, fleet.center[None]])
     gaps = _gaps(problem, fleet.trajectories(controls, members, step))
-    found = {}
+    found: dict[str, Crossing] = {}
     for name, gap in zip(problem.terrain, gaps, strict=True):
         steps = np.flatnonzero((gap <= errors.within).any(axis=0))
         if len(steps):

@@ -57,6 +57,11 @@ def in_one_frame(problem: Problem) -> Problem:
             for k, m in enumerate(moves)
             for n, zone in problem.zones.items()
         },
+        terrain={
+            _name(n, k): replace(patch, pieces=tuple(_moved_piece(piece, m) for piece in patch.pieces))
+            for k, m in enumerate(moves)
+            for n, patch in problem.terrain.items()
+        },
         motions={_name(n, k): motion for k in range(len(moves)) for n, motion in problem.motions.items()},
         ignore=tuple(_name(n, k) for k in range(len(moves)) for n in problem.ignore),
         report=replace(problem.report, suggest=False),

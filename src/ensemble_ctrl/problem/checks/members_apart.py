@@ -29,7 +29,7 @@ def members_apart_findings(problem: Problem) -> Iterator[Finding]:
             hint = f"write  G {leaf}  or  G[a,b] {leaf}  as a part of the task of its own"
             yield Finding(("task",), f"{leaf} within another part of the task is not supported", hint, offset=place)
         elif problem.uncertain:
-            message = f"{leaf} is not supported for robots with errors of the model (fleet.uncertainty)"
+            message = f"{leaf} is not supported for robots with errors of the model (fleet.uncertainty, terrain)"
             yield Finding(("task",), message, offset=place)
     if asked and all(keeps_apart(part) for part in conjuncts(task)):
         yield Finding(("task",), "expected more than apart(...): it needs no command, for who stands keeps apart")
