@@ -17,6 +17,7 @@ from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.online.remaining import of_one_robot
+from ensemble_ctrl.planning.tolerance.measure import measure
 from ensemble_ctrl.problem import Problem, SolveOptions
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.uncertainty import Uncertainty
@@ -121,3 +122,14 @@ def test_a_mistake_is_shown_at_its_place_in_the_file(tmp_path: Path, capsys: pyt
     printed = capsys.readouterr().err
     assert "bad.yaml:21:76: error: task: expected the name of a state" in printed
     assert "(x, y, heading, v, omega), got 'speed'" in printed
+
+
+def test_a_tolerance_of_delays_is_not_asked_of_a_plan_whose_task_is_about_speeds() -> None:
+    fleet = Fleet(Unicycle(), {"traction": Interval(0.9, 1.1)})
+    controls = np.tile([0.2, 0.1], (4, 1))
+    for task, timed in (("G v <= 0.5", False), ("G heading <= 0.5", True)):
+        one = Problem(name="n", fleet=fleet, duration=1.0, steps=4, task=parse(task))
+        kinds = [each.kind for each in measure(one, controls).kinds]
+        assert ("delay" in kinds) == timed
+        assert ("jitter" in kinds) == timed
+        assert "error of v" in kinds

@@ -36,6 +36,11 @@ def signals_read(problem: Problem) -> tuple[str, ...]:
     return tuple(name for name in problem.fleet.system.signals if name in named)
 
 
+def rates_read(problem: Problem) -> tuple[str, ...]:
+    """Those of them that are speeds, turn rates or commands: nothing is proven of these where commands may be late."""
+    return tuple(name for name in signals_read(problem) if name != problem.fleet.system.heading_state)
+
+
 def columns(problem: Problem) -> tuple[str, ...]:
     """Names of the states of trajectories, and of the signals that the task reads."""
     return (*problem.fleet.states, *problem.specification.signals)

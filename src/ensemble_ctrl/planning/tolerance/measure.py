@@ -16,6 +16,7 @@ from ensemble_ctrl.certificate import Certificate, certify
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.ensemble import Member
 from ensemble_ctrl.problem.evaluation.adversary import attack
+from ensemble_ctrl.problem.signals import rates_read
 from ensemble_ctrl.problem.uncertainty import POSITION, Uncertainty
 
 Floats = NDArray[np.float64]
@@ -128,7 +129,7 @@ def _kinds(problem: Problem) -> list[_Kind]:
         found += [_state_kind(name, fleet.state_units.get(name, "")) for name in given]
     found += [_command_kind(name, held) for name in system.controls]
     found += [_varying_kind(name, held) for name in system.parameters if name in fleet.parameters]
-    if system.on_arcs:
+    if system.on_arcs and not rates_read(problem):
         found.append(_Kind("delay", "s", problem.duration, lambda b: Uncertainty(delay=b)))
         most = problem.step / 2
         found.append(_Kind("jitter", "s", most, lambda b: Uncertainty(jitter=min(b, most), heading_hold=held)))
