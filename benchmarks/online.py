@@ -5,10 +5,14 @@ are collisions (of true paths, ten samples per step), runs that end in the goal,
 the robots are at the end, with the loop and under the first plan alone. Then the same for robots whose traction is
 outside the range that is assumed.
 
-    python benchmarks/online.py [--runs 200] [--wall]
+    python benchmarks/online.py [--runs 200] [--wall] [--only model|errors]
 
-Last come three robots under one broadcast, and one of them alone. Times are those of the processor, on one thread,
-unless `--wall` asks for the clock's. Prints what was measured, and keeps it for docs/online.md and the README.
+Then come three robots under one broadcast, and one of them alone. Last are robots with errors of the model at the
+bounds that the loop is given, in turn random, bang-bang and constant; of these is counted, too, how often something
+that was proven is not so: a pose or a parameter outside its set, or a smaller clearance than that of a proof.
+
+Times are those of the processor, on one thread, unless `--wall` asks for the clock's. Prints what was measured, and
+keeps it for docs/online.md and the README.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -33,8 +37,12 @@ import ensemble_ctrl as ec
 from ensemble_ctrl.planning.online.driver import drive
 from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.options import OnlineOptions
+from ensemble_ctrl.planning.online.propagation import PoseSet
 from ensemble_ctrl.planning.online.remaining import of_one_robot
-from ensemble_ctrl.planning.online.simulated import FINE, Fixed, Flaws, SimulatedRobot
+from ensemble_ctrl.planning.online.settings import OnlineSettings, RobotSettings
+from ensemble_ctrl.planning.online.simulated import FINE, Fixed, Flaws, SimulatedFleet, SimulatedRobot
+from ensemble_ctrl.planning.online.simulated_errors import ErrorKind
+from ensemble_ctrl.planning.online.step import Step
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
 
@@ -44,6 +52,8 @@ CONFIGS = Path(__file__).parents[1] / "configs"
 CONFIG = CONFIGS / "five_obstacles.yaml"
 SEVERAL = CONFIGS / "online" / "three_robots_online.yaml"
 FLAWS = Flaws(position=0.01, heading=float(np.radians(1.0)), delay=0.1)
+ERRORS = CONFIGS / "online" / "uncertain_five_obstacles_online.yaml"
+KINDS: tuple[ErrorKind, ...] = ("random", "bang-bang", "constant")
 OUTSIDE = (0.75, 0.8, 0.85, 1.17, 1.22, 1.3)
 """Tractions outside the range that is assumed."""
 
@@ -105,13 +115,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--wall", action="store_true", help="deadlines of the clock, not of the processor")
+    parser.add_argument("--only", choices=("model", "errors"), help="robots that follow the model, or that do not")
     given = parser.parse_args()
+    timer = time.perf_counter if given.wall else time.process_time
+    if given.only != "errors":
+        model(given.runs, timer)
+    if given.only != "model":
+        errors(given.runs, timer)
+
+
+def model(count: int, timer: Callable[[], float]) -> None:
+    """Robots that follow the model, within the range that is assumed and outside."""
     problem = ec.load(CONFIG)
     plan = solve(problem).controls
     options = OnlineOptions(order=3, deadline=0.2)
-    timer = time.perf_counter if given.wall else time.process_time
     good = Receding(problem, options, plan).plan
-    drawn = np.random.default_rng(1).uniform(problem.fleet.lower[0], problem.fleet.upper[0], given.runs)
+    drawn = np.random.default_rng(1).uniform(problem.fleet.lower[0], problem.fleet.upper[0], count)
 
     def drive_one(traction: float, seed: int) -> Run:
         print(f"\rrobot {seed}", end="", file=sys.stderr, flush=True)
@@ -123,6 +142,68 @@ def main() -> None:
     row = {**summary(runs), **several(timer), "outside": [told(run) for run in outside]}
     print(json.dumps(row, indent=1))
     record("online", [row])
+
+
+def errors(count: int, timer: Callable[[], float]) -> None:
+    """Robots with errors of the model at the bounds that the loop is given."""
+    problem = of_one_robot(ec.load(ERRORS))
+    options = cast(OnlineSettings, problem.online).options
+    good = Receding(problem, options, solve(problem).controls).plan
+    drawn = np.random.default_rng(2).uniform(problem.fleet.lower[0], problem.fleet.upper[0], count)
+    rows: list[dict[str, Any]] = [{"kind": kind, "runs": []} for kind in KINDS]
+    for seed, traction in enumerate(drawn.tolist()):
+        print(f"\rrobot {seed} with errors", end="", file=sys.stderr, flush=True)
+        row = rows[seed % len(KINDS)]
+        settings = RobotSettings(Fixed(traction, traction), seed=seed, errors=row["kind"])
+        fleet = OnlineSettings(options, {"robot": settings}).simulated(problem)
+        row["runs"].append(with_errors(Receding(problem, options, good, timer), fleet, traction))
+    print(file=sys.stderr)
+    rows = [{"kind": row["kind"], **counted(row["runs"])} for row in rows]
+    print(json.dumps(rows, indent=1))
+    record("online_errors", rows)
+
+
+def with_errors(loop: Receding, fleet: SimulatedFleet, traction: float) -> dict[str, Any]:
+    """One run of a robot with errors, and what was said of it that is not so."""
+    problem, robot = loop.problem, fleet.robots["robot"]
+    sets: list[tuple[int, PoseSet, Step]] = []
+
+    def listen(step: Step, controls: Floats) -> None:
+        at = loop.trackers["robot"].at
+        sets.append((at, cast(PoseSet, loop.robots["robot"].pose(at)), step))
+
+    outcome = drive(loop, fleet, fleet, listener=listen)
+    track = np.array(robot.track)[round(outcome.start / problem.step) * FINE :]
+    clear = np.min([piece.distance(track[:, :2]) for _, piece in problem.pieces], axis=0) - problem.fleet.radius
+    wrong = 0
+    for at, pose, step in sets:
+        true, driven = track[at * FINE], clear[step.begin * FINE : step.end * FINE + 1]
+        off = abs((true[2] - pose.heading + np.pi) % (2 * np.pi) - np.pi) - pose.turn
+        (low, high), *_ = step.ranges.values()
+        excluded = max(*(np.abs(true[:2] - pose.position) - pose.half), off, low - traction, traction - high) > 0
+        wrong += bool(excluded or (step.proof != "none" and driven.min() < step.clearance))
+    goal, window = problem.regions["goal"], track[round(14.0 / problem.step) * FINE : problem.steps * FINE + 1 : FINE]
+    return {
+        "ending": outcome.ending,
+        "clearance": float(clear[: problem.steps * FINE + 1].min()),
+        "arrived": bool(max(float(goal.margin(place)) for place in window[:, :2]) >= 0),
+        "wrong": wrong + (not loop.holds),
+        "seconds": [step.seconds for step in outcome.steps],
+    }
+
+
+def counted(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """What runs with errors came to."""
+    endings = [run["ending"] for run in runs]
+    return {
+        "runs": len(runs),
+        "endings": {name: endings.count(name) for name in sorted(set(endings))},
+        "collisions": sum(run["clearance"] < 0 for run in runs),
+        "clearance": min(run["clearance"] for run in runs),
+        "arrived": sum(run["arrived"] for run in runs),
+        "wrong": sum(run["wrong"] for run in runs),
+        "seconds": percentiles(np.concatenate([run["seconds"] for run in runs])),
+    }
 
 
 def summary(runs: list[Run]) -> dict[str, Any]:

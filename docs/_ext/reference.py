@@ -55,8 +55,6 @@ UNITS: list[tuple[Any, str]] = [
     (f.ModelName, ", ".join([*(f"`{name}`" for name in SYSTEMS), "or [another](systems.md)"])),
     (Course, "[[s, [m, m]], ...]"),
     (o.Turn, "rad, ≥ 0"),
-    (o.SpeedError, "m/s, ≥ 0"),
-    (o.TurnRateError, "rad/s, ≥ 0"),
     (o.Delay, "s, ≥ 0"),
     (o.Rate, "number, ≥ 0"),
     (o.Share, "0 to below 1"),

@@ -85,6 +85,20 @@ def several_lines(rows: Rows, machine: str) -> Iterator[str]:
     yield f"{one[2]} for `ada` alone (processor time, on the machine named above)."
 
 
+def errors_lines(rows: Rows, machine: str) -> Iterator[str]:
+    """Many runs of robots with errors of the model."""
+    counted = ("in the goal", "collisions", "smallest clearance", "proofs contradicted")
+    yield from header("errors", "runs", "endings", *counted)
+    for row in rows:
+        endings = ", ".join(f"{n} `{name}`" for name, n in row["endings"].items())
+        cells = (row["kind"], row["runs"], endings, row["arrived"], row["collisions"], metres(row["clearance"]))
+        yield f"| {' | '.join(map(str, cells))} | {row['wrong']} |"
+    median, largest = (max(row["seconds"][k] for row in rows) for k in (0, 2))
+    yield ""
+    yield f"Replanning takes {milliseconds(median)} at the median and {milliseconds(largest)} at most"
+    yield f"(processor time, {machine})."
+
+
 def front_lines(rows: Rows, machine: str) -> Iterator[str]:
     """What the first page says of the loop."""
     (row,) = rows
@@ -206,6 +220,7 @@ TABLES = {
     "finding": Timed("docs/benchmarks.md", "finding", finding_lines),
     "loop": Timed("docs/online.md", "online", loop_lines),
     "several": Timed("docs/online.md", "online", several_lines),
+    "loop_errors": Timed("docs/online.md", "online_errors", errors_lines),
     "replanning": Timed("README.md", "online", front_lines),
     "proofs": Timed("docs/proof_systems.md", "proofs", proof_lines),
     "maps": Timed("docs/maps.md", "maps", map_lines),

@@ -17,6 +17,7 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.online.membership import Membership
 from ensemble_ctrl.planning.online.propagation import Commands, Errors
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.uncertainty import Uncertainty
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
 from .model import Floats
@@ -108,9 +109,7 @@ def make(seed: int, index: int) -> Robot:
     controls = np.repeat(pieces, every, axis=0)
     slip = float(rng.choice([0.0, 0.0, 0.03]))
     slips = slip * rng.choice([-1.0, 1.0], (steps, 2))
-    errors = Errors(
-        float(rng.choice([0.0, 1e-3, 0.05])), float(rng.choice([0.0, 0.02, 0.5, 3.0, 4.0])), drift, slip, slip
-    )
+    errors = Errors(float(rng.choice([0.0, 1e-3, 0.05])), float(rng.choice([0.0, 0.02, 0.5, 3.0, 4.0])), drift)
     start = complex(*(rng.uniform(-1, 1, 2) * float(rng.choice([1.0, 1e3, 1e6]))))
     heading = float(rng.uniform(-np.pi, np.pi))
     swapped = bool(rng.random() < 0.3)
@@ -125,8 +124,9 @@ def excluded(seed: int, index: int) -> Iterator[str]:
     if robot.system == "bicycle":
         system = Bicycle("y" if axis == "y" else "x", 0.3)
     distributions = {name: Interval(*ends) for name, ends in zip(robot.names, robot.assumed.tolist(), strict=True)}
-    sets = Membership(Fleet(system, distributions, np.zeros(2), 0.0, np.full(2, -9.0), np.full(2, 9.0)), robot.errors)
-    commands = Commands(system, robot.controls, robot.step)
+    most = np.array([9.0, 9.0 if robot.system == "unicycle" else 1.3])
+    fleet = Fleet(system, distributions, np.zeros(2), 0.0, -most, most, uncertainty=_bounds(robot))
+    sets, commands = Membership(fleet, robot.errors), Commands(fleet, robot.controls, robot.step)
     end = len(robot.controls) * robot.step
     times = np.sort(rng.uniform(0, end, int(rng.integers(1, 12))))
     if rng.random() < 0.5:
@@ -140,6 +140,14 @@ def excluded(seed: int, index: int) -> Iterator[str]:
             yield f"{seed}:{index} at {time:g} s: nothing is left"
             return
         yield from (f"{seed}:{index} at {time:g} s: {what}" for what in _missing(robot, sets, commands, time))
+
+
+def _bounds(robot: Robot) -> Uncertainty:
+    """What is said of its slips; what moves the steering of a bicycle is not what moves its turn rate."""
+    slip = float(np.abs(robot.slips).max())
+    if robot.system == "unicycle":
+        return Uncertainty(actuators={"v": slip, "omega": slip})
+    return Uncertainty({"heading": slip * float(robot.assumed.max())}, {"v": slip})
 
 
 def _missing(robot: Robot, sets: Membership, commands: Commands, time: float) -> Iterator[str]:

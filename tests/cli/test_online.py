@@ -56,6 +56,18 @@ def test_a_run_is_printed_logged_and_drawn(command: Command, small: Path) -> Non
     assert (facts["ending"], facts["assumptions_hold"], facts["plans"]["stopped"]) == ("success", True, 0)
 
 
+def test_errors_of_the_model_are_simulated_proven_and_told(command: Command, place: Path) -> None:
+    bounds = "  uncertainty: {disturbance: {position: 5 mm/s, heading: 0.3 deg/s}, heading_hold: true}\n"
+    robot = "online: {deadline: 2 s, robot: {traction: 1.05, errors: constant}}\n"
+    (place / "small.yaml").write_text(SMALL.replace("horizon:", f"{bounds}horizon:") + robot)
+    done = command("online", "small.yaml", "--no-plots")
+    assert done.code == 0, done.err
+    assert "  errors     position 0.005 m/s, heading 0.005236 rad/s, heading held within 1 s" in done.out
+    start, *_ = log(place)
+    assert start["uncertainty"]["disturbance"]["position"] == 0.005
+    assert json.loads((place / FOLDER / "outcome.json").read_text())["assumptions_hold"] is True
+
+
 def test_several_robots_are_told_and_drawn_by_name(command: Command, place: Path) -> None:
     robots = "{ada: {traction: 0.95, seed: 7}, ben: {traction: 1.04}}"
     (place / "small.yaml").write_text(SMALL + f"online: {{deadline: 2 s, robots: {robots}}}\n")
@@ -178,6 +190,10 @@ def test_a_fault_leaves_the_log_up_to_it(command: Command, small: Path, monkeypa
         ("{horizon: receding}", "expected run_for with `horizon: receding`"),
         ("{robot: {drifting: {middle: 1, amplitude: 0.1, period: 9 s}, traction: 1}}", "expected drifting alone"),
         ("{robot: {lost: {commands: 1}}}", "expected a share from 0 to below 1, got 1"),
+        ("{robot: {errors: worst}}", "online.robot.errors: 'worst' is not one of random, bang-bang, constant, none"),
+        ("{robot: {uncertainty: {varies: {grip: 1 %}}}}", "online.robot.uncertainty.varies.grip: unknown name"),
+        ("{robot: {uncertainty: {delay: 1 s}}}", "robot.uncertainty.delay: expected none for a simulated robot"),
+        ("{actuators: {speed: 1 cm/s}}", "online.actuators: moved to fleet.uncertainty.actuators"),
         ("{robbot: {}}", "robbot"),
         ("{robot: {traction: 1}, robots: {ada: {}}}", "expected robot, or robots by name, got both"),
         ("{robots: {2nd: {}}}", "expected a name that starts with a letter"),

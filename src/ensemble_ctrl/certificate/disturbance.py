@@ -175,14 +175,9 @@ class _Rates:
         """The rates of a problem's fleet."""
         fleet, bounds = problem.fleet, problem.fleet.uncertainty
         v, omega = fleet.arcs.rates(*controls.T)
-        dv, domega = _command_errors(fleet, controls)
-        alpha, beta = (_strays(fleet, place) for place in (0, 1))
-        given = bounds.disturbance
-        drift = given.get("position", 0.0) + float(np.hypot(given.get("x", 0.0), given.get("y", 0.0)))
-        # V = a (dv + alpha (|v| + dv)), D = b (domega + beta (|omega| + domega)) + w_theta
-        wait = given.get("heading", 0.0)
-        speed = fastest * (dv + alpha * (np.abs(v) + dv))
-        turn = sharpest * (domega + beta * (np.abs(omega) + domega)) + wait
+        slipped, swerved = slips(fleet, controls)
+        drift, wait = pushes(fleet)
+        speed, turn = fastest * slipped, sharpest * swerved + wait
         # J times the change of the rates, and of their bounds, where each command begins
         jumps, jumps_of_turn = (
             bounds.jitter * (factor * np.abs(np.diff(rate, prepend=0.0)) + np.abs(np.diff(error, prepend=0.0)))
@@ -191,7 +186,7 @@ class _Rates:
         way = fastest * np.abs(v)
         times = bounds.delay, bounds.jitter, bounds.heading_hold
         # (1 + alpha) (|v| + dv) and (1 + beta) (|omega| + domega); a command of a step beside may be early or late
-        most = np.stack([(1 + alpha) * (np.abs(v) + dv), (1 + beta) * (np.abs(omega) + domega)])
+        most = np.stack([np.abs(v) + slipped, np.abs(omega) + swerved])
         if bounds.jitter:
             wide = np.pad(most, ((0, 0), (1, 1)))
             most = np.maximum(most, np.maximum(wide[:, :-2], wide[:, 2:]))
@@ -206,6 +201,33 @@ class _Rates:
     def turns(self) -> bool:
         """Whether headings have any error."""
         return bool(self.turn.any() or self.turn_jumps.any())
+
+
+def slips(fleet: Any, controls: Floats) -> tuple[Floats, Floats]:
+    """Bounds of ``V / a`` and ``(D - w_theta) / b`` in each step: what commands and factors are off by.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        On arcs.
+    controls : ndarray, shape (steps, 2)
+
+    Returns
+    -------
+    speed, turn_rate : ndarray, shape (steps,)
+        m/s and rad/s; infinite where commands with their errors are beyond what is known of the rates.
+    """
+    v, omega = fleet.arcs.rates(*controls.T)
+    dv, domega = _command_errors(fleet, controls)
+    alpha, beta = (_strays(fleet, place) for place in (0, 1))
+    return dv + alpha * (np.abs(v) + dv), domega + beta * (np.abs(omega) + domega)
+
+
+def pushes(fleet: Any) -> tuple[float, float]:
+    """Bounds `W` and ``w_theta`` of what disturbs the place and the heading, m/s and rad/s."""
+    given = fleet.uncertainty.disturbance
+    place = given.get("position", 0.0) + float(np.hypot(given.get("x", 0.0), given.get("y", 0.0)))
+    return place, given.get("heading", 0.0)
 
 
 def _command_errors(fleet: Any, controls: Floats) -> tuple[Floats, Floats]:

@@ -30,6 +30,7 @@ from ensemble_ctrl.planning.online.simulated_states import SimulatedStates
 from ensemble_ctrl.planning.online.step import Step
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.report.errors import errors_text
 from ensemble_ctrl.report.online import Reported, Run, write_run
 
 Floats = NDArray[np.float64]
@@ -244,7 +245,8 @@ def _print(
         return
     seconds = outcome.seconds
     sources = ", ".join(f"{count} {name}" for name, count in outcome.sources.items() if count)
-    rows = [("task", str(problem.task)), ("plans", sources)]
+    errors = [("errors", errors_text(problem.fleet))] if problem.fleet.uncertainty else []
+    rows = [("task", str(problem.task)), *errors, ("plans", sources)]
     if len(seconds):
         rows.append(("planning", f"{1e3 * np.median(seconds):.0f} ms median, {1e3 * seconds.max():.0f} ms at most"))
     if outcome.steps:

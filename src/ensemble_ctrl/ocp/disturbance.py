@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import Predicate, StateSignals
 from ensemble_ctrl.ocp.terrain import with_terrain
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.uncertainty import POSITION
 
 Floats = NDArray[np.float64]
@@ -93,13 +94,18 @@ def growth(problem: Problem, controls: Floats) -> Growth | None:
     """The errors of a plan; None for a fleet that follows its model."""
     if not problem.uncertain:
         return None
-    found = (_on_arcs if problem.fleet.system.on_arcs else _by_comparison)(problem, np.asarray(controls, dtype=float))
-    return found
+    controls = np.asarray(controls, dtype=float)
+    if problem.fleet.system.on_arcs:
+        return growth_on_arcs(problem, problem.fleet, controls, problem.duration / len(controls))
+    return _by_comparison(problem, controls)
 
 
-def _on_arcs(problem: Problem, controls: Floats) -> Growth:
-    """Of robots on arcs: int V + W, and what the heading adds, by chords or by the way (`docs/uncertainty.md`)."""
-    fleet, bounds, step = problem.fleet, problem.fleet.uncertainty, problem.duration / len(controls)
+def growth_on_arcs(problem: Problem, fleet: Fleet, controls: Floats, step: float) -> Growth:
+    """Of robots on arcs: int V + W, and what the heading adds, by chords or by the way (`docs/uncertainty.md`).
+
+    The fleet is the problem's, or what is known of it on the way.
+    """
+    bounds = fleet.uncertainty
     members = np.concatenate([fleet.corners, fleet.center[None]])
     a, b = (np.abs(column)[:, None] for column in fleet.coefficients(members)[:, :2].T)
     v, omega = fleet.arcs.rates(*controls.T)

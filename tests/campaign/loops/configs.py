@@ -21,7 +21,7 @@ from ensemble_ctrl.problem import Problem
 from tests.paths import CONFIGS
 
 from .judge import Judge, Judged, finite, number
-from .robot import Adversary
+from .robot import PARTS, Adversary
 from .scene import Part, Scene
 from .world import Ran, World, world_of
 
@@ -46,6 +46,7 @@ def scene_of(path: Path, seed: int) -> Scene:
         name: Adversary(
             {"traction": float(rng.choice([low, high, rng.uniform(low, high)]))},
             noise=str(rng.choice(noise)),
+            slip=str(rng.choice(("plus", "minus", "alternate"))),
             delay=0.1,
             lost=0.2,
             seed=seed,
@@ -70,11 +71,22 @@ def scene_of(path: Path, seed: int) -> Scene:
         {"goal": (*goal[0], *goal[1])},
         (Part("F", "goal", begin, end),),
         (0.0, float(data["horizon"]["duration"].removesuffix(" s"))),
-        {"position": 0.01, "heading": float(np.radians(1.0)), "drift": 0.0, "speed": 0.0, "turn_rate": 0.0},
+        {"position": 0.01, "heading": float(np.radians(1.0)), "drift": 0.0},
         {"deadline": float(settings["deadline"].removesuffix(" s"))},
         robots,
         solids=tuple(map(_solid, data["obstacles"].values())),
+        bounds=_bounds(fleet.get("uncertainty", {})),
     )
+
+
+def _bounds(given: dict[str, Any]) -> dict[str, float]:
+    """Errors beside the model as these files write them."""
+    found = {"hold": 1.0} if given.get("heading_hold") else {}
+    for name, value in {**given.get("disturbance", {}), **given.get("varies", {})}.items():
+        number, unit = str(value).split()
+        place = {"position": "place", "traction": "stray"}.get(name, name)
+        found[place] = float(number) * {"mm/s": 1e-3, "deg/s": np.pi / 180, "%": 1e-2}[unit]
+    return found
 
 
 def _solid(shape: dict[str, Any]) -> tuple[tuple[float, float], ...]:
@@ -110,7 +122,7 @@ def judge_file(path: Path, seed: int, folder: Path) -> Judged:
     printed = io.StringIO()
     options = online.OnlineRun(str(path), folder / path.stem, json=True, quiet=True, plots=False)
     patched = patch.object(OnlineSettings, "simulated", robots), patch.object(online, "drive", driving)
-    with patched[0], patched[1], redirect_stdout(printed):
+    with patched[0], patched[1], patch.object(online, "FINE", PARTS), redirect_stdout(printed):
         code = online.run_online(options)
     loop, outcome = kept[0]
     lines = [json.loads(line) for line in (folder / path.stem / "log.jsonl").read_text().splitlines()]
@@ -132,7 +144,12 @@ def _outcome(
     steps, end = lines[1:-1], lines[-1]
     hold = referee.hold
     fields = {"schema", "name", "ending", "reason", "robustness", "assumptions_hold", "ranges", "plans"}
-    hold(set(facts) == fields | {"planning_seconds", "events"}, "outcome", f"fields {sorted(facts)}")
+    hold(set(facts) == fields | {"planning_seconds", "events", "violations"}, "outcome", f"fields {sorted(facts)}")
+    begin, window = round(world.start / referee.scene.step) * PARTS, (0.0, referee.scene.duration)
+    for name, body in world.bodies.items():
+        clear = referee.clearance(world, np.array(body.track)[begin:], 0.0, *window)
+        said = facts["violations"][name]
+        hold(abs(said["clearance"] - clear) < 1e-9 and said["seconds"] == 0, "outcome", f"violations of {name}")
     hold(facts["name"] == referee.scene.family, "outcome", "name")
     hold([facts["ending"], facts["reason"]] == [end["ending"], end["reason"]], "outcome", "ending")
     hold(number(facts["robustness"]) == finite(outcome.robustness), "outcome", "robustness")

@@ -16,8 +16,8 @@ from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.step import Step
 
 from .robot import PARTS, Adversary, Body
-from .scene import Part, Scene, rates
-from .world import Ran, World, problem_of, run
+from .scene import Part, Scene
+from .world import Ran, World, body_of, problem_of, run
 
 Floats = NDArray[np.float64]
 Corners = tuple[tuple[float, float], ...]
@@ -150,11 +150,10 @@ class Judge:
         last = min(end, loop.base + len(loop.plan))
         now = world.now() - world.start
         parts = max(round((last * scene.step - now) / scene.step * PARTS), 0)
-        table = rates(scene, sent)
 
         def commands(clock: float) -> Floats:
             k = int((clock - world.start) / scene.step) if clock >= world.start else -1
-            return table[k] if 0 <= k < len(table) else np.zeros(2)
+            return sent[k] if 0 <= k < len(sent) else np.zeros(2)
 
         begin = round(world.start / scene.step * PARTS)
         past = np.array(body.track)[begin:] if world.parts >= begin else np.zeros((0, 3))
@@ -165,10 +164,10 @@ class Judge:
             track = np.concatenate([past[:-1], future]) if len(past) else future
             self._future(world, name, step, track, first, now, at if scene.receding else 0)
         if step.source in ("new", "recovered"):
-            self._members(world, loop, name, body, step, table, at, last)
+            self._members(world, loop, name, body, step, sent, at, last)
 
     def _members(
-        self, world: World, loop: Receding, name: str, body: Body, step: Step, table: Floats, at: int, last: int
+        self, world: World, loop: Receding, name: str, body: Body, step: Step, sent: Floats, at: int, last: int
     ) -> None:
         """Corners of the set of poses with ends of the ranges, which have drifted since they were known."""
         scene, tracker = self.scene, loop.trackers[name]
@@ -176,7 +175,7 @@ class Judge:
         if pose is None:
             return
         began = at * scene.step
-        rate, since = scene.errors["drift"], max(began - tracker.time, 0.0)
+        rate, since, bounds = scene.errors["drift"], max(began - tracker.time, 0.0), scene.bounds
         shift = began if scene.receding else 0.0
         for _ in range(MEMBERS):
             sign = self.random.choice([-1.0, 1.0], 3)
@@ -188,12 +187,13 @@ class Judge:
                 low, high = scene.parameters[parameter]
                 way = rate * since * {"up": 1.0, "down": -1.0}.get(drift, 0.0)
                 values[parameter] = float(np.clip(known + way, low, high))
-            member = Body(Adversary(values, drift, slip, seed=1), scene.parameters, scene.errors, scene.step, start)
+            member = body_of(scene, Adversary(values, drift, slip, seed=1), start)
+            # how far a loop on its heading had let it go by then
+            member.off = float(self.random.choice([-1.0, 1.0])) * bounds.get("hold", 0.0) * bounds.get("heading", 0.0)
             member.saturates = True
             for k in range(at, last):
-                v, turn = table[k] if k < len(table) else (0.0, 0.0)
                 for _part in range(PARTS):
-                    member.drive(float(v), float(turn))
+                    member.drive(sent[k] if k < len(sent) else np.zeros(2))
             self._member(world, step, f"a member for {name}", np.array(member.track), began, shift)
 
     def _member(self, world: World, step: Step, name: str, track: Floats, began: float, shift: float) -> None:

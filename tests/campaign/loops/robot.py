@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+BOUNDS = ("place", "heading", "first", "second", "share", "stray", "hold")
 PARTS = 20
 """Arcs of a control step, in each of which factors and slips are constant."""
 
@@ -25,7 +26,7 @@ class Adversary:
     drift : str
         ``up`` and ``down`` at the allowed rate, ``back`` and forth, ``fall`` after a while, ``still``.
     slip : str
-        Of the actuators: ``plus``, ``minus``, ``alternate``, ``random``; all but the last at the bounds.
+        Of all errors beside the model: ``plus``, ``minus``, ``alternate``, ``random``; all but the last at the bounds.
     noise : str
         Of measurements: always in one ``corner`` of the bounds, ``alternate``, ``random``, ``late corner``.
     period : int
@@ -79,12 +80,27 @@ def bounced(start: float, way: float, low: float, high: float) -> float:
     return low + min(at, 2 * (high - low) - at)
 
 
+def as_given(command: Floats) -> tuple[float, float]:
+    """Commands that are speed and turn rate."""
+    return float(command[0]), float(command[1])
+
+
 @dataclass
 class Body:
     """A robot's true motion on the loop's clock.
 
     Attributes
     ----------
+    errors : dict of str to float
+        Bounds of measurements and of the drift.
+    bounds : dict of str to float
+        Bounds of errors beside the model, zero where not given: of the rates of ``place`` and ``heading``, of the
+        commands ``first`` and ``second``, a ``share`` of both, by how much parameters ``stray``, and the time constant
+        ``hold`` of the loop on the heading.
+    rates : callable
+        Speed and turn rate, counter-clockwise, that a command asks for.
+    off : float
+        The error of its heading that such a loop drives back.
     track : list of ndarray
         Poses, `PARTS` for each control step, the start first.
     saturates : bool
@@ -96,6 +112,9 @@ class Body:
     errors: dict[str, float]
     step: float
     pose: Floats
+    bounds: dict[str, float] = field(default_factory=dict)
+    rates: Callable[[Floats], tuple[float, float]] = as_given
+    off: float = 0.0
     track: list[Floats] = field(default_factory=list)
     saturates: bool = False
 
@@ -134,30 +153,57 @@ class Body:
         a, b = (self.parameter(name, time) if name in self.ranges else 1.0 for name in names)
         return a, b
 
-    def drive(self, v: float, turn: float) -> None:
+    def drive(self, command: Floats) -> None:
         """One part of a step."""
-        step_number = (len(self.track) - 1) // PARTS
         part = self.step / PARTS
         a, b = self.factors(self.now + part / 2)
+        v, turn = self.rates(command)
         if v or turn:
-            sign = {"plus": (1.0, 1.0), "minus": (-1.0, -1.0)}.get(self.adversary.slip)
-            if sign is None:
-                sign = (1.0, -1.0) if self.adversary.slip == "alternate" and step_number % 2 else (-1.0, 1.0)
-            if self.adversary.slip == "random":
-                sign = tuple(self.random.uniform(-1, 1, 2))
-            v, turn = v + sign[0] * self.errors["speed"], turn + sign[1] * self.errors["turn_rate"]
-        self.pose = moved(self.pose, a * v, b * turn, part)
+            v, turn = a * v, b * turn
+            if self.bounds:
+                v, turn, push = self._disturbed(command, (a, b), turn, part)
+                self.pose = self.pose + part * push
+        self.pose = moved(self.pose, v, turn, part)
         self.track.append(self.pose)
+
+    def _disturbed(
+        self, command: Floats, own: tuple[float, float], model: float, part: float
+    ) -> tuple[float, float, Floats]:
+        """Rates with all errors, and what pushes the pose, at a sign of each error that is its worst or drawn."""
+        bounds, sign = {name: self.bounds.get(name, 0.0) for name in BOUNDS}, self._signs()
+        most = np.array([bounds["first"], bounds["second"]]) + bounds["share"] * np.abs(command)
+        v, turn = self.rates(command + sign[:2] * most)
+        stray = 1 + bounds["stray"] * sign[2]
+        both = "traction" in self.ranges
+        v *= own[0] * (stray if both or "linear_traction" in self.ranges else 1.0)
+        turn *= own[1] * (stray if both or "angular_traction" in self.ranges else 1.0)
+        turn += sign[3] * bounds["heading"]
+        if bounds["hold"]:
+            gained = (turn - model - self.off / bounds["hold"]) / (1 + part / bounds["hold"])
+            self.off, turn = self.off + part * gained, model + gained
+        side = float(self.pose[2]) + sign[4] * np.pi / 2
+        return v, turn, bounds["place"] * np.array([math.cos(side), math.sin(side), 0.0])
+
+    def _signs(self) -> Floats:
+        """Of every error."""
+        number = (len(self.track) - 1) // PARTS
+        match self.adversary.slip:
+            case "plus":
+                return np.ones(5)
+            case "minus":
+                return -np.ones(5)
+            case "alternate":
+                return np.array([-1.0, 1.0, -1.0, 1.0, 1.0]) * (-1.0 if number % 2 else 1.0)
+        return self.random.uniform(-1, 1, 5)
 
     def future(self, commands: Callable[[float], Floats], parts: int, drift: str, slip: str) -> Floats:
         """Where it goes from now on if it does its worst otherwise, shape (parts + 1, 3)."""
-        other = Body(self.adversary, self.ranges, self.errors, self.step, self.pose.copy())
+        other = replace(self, pose=self.pose.copy(), track=[])
         now = self.now
         values = {name: self.parameter(name, now) for name in self.ranges}
         other.adversary = Adversary(values, drift, slip, seed=self.adversary.seed)
         for k in range(parts):
-            v, turn = commands(now + (k + 0.5) * self.step / PARTS)
-            other.drive(float(v), float(turn))
+            other.drive(commands(now + (k + 0.5) * self.step / PARTS))
         return np.array(other.track)
 
 

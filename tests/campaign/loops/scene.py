@@ -55,6 +55,7 @@ class Scene:
     added: tuple[float, str, tuple[tuple[float, float], ...]] | None = None
     timer: str = "none"
     solids: tuple[tuple[tuple[float, float], ...], ...] = ()
+    bounds: dict[str, float] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -109,25 +110,28 @@ def make(seed: int, index: int) -> Scene:
     )  # fmt: skip
     draft.path = nominal(bare)
     scene = replace(_map(draft, bare), parameters=_parameters(rng))
-    scene = replace(scene, errors=_errors(rng), options=_options(draft, scene))
+    errors, bounds = _errors(rng)
+    scene = replace(scene, errors=errors, bounds=bounds, options=_options(draft, scene))
     scene = replace(scene, robots=_robots(draft, scene), added=_added(draft, scene))
     unseen = not scene.receding and rng.random() < 0.1
     if unseen:
         scene = _unseen(scene, rng)
     uncertain = scene.errors["heading"] < 3 and rng.random() < 0.15
+    timer = "slow" if rng.random() < 0.1 else "none"
+    scene = scene if unseen else _disturbed(scene, rng)
     families = [
         ("unseen robot", unseen),
+        ("uncertainty", "place" in scene.bounds),
         ("receding", scene.receding),
         ("added obstacle", scene.added is not None),
         ("several robots", len(scene.robots) > 1),
         ("position only", scene.errors["heading"] > 3),
         ("moving obstacle", bool(scene.velocities)),
         ("drift", scene.errors["drift"] > 0),
-        ("actuators", scene.errors["speed"] > 0),
+        ("actuators", bool(scene.bounds)),
         ("uncertain start", uncertain),
     ]
     family = next((name for name, is_so in families if is_so), "plain")
-    timer = "slow" if rng.random() < 0.1 else "none"
     return replace(scene, family=family, spread=0.02 if uncertain else 0.0, timer=timer)
 
 
@@ -216,16 +220,26 @@ def _polygon(rng: np.random.Generator) -> Floats:
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _errors(rng: np.random.Generator) -> dict[str, float]:
-    """Bounds that are assumed, and that the robots go to."""
+def _disturbed(scene: Scene, rng: np.random.Generator) -> Scene:
+    """Sometimes any errors beside the model, and robots with a loop on their heading."""
+    if rng.random() > 0.25:
+        return scene
+    own = {"place": float(rng.choice([0.001, 0.02])), "heading": float(rng.choice([0.002, 0.05]))}
+    more = {"first": 0.01, "second": 0.01, "share": 0.02, "stray": 0.02, "hold": float(rng.choice([0.2, 1.0]))}
+    kept = {name: value for name, value in more.items() if rng.random() < 0.5}
+    return replace(scene, bounds={**scene.bounds, **own, **kept})
+
+
+def _errors(rng: np.random.Generator) -> tuple[dict[str, float], dict[str, float]]:
+    """Bounds that are assumed, and that the robots go to: of measurements, and of errors of the commands."""
     actuators = rng.random() < 0.3
-    return {
+    errors = {
         "position": float(rng.choice([0.002, 0.01, 0.02])),
         "heading": 3.2 if rng.random() < 0.08 else float(np.radians(rng.uniform(0.3, 2.0))),
         "drift": float(rng.choice([0.01, 0.05])) if rng.random() < 0.35 else 0.0,
-        "speed": float(rng.uniform(0.002, 0.03)) if actuators else 0.0,
-        "turn_rate": float(rng.uniform(0.002, 0.03)) if actuators else 0.0,
     }
+    names = ("first", "second") if actuators else ()
+    return errors, {name: float(rng.uniform(0.002, 0.03)) for name in names}
 
 
 def _options(draft: _Draft, scene: Scene) -> dict[str, object]:
@@ -262,7 +276,8 @@ def _unseen(scene: Scene, rng: np.random.Generator) -> Scene:
     return replace(
         scene,
         parameters={name: (0.8, 1.2)},
-        errors={**scene.errors, "position": 0.002, "heading": 0.005, "drift": 0.05, "speed": 0.0, "turn_rate": 0.0},
+        errors={**scene.errors, "position": 0.002, "heading": 0.005, "drift": 0.05},
+        bounds={},
         options={**scene.options, "silence": 9.0},
         robots={"red": seen, "blue": silent},
         added=None,

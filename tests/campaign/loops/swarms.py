@@ -13,19 +13,19 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.swarm import Aggregate, Swarm
 
 from .judge import TOLERANCE, Judge, Judged
-from .robot import PARTS, Adversary, Body
-from .scene import Scene, rates
-from .world import Floats, World, options_of, problem_of
+from .robot import PARTS, Adversary
+from .scene import Scene
+from .world import Floats, World, body_of, options_of, problem_of
 
 MEMBERS = 9
-EXACT = {"position": 0.0, "heading": 0.0, "drift": 0.0, "speed": 0.0, "turn_rate": 0.0}
+EXACT = {"position": 0.0, "heading": 0.0, "drift": 0.0}
 
 
 def judge_swarm(scene: Scene) -> Judged | None:
     """Run a swarm and judge it; None if the package refuses its problem."""
     name = next(iter(scene.parameters))
     parameters = {name: scene.parameters[name]}
-    scene = replace(scene, family="swarm", parameters=parameters, errors=EXACT, spread=0.0, added=None)
+    scene = replace(scene, family="swarm", parameters=parameters, errors=EXACT, bounds={}, spread=0.0, added=None)
     try:
         problem = problem_of(scene)
     except ProblemError:
@@ -51,10 +51,10 @@ def _tracks(scene: Scene, controls: Floats) -> list[Floats]:
     tracks = []
     for value in np.linspace(low, high, MEMBERS):
         adversary = Adversary({name: float(value)})
-        body = Body(adversary, scene.parameters, scene.errors, scene.step, np.array([*scene.position, scene.heading]))
-        for v, turn in rates(scene, controls):
+        body = body_of(scene, adversary, np.array([*scene.position, scene.heading]))
+        for command in controls:
             for _ in range(PARTS):
-                body.drive(float(v), float(turn))
+                body.drive(command)
         tracks.append(np.array(body.track))
     return tracks
 

@@ -12,12 +12,20 @@ from tests.examples import quick
 from . import run
 from .configs import FILES
 from .controls import CONTROLS
+from .judge import judge
 from .robot import Adversary, Body, bounced, moved
 from .scene import make
 from .tables import page
 
 CHUNKS, SIZE = 4, 4
-QUICK = ("drift and actuators left out", "half the noise", "the past where the robot is now")
+UNCERTAIN = 5
+"""Batches of five robots with errors of the model."""
+QUICK = (
+    "drift and errors of the model left out",
+    "a held heading taken for exact",
+    "half the noise",
+    "the past where the robot is now",
+)
 """Margins whose lack shows in a few loops."""
 
 
@@ -26,6 +34,15 @@ def test_what_loops_say_is_so(chunk: int) -> None:
     for index in range(chunk * SIZE, (chunk + 1) * SIZE):
         judged = run.one(7, index).judged
         assert judged is None or judged.faults == (), f"loop 7:{index}"
+
+
+@pytest.mark.parametrize("chunk", quick(range(UNCERTAIN), 0))
+def test_what_loops_say_of_robots_with_errors_of_the_model_is_so(chunk: int) -> None:
+    scenes = [scene for index in range(250) if (scene := make(7, index)).family == "uncertainty"]
+    for scene in scenes[chunk * 5 : (chunk + 1) * 5]:
+        judged = judge(scene)
+        assert judged is not None
+        assert judged.faults == (), scene
 
 
 def test_a_measurement_after_more_than_a_horizon_breaks_nothing() -> None:
@@ -59,7 +76,7 @@ def test_robots_move_on_arcs() -> None:
 
 
 def test_factors_drift_at_the_rate_and_within_their_range() -> None:
-    errors = {"position": 0.0, "heading": 0.0, "drift": 0.1, "speed": 0.0, "turn_rate": 0.0}
+    errors = {"position": 0.0, "heading": 0.0, "drift": 0.1}
     for drift in ("up", "down", "back", "fall", "still"):
         body = Body(Adversary({"traction": 1.05}, drift), {"traction": (0.9, 1.1)}, errors, 0.1, np.zeros(3))
         values = np.array([body.parameter("traction", t) for t in np.arange(0.0, 5.0, 1e-3)])

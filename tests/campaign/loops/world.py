@@ -26,9 +26,10 @@ from ensemble_ctrl.planning.online.propagation import Errors
 from ensemble_ctrl.planning.online.step import Step
 from ensemble_ctrl.problem import Objective, Problem
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.uncertainty import Uncertainty
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
-from .robot import PARTS, Body, Camera
+from .robot import BOUNDS, PARTS, Adversary, Body, Camera
 from .scene import Scene, rates
 
 Floats = NDArray[np.float64]
@@ -44,7 +45,8 @@ def problem_of(scene: Scene) -> Problem:
     parameters = {name: Interval(*ends) for name, ends in scene.parameters.items()}
     if scene.spread:
         parameters |= dict.fromkeys(("start_x", "start_y"), Interval(-scene.spread, scene.spread))
-    fleet = Fleet(system, parameters, np.array(scene.position), scene.heading, -most, most, scene.radius)
+    start = np.array(scene.position), scene.heading
+    fleet = Fleet(system, parameters, *start, -most, most, scene.radius, uncertainty=bounds_of(scene, system))
     return Problem(
         "loop",
         fleet,
@@ -55,6 +57,18 @@ def problem_of(scene: Scene) -> Problem:
         {name: (Obstacle.polygon(np.array(shape)),) for name, shape in scene.obstacles.items()},
         {name: Motion.steady(velocity, scene.duration) for name, velocity in scene.velocities.items()},
         Objective(1.0, effort=0.1),
+    )
+
+
+def bounds_of(scene: Scene, system: ArcSystem) -> Uncertainty:
+    """What robots may do beside the model."""
+    bounds, (first, second) = {name: scene.bounds.get(name, 0.0) for name in BOUNDS}, system.controls
+    return Uncertainty(
+        {"position": bounds["place"], "heading": bounds["heading"]},
+        {first: bounds["first"], second: bounds["second"]},
+        {first: bounds["share"], second: bounds["share"]},
+        varies=dict.fromkeys(scene.parameters, bounds["stray"]),
+        heading_hold=bounds["hold"] or None,
     )
 
 
@@ -110,9 +124,8 @@ class World:
             command = self.commands.get(k, np.zeros(2))
             if part == 0:
                 self.carried_out.append(command)
-            v, turn = rates(self.scene, command)[0]
             for name, body in self.bodies.items():
-                body.drive(float(v), float(turn))
+                body.drive(command)
                 self.cameras[name].look()
             self._come()
 
@@ -155,13 +168,23 @@ class Ran:
     lines: list[dict[str, Any]]
 
 
+def body_of(scene: Scene, adversary: Adversary, pose: Floats) -> Body:
+    """A robot of a scene."""
+
+    def asked(command: Floats) -> tuple[float, float]:
+        v, turn = rates(scene, command)[0]
+        return float(v), float(turn)
+
+    return Body(adversary, scene.parameters, scene.errors, scene.step, pose, scene.bounds, asked)
+
+
 def world_of(scene: Scene) -> World:
     """The robots of a scene, at the start."""
     bodies = {}
     for k, (name, adversary) in enumerate(scene.robots.items()):
         shift = scene.spread * np.array([1.0, -1.0]) * (1 if k == 0 else -1)
         pose = np.array([*(np.array(scene.position) + shift), scene.heading])
-        bodies[name] = Body(adversary, scene.parameters, scene.errors, scene.step, pose)
+        bodies[name] = body_of(scene, adversary, pose)
     return World(scene, bodies)
 
 

@@ -21,6 +21,8 @@ from ensemble_ctrl.planning.online.measurement import Measurement
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import Errors
 from ensemble_ctrl.planning.online.simulated import Drifting, SimulatedRobot
+from ensemble_ctrl.planning.online.simulated_errors import SimulatedErrors
+from ensemble_ctrl.problem.uncertainty import Uncertainty
 
 from .problems import NOISE, SHORT, clearance, options, plan, robot
 
@@ -102,8 +104,10 @@ def test_a_robot_that_says_little_and_hears_badly_gets_there() -> None:
 
 
 def test_errors_of_actuators_that_are_told_are_kept_clear_of() -> None:
-    driven = robot(1.05, 4, speed=0.02, turn_rate=0.02)
-    _, outcome = run(driven, errors=replace(NOISE, speed=0.02, turn_rate=0.02))
+    fleet = SHORT.fleet.with_(uncertainty=Uncertainty(actuators={"v": 0.02, "omega": 0.02}))
+    driven = robot(1.05, 4)
+    driven.errors = SimulatedErrors(fleet, SHORT.step, seed=4)
+    _, outcome = run(driven, Receding(SHORT.with_(fleet=fleet), options(), plan(), process_time))
     assert outcome.ending in ("success", "finished")
     assert clearance(SHORT, driven) > 0
     assert "fit" not in events(outcome)

@@ -24,6 +24,7 @@ from ensemble_ctrl.planning.online.propagation import Commands, Errors, PoseSet
 from ensemble_ctrl.planning.online.remaining import remaining
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.uncertainty import Uncertainty
 from ensemble_ctrl.systems import Unicycle
 
 Floats = NDArray[np.float64]
@@ -141,8 +142,9 @@ def test_what_happens_between_grid_times_is_judged_too() -> None:
 
 
 def test_without_a_useful_heading_every_heading_is_possible() -> None:
-    commands = Commands(Unicycle(), straight(2.0), 0.1)
-    sets = Membership(problem_of("G avoid(obstacles)").fleet, Errors(0.001, 3.2))
+    fleet = problem_of("G avoid(obstacles)").fleet
+    commands = Commands(fleet, straight(2.0), 0.1)
+    sets = Membership(fleet, Errors(0.001, 3.2))
     truth = driven(straight(2.0), 0.1, lambda t: 1.0, lambda t: 1.0, np.pi)
     assert sets.observe(commands, 0.0, np.zeros(2), 0.0)
     assert outside(sets.pose(commands, 1.0), truth(1.0)) <= 0
@@ -159,13 +161,14 @@ def test_without_a_useful_heading_a_proof_reckons_with_every_heading(turn: float
 
 def test_drift_and_a_slipping_turn_rate_add_up() -> None:
     """The factor grows on the way, so the error of the turn rate counts for more."""
-    errors = Errors(0.0, 0.0, drift=0.05, turn_rate=0.1)
-    sets = Membership(problem_of("G avoid(obstacles)", 0.5, 1.5).fleet, errors)
+    errors, bounds = Errors(0.0, 0.0, drift=0.05), Uncertainty(actuators={"omega": 0.1})
+    fleet = problem_of("G avoid(obstacles)", 0.5, 1.5).fleet.with_(uncertainty=bounds)
+    sets = Membership(fleet, errors)
     controls = straight(4.0)
-    sets.observe(Commands(Unicycle(), controls, 0.1), 0.0, np.zeros(2), 0.0)
+    sets.observe(Commands(fleet, controls, 0.1), 0.0, np.zeros(2), 0.0)
     sets.ranges = np.array([[1.0, 1.0]])
     truth = driven(controls, 0.1, lambda t: 1 + 0.05 * t, lambda t: 1 + 0.05 * t, slip=(0.0, 0.1))
-    pose = sets.pose(Commands(Unicycle(), controls, 0.1), 4.0)
+    pose = sets.pose(Commands(fleet, controls, 0.1), 4.0)
     assert outside(pose, truth(4.0)) <= 1e-6
     assert pose is not None
     assert pose.turn < 0.5  # 0.44 is the truth
@@ -175,8 +178,9 @@ def test_headings_about_half_a_turn_are_intersected_on_the_circle() -> None:
     """It turns by seven radians and back: the newest measurement tells nothing of the end, older ones are at +-pi."""
     controls = np.repeat([[0.0, 0.0], [0.3, 2.0], [0.3, -2.0]], (1, 35, 35), axis=0)
     truth = driven(controls, 0.1, lambda t: 1.45, lambda t: 1.45, np.pi)
-    sets = Membership(problem_of("G avoid(obstacles)", 0.5, 1.5).fleet, Errors(0.01, 0.1))
-    commands = Commands(Unicycle(), controls, 0.1)
+    fleet = problem_of("G avoid(obstacles)", 0.5, 1.5).fleet
+    sets = Membership(fleet, Errors(0.01, 0.1))
+    commands = Commands(fleet, controls, 0.1)
     sets.times, sets.places = np.array([0.0, 0.1, 3.6]), np.array([0.0, 0.0, complex(*truth(3.6)[:2])])
     sets.headings = np.array([np.pi - 0.04, -np.pi + 0.04, truth(3.6)[2]])
     pose = sets.pose(commands, 7.1)

@@ -284,7 +284,7 @@ def test_a_box_lowers_what_is_proven_by_what_it_can_move() -> None:
 
 
 REFUSED = [
-    ("{drift: 0.1}", "online", "drift and actuators are not for a loop of the double_integrator"),
+    ("{drift: 0.1}", "online.drift", "a drift is not for a loop of the double_integrator"),
     ("{horizon: receding, run_for: 9 s}", "online.horizon", "a receding horizon is not for a loop of the double"),
     ("{robots: {a: {}, b: {}}}", "online.robots", "several robots are not for a loop of the double_integrator"),
 ]

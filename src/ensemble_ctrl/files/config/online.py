@@ -6,20 +6,23 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.fields import Model, whole
 from ensemble_ctrl.files.config.shapes import RegionShape
+from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection, read_bounds
 from ensemble_ctrl.planning.online.options import MAX_ORDER, OnlineOptions
 from ensemble_ctrl.planning.online.propagation import Errors
 from ensemble_ctrl.planning.online.settings import OnlineSettings, RobotSettings
 from ensemble_ctrl.planning.online.simulated import SMALL_CAR_FLAWS, Drifting, Factors, Fixed, Flaws, Terrain
+from ensemble_ctrl.planning.online.simulated_errors import ErrorKind
 from ensemble_ctrl.problem.arguments.units import quantity
-from ensemble_ctrl.problem.checks import MAX_SEED
+from ensemble_ctrl.problem.checks import MAX_SEED, Finding
+from ensemble_ctrl.problem.uncertainty import Uncertainty
+from ensemble_ctrl.systems import System
 
 Turn = Annotated[float, BeforeValidator(quantity("angle", 0)), f.numeric("angle", minimum=0)]
-SpeedError = Annotated[float, BeforeValidator(quantity("speed", 0)), f.numeric("speed", minimum=0)]
-TurnRateError = Annotated[float, BeforeValidator(quantity("turn rate", 0)), f.numeric("turn rate", minimum=0)]
 Delay = Annotated[float, BeforeValidator(quantity("time", 0)), f.numeric("time", minimum=0)]
 Rate = Annotated[float, BeforeValidator(quantity("number", 0)), f.numeric("number", minimum=0)]
 Magnitudes = Annotated[tuple[f.Positive, f.Positive], BeforeValidator(f.pair("[of v, of the other command]"))]
@@ -43,15 +46,6 @@ class NoiseSection(Model):
     """Largest error of x and of y."""
     heading: Turn = Errors.heading
     """Largest error of the heading."""
-
-
-class ActuatorSection(Model):
-    """Largest errors of the actuators."""
-
-    speed: SpeedError = 0.0
-    """Largest error of the speed."""
-    turn_rate: TurnRateError = 0.0
-    """Largest error of the turn rate."""
 
 
 class LostSection(Model):
@@ -106,8 +100,11 @@ class RobotSection(Model):
     """Latency of the measurements; 0.1 s by default."""
     command_delay: Delay = 0.0
     """Latency of the commands."""
-    actuators: ActuatorSection = Field(default_factory=ActuatorSection)
-    """Actual actuator errors, uniform."""
+    errors: ErrorKind = "random"
+    """How its errors go within the bounds of `fleet.uncertainty`: uniform in each step; `bang-bang`, at the bounds with
+    a change of sign every 3 s or so; `constant`, at the bounds for good; `none`. On arcs only."""
+    uncertainty: UncertaintySection | None = None
+    """Bounds of its errors in place of the fleet's, larger ones too. On arcs only; without delay and jitter."""
     saturation: Magnitudes | None = None
     """Saturation: largest absolute value of each command."""
     quantum: Magnitudes | None = None
@@ -127,10 +124,21 @@ class RobotSection(Model):
             raise FieldError("expected traction, or linear_traction and angular_traction, got both", path=("traction",))
         return self
 
-    def settings(self, errors: Errors, place: int = 0) -> RobotSettings:
+    def settings(self, errors: Errors, system: System, place: int = 0) -> RobotSettings:
         """As the loop's simulation takes it; among several, seeds that are not given are those of their places."""
         seed = self.seed if "seed" in self.model_fields_set else place
-        return RobotSettings(self._factors(), self._flaws(errors), seed, self.parameters)
+        bounds = None if self.uncertainty is None else self._bounds(self.uncertainty, system)
+        return RobotSettings(self._factors(), self._flaws(errors), seed, self.errors, bounds, self.parameters)
+
+    def _bounds(self, given: UncertaintySection, system: System) -> Uncertainty:
+        """Those of its errors, of which a simulation on arcs has all but those of times."""
+        if not system.on_arcs:
+            raise FieldError(f"expected none, since a simulated {system.name} follows its model", path=("uncertainty",))
+        bounds = read_bounds(given, system)
+        for name in ("delay", "jitter"):
+            if getattr(bounds, name):
+                raise FieldError("expected none for a simulated robot", "use command_delay", ("uncertainty", name))
+        return bounds
 
     def _factors(self) -> Factors | None:
         """The true factors, if any are given."""
@@ -152,8 +160,6 @@ class RobotSection(Model):
             heading=base.heading if self.noise is None else self.noise.heading,
             delay=base.delay if self.delay is None else self.delay,
             command_delay=self.command_delay,
-            speed=self.actuators.speed,
-            turn_rate=self.actuators.turn_rate,
             saturation=base.saturation if self.saturation is None else self.saturation,
             quantum=base.quantum if self.quantum is None else self.quantum,
             lost_measurements=self.lost.measurements,
@@ -171,9 +177,7 @@ class OnlineSection(Model):
     noise: NoiseSection = Field(default_factory=NoiseSection)
     """Assumed bounds of the measurement errors."""
     drift: Rate = 0.0
-    """Assumed bound of the change of a factor, per second."""
-    actuators: ActuatorSection = Field(default_factory=ActuatorSection)
-    """Assumed bounds of the actuator errors."""
+    """Assumed bound of the change of a factor, per second, without end but for its range."""
     learn: Annotated[bool, BeforeValidator(f.flag)] = OnlineOptions.learn
     """Whether parameters are estimated; otherwise their ranges are kept."""
     horizon: Literal["shrinking", "receding"] = OnlineOptions.horizon
@@ -214,15 +218,27 @@ class OnlineSection(Model):
             raise FieldError("expected run_for only with `horizon: receding`", path=("run_for",))
         return self
 
-    def settings(self) -> OnlineSettings:
-        """As the loop takes it."""
-        noise, actuators = self.noise, self.actuators
-        errors = Errors(noise.position, noise.heading, self.drift, actuators.speed, actuators.turn_rate)
-        options = OnlineOptions(
-            errors=errors,
-            **self.model_dump(exclude={"noise", "drift", "actuators", "robot", "robots"}),
-        )
-        robots = self.robots or {"robot": self.robot}
-        return OnlineSettings(
-            options, {name: robot.settings(errors, k) for k, (name, robot) in enumerate(robots.items())}
-        )
+    @model_validator(mode="before")
+    @classmethod
+    def _moved(cls, given: Any) -> Any:
+        """Bounds of actuators are the fleet's today."""
+        for name in ("actuators",) if isinstance(given, dict) else ():
+            if name in given:
+                hint = "by the names of the commands, as in  fleet: {uncertainty: {actuators: {v: 2 cm/s}}}"
+                raise FieldError("moved to fleet.uncertainty.actuators", hint, (name,), on_key=True)
+        return given
+
+    def settings(self, system: System) -> OnlineSettings:
+        """As the loop takes it, for a fleet of a system."""
+        errors = Errors(self.noise.position, self.noise.heading, self.drift)
+        options = OnlineOptions(errors=errors, **self.model_dump(exclude={"noise", "drift", "robot", "robots"}))
+        robots, found = self.robots or {"robot": self.robot}, {}
+        for k, (name, robot) in enumerate(robots.items()):
+            try:
+                found[name] = robot.settings(errors, system, k)
+            except FieldError as error:
+                path = ("online", *(("robots", name) if self.robots else ("robot",)), *error.path)
+                wrong = ProblemError(f"{'.'.join(map(str, path))}: {error.message}")
+                wrong.findings = (Finding(path, error.message, error.hint, on_key=error.on_key),)
+                raise wrong from None
+        return OnlineSettings(options, found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.disturbance import growth_on_arcs
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import PoseSet, swung
 from ensemble_ctrl.planning.online.remaining import Progress, read_anew, remaining, with_ranges
@@ -72,11 +73,12 @@ class Followed:
         """What is left from a grid time on, where it is in `pose`, unchecked; what was not sent is spent standing."""
         problem, ranges = self.tracker.problem, self.tracker.ranges
         if self.options.horizon == "receding":
-            return read_anew(problem, begin, pose, ranges)
+            return read_anew(problem, begin, pose, ranges, self.tracker.onwards)
         sent, at = len(self.tracker.sent), self.progress.at
         # sets at the grid times up to `begin`; after the commands that were sent it stands in `pose`
         until = [(self.pose(k) if k <= sent else None) or pose for k in range(at, begin + 1)]
-        return remaining(problem, begin, self.progress.after(until, self.tracker.bulge).left, pose, ranges)
+        left = self.progress.after(until, self.tracker.bulge).left
+        return remaining(problem, begin, left, pose, ranges, self.tracker.onwards)
 
     def coefficients(self, nodes: Floats, pose: PoseSet) -> Floats:
         """Drives of its node robots in the middle of a set of poses, shape (nodes, 5)."""
@@ -97,10 +99,13 @@ class Followed:
         controls : ndarray, shape (steps, n_u)
             From the grid time `begin` on, at which it is in `pose`.
         soon : int
-            Step after which what actuators and drift may add is measured before it matters.
+            Step after which what errors and drift may add is measured before it matters.
         """
         slip = self.tracker.departures(controls, begin)
-        # away + 2 sin(turn / 2) |p(t) - p(0)|, and what actuators and drift add until they are measured
+        if self.tracker.onwards:
+            problem, fleet = self.tracker.problem, self.fleet.with_(uncertainty=self.tracker.onwards)
+            slip = slip + growth_on_arcs(problem, fleet, controls, problem.step).within
+        # away + 2 sin(turn / 2) |p(t) - p(0)|, and what errors and drift add until they are measured
         grown = pose.away + swung(pose.turn) * np.linalg.norm(middle - pose.position, axis=1)
         grown[1:] += np.minimum(slip, slip[min(soon, len(slip) - 1)])
         return np.asarray(grown)

@@ -51,6 +51,7 @@ class RunLog:
             step_seconds=loop.problem.step,
             controls=list(fleet.system.controls),
             ranges={n: [distribution.lower, distribution.upper] for n, distribution in fleet.parameters.items()},
+            uncertainty=fleet.uncertainty.data(),
             options=asdict(loop.options),
         )
 

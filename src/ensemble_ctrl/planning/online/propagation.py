@@ -1,14 +1,16 @@
 r"""Where a robot can be at one time, given where it can be at another: forward and backward, with bounded errors.
 
 The factors at time T lie in ranges, :math:`a(T) \in [a_0, a_1]` and :math:`b(T) \in [b_0, b_1]`, and change by at most
-d per second; the actuators add at most :math:`e_v` and :math:`e_\omega` to the rates:
+d per second; what `fleet.uncertainty` bounds adds at most :math:`A` and :math:`B` to the rates of the commands, and
+:math:`W` and :math:`w` to those of place and heading (`ensemble_ctrl.planning.online.slips`):
 
-.. math:: \dot\theta = b(\tau)\,(\omega + e_\omega(\tau)), \qquad \dot p = a(\tau)\,(v + e_v(\tau))\, u(\theta)
+.. math:: \dot\theta = b(\tau)\,(\omega + e_\omega(\tau)) + w(\tau), \qquad
+    \dot p = a(\tau)\,(v + e_v(\tau))\, u(\theta) + W(\tau)
 
 Two statements are all that is used, and both hold in either direction of time (`docs/online_proof.md`):
 
 - `departure`: from one time to another, such a robot departs from the one that keeps the factors ``a(T)`` and ``b(T)``
-  and whose actuators are exact, by at most so many radians and metres.
+  and has no errors, by at most so many radians and metres.
 - `propagated`: the set of poses at a time that follows from sets of poses at others, for all factors in the ranges.
 
 Everything that speaks of a robot at a time at which it was not measured calls these: learning, the sets of poses, the
@@ -23,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.systems import ArcSystem
+from ensemble_ctrl.planning.online.slips import Slips
+from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -34,7 +37,7 @@ UP = 1e-9
 
 @dataclass(frozen=True)
 class Errors:
-    """Bounds of everything that differs from the model.
+    """Bounds of measurements, and of what the factors may change by; other errors are bounds of the fleet.
 
     Parameters
     ----------
@@ -44,15 +47,11 @@ class Errors:
         Largest error of a measured heading, radians; from pi on, headings say nothing.
     drift : float
         Largest change of a factor on speed or turn rate, per second.
-    speed, turn_rate : float
-        Largest errors of the actuators, m/s and rad/s.
     """
 
     position: float = 0.01
     heading: float = float(np.radians(1.0))
     drift: float = 0.0
-    speed: float = 0.0
-    turn_rate: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -118,18 +117,21 @@ class Commands:
 
     Parameters
     ----------
-    system : ArcSystem
+    fleet : Fleet
+        On arcs.
     controls : ndarray, shape (steps, 2)
         From time 0 on; after them the robot stands.
     step : float
         Seconds.
     """
 
-    def __init__(self, system: ArcSystem, controls: Floats, step: float) -> None:
-        self.step = step
+    def __init__(self, fleet: Fleet, controls: Floats, step: float) -> None:
+        self.step, system = step, fleet.arcs
         sign = 1.0 if system.heading_from == "x" else -1.0
         # rates of each step, turning counter-clockwise, 0 after the last; Omega at the begin of each
-        v, omega = system.rates(*np.asarray(controls, dtype=float).reshape(-1, 2).T)
+        controls = np.asarray(controls, dtype=float).reshape(-1, 2)
+        v, omega = system.rates(*controls.T)
+        self.slips = Slips.of(fleet, controls)
         self.v, self.omega = np.append(v, 0.0), np.append(sign * omega, 0.0)
         self.grid = step * np.arange(len(self.v))
         self.turned = step * np.concatenate([[0.0], np.cumsum(self.omega)[:-1]])
@@ -162,6 +164,14 @@ class Commands:
             for rate in np.abs([self.v, self.omega])
         )
         return v, omega
+
+    def slipped(self, since: Floats, until: Floats) -> tuple[Floats, Floats]:
+        """The integrals of the bounds A and B of `slips` between times in any order."""
+        speed, turn_rate = (
+            np.abs(self._total(rate, until) - self._total(rate, since))
+            for rate in (self.slips.speed, self.slips.turn_rate)
+        )
+        return speed, turn_rate
 
     def swing(self, begin: Floats, end: float, about: float) -> Floats:
         """Upper bounds of the integrals of ``|v| |turned - about|`` between some times and one, in any order."""
@@ -200,9 +210,9 @@ class Commands:
 
 
 def departure(
-    commands: Commands, errors: Errors, factors: Factors, since: Floats, until: Floats
+    commands: Commands, errors: Errors, factors: Factors, since: Floats, until: Floats, beyond: bool = False
 ) -> tuple[Floats, Floats]:
-    r"""How far drift and actuators lead a robot away from one that keeps the factors of time T.
+    r"""How far drift and the fleet's errors lead a robot away from one that keeps the factors of time T.
 
     Both robots have one pose at `since`, or at `until`; the bound is of their poses at the other time.
 
@@ -210,6 +220,8 @@ def departure(
     ----------
     since, until : ndarray of one shape
         Seconds, in any order.
+    beyond : bool
+        Leave out what a certificate counts by itself: the fleet's errors, of robots that keep the factors of time T.
 
     Returns
     -------
@@ -222,24 +234,32 @@ def departure(
 
     .. math::
 
-        \delta\theta = d \int |\omega|\,|\tau - T|'\,d\tau + b_m e_\omega \int d\tau, \qquad
-        \delta p = d \int |v|\,|\tau - T|'\,d\tau + a_m e_v \int d\tau + |a(T)|\,\delta\theta \int |v|\,d\tau
+        \delta\theta = d \int |\omega|\,|\tau - T|'\,d\tau + \int (b_m B + w)\,d\tau, \qquad
+        \delta p = d \int |v|\,|\tau - T|'\,d\tau + \int (a_m A + W)\,d\tau
+        + |a(T)|\,\min(\delta\theta, 2) \int |v|\,d\tau
 
-    where the prime adds half a control step: factors may also change in jumps, one a step.
+    where the prime adds half a control step: factors may also change in jumps, one a step. A robot that holds its
+    heading has another second term (`Slips.turned`).
     """
     since, until = np.asarray(since, dtype=float), np.asarray(until, dtype=float)
-    if not (errors.drift or errors.speed or errors.turn_rate):
+    if not (errors.drift or commands.slips):
         return np.zeros(len(until)), np.zeros(len(until))
-    jump = commands.step / 2
+    jump, slips = commands.step / 2, commands.slips
     a, b = factors.at_most(errors.drift, since, until, jump)
+    fastest, sharpest = np.abs(factors.speed).max(), np.abs(factors.turn_rate).max()
     span = np.abs(until - since)
-    # the integrals of the formula above: lags against T, way and turn
+    # the integrals of the formula above: lags against T, way and turn, and what is off in each step
     v_lag, omega_lag = commands.weighted(since, until, factors.time)
     way, turn = commands.driven(since, until)
-    heading = errors.drift * (omega_lag + jump * turn) + b * errors.turn_rate * span
-    largest = np.abs(factors.speed).max()
-    place = errors.drift * (v_lag + jump * way) + a * errors.speed * span + largest * heading * way
-    return heading, np.asarray(place)
+    slipped, swerved = commands.slipped(since, until)
+    heading, place = errors.drift * (omega_lag + jump * turn), errors.drift * (v_lag + jump * way)
+    if beyond:
+        heading = heading + np.maximum(b - sharpest, 0.0) * swerved
+        place = place + np.maximum(a - fastest, 0.0) * slipped
+    else:
+        heading = heading + slips.turned(b, swerved, span, factors.most[1])
+        place = place + a * slipped + slips.place * span
+    return heading, np.asarray(place + fastest * np.minimum(heading, 2.0) * way)
 
 
 def propagated(

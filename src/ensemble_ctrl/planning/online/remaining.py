@@ -44,6 +44,7 @@ from ensemble_ctrl.problem.checks import Finding
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.signals import signals_read
 from ensemble_ctrl.problem.specification import AvoidThroughout, TaskPart
+from ensemble_ctrl.problem.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
 
@@ -64,9 +65,7 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
     elif signals := signals_read(problem):
         message = f"the proofs of a loop are about positions, and the task is about {', '.join(signals)}"
         yield Finding(("task",), message, "plan it as a whole, without online")
-    if problem.fleet.uncertainty:
-        message = "the proofs of a loop do not count these errors"
-        yield Finding(("fleet", "uncertainty"), message, "what a loop counts of them is said under online")
+    yield from _findings_of_errors(problem)
     if problem.terrain:
         message = f"expected no terrain, which the sets of a loop do not count, got {', '.join(problem.terrain)}"
         yield Finding(("terrain",), message, "plan it offline, or keep out of it: make it an obstacle")
@@ -82,6 +81,19 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
         yield Finding(("online", "states"), message, "use noise")
 
 
+def _findings_of_errors(problem: Problem) -> Iterator[Finding]:
+    """Errors of the model that the sets of a loop do not count."""
+    bounds, path = problem.fleet.uncertainty, ("fleet", "uncertainty")
+    if bounds and not problem.fleet.system.on_arcs:
+        message = f"a loop of the {problem.fleet.system.name} does not count errors of the model"
+        yield Finding(path, message, "loops of robots on arcs do")
+        return
+    for name in ("delay", "jitter"):
+        if getattr(bounds, name):
+            message = f"a loop does not count a {name} of commands, got {getattr(bounds, name):g} s"
+            yield Finding((*path, name), message)
+
+
 def _findings_of_states(problem: Problem) -> Iterator[Finding]:
     """What is not for the loop of a system that an ODE defines: it knows no standing, and no error of the model."""
     fleet, settings = problem.fleet, problem.online
@@ -91,10 +103,8 @@ def _findings_of_states(problem: Problem) -> Iterator[Finding]:
     if settings is None:
         return
     errors = settings.options.errors
-    if errors.drift or errors.speed or errors.turn_rate:
-        yield Finding(
-            ("online",), f"drift and actuators are not for a loop of the {name}", "its sets know no model error"
-        )
+    if errors.drift:
+        yield Finding(("online", "drift"), f"a drift is not for a loop of the {name}", "its sets know no model error")
     if settings.options.horizon == "receding":
         why = f"a receding horizon is not for a loop of the {name}: its safety is a plan proven to the end"
         yield Finding(("online", "horizon"), why, "use shrinking")
@@ -127,6 +137,12 @@ def with_ranges(fleet: Fleet, ranges: Floats) -> Fleet:
     """The fleet with other ranges of its parameters, shape (parameters, 2)."""
     distributions = {name: Interval(*map(float, ends)) for name, ends in zip(fleet.names, ranges, strict=True)}
     return replace(fleet, parameters=distributions)
+
+
+def _standing(fleet: Fleet, pose: PoseSet, ranges: Floats, uncertainty: Uncertainty | None) -> Fleet:
+    """The fleet at the middle of a set of poses, with other ranges and bounds of its errors."""
+    bounds = fleet.uncertainty if uncertainty is None else uncertainty
+    return with_ranges(fleet, ranges).with_(position=pose.position, heading=pose.heading, uncertainty=bounds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +306,14 @@ def gridded(formula: Formula, step: Fraction) -> Formula | None:
     return replace(same, a=float(first * step), b=float(last * step)) if first <= last else None
 
 
-def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: PoseSet, ranges: Floats) -> Problem:
+def remaining(
+    problem: Problem,
+    begin: int,
+    parts: Iterable[Formula],
+    pose: PoseSet,
+    ranges: Floats,
+    uncertainty: Uncertainty | None = None,
+) -> Problem:
     """What is left of a problem from a grid time on.
 
     Parameters
@@ -304,13 +327,14 @@ def remaining(problem: Problem, begin: int, parts: Iterable[Formula], pose: Pose
     pose : PoseSet
         Where the robot is; its middle becomes the start.
     ranges : ndarray, shape (parameters, 2)
+    uncertainty : Uncertainty, optional
+        What the robot may do beside its model from then on; the fleet's if not given.
 
     Notes
     -----
     Unchecked: it may not be possible any more, as where a region is too far, or the robot inside an obstacle.
     """
-    fleet = with_ranges(problem.fleet, ranges).with_(position=pose.position, heading=pose.heading)
-    return left_over(problem, begin, parts, fleet)
+    return left_over(problem, begin, parts, _standing(problem.fleet, pose, ranges, uncertainty))
 
 
 def left_over(problem: Problem, begin: int, parts: Iterable[Formula], fleet: Fleet) -> Problem:
@@ -322,9 +346,11 @@ def left_over(problem: Problem, begin: int, parts: Iterable[Formula], fleet: Fle
     return _placed(problem, fleet, gone, task, problem.duration - gone, problem.steps - begin)
 
 
-def read_anew(problem: Problem, begin: int, pose: PoseSet, ranges: Floats) -> Problem:
-    """With a receding horizon, the whole task read at a grid time."""
-    fleet = with_ranges(problem.fleet, ranges).with_(position=pose.position, heading=pose.heading)
+def read_anew(
+    problem: Problem, begin: int, pose: PoseSet, ranges: Floats, uncertainty: Uncertainty | None = None
+) -> Problem:
+    """With a receding horizon, the whole task read at a grid time; else as `remaining`."""
+    fleet = _standing(problem.fleet, pose, ranges, uncertainty)
     return _placed(problem, fleet, begin * problem.step, problem.task, problem.duration, problem.steps)
 
 

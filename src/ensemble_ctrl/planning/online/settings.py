@@ -10,8 +10,10 @@ import numpy as np
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.simulated import Factors, Fixed, Flaws, SimulatedFleet, SimulatedRobot
+from ensemble_ctrl.planning.online.simulated_errors import ErrorKind, SimulatedErrors
 from ensemble_ctrl.planning.online.simulated_states import SimulatedStates
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,10 @@ class RobotSettings:
         What is wrong with it; None for measurements as wrong as is assumed, 0.1 s late.
     seed : int
         Of all that is drawn.
+    errors : {"random", "bang-bang", "constant", "none"}
+        How what it does beside its model goes within its bounds.
+    uncertainty : Uncertainty or None
+        These bounds; None for those of the fleet.
     parameters : mapping of str to float
         For a system that an ODE defines: its true parameters; those that are not named are drawn.
     """
@@ -33,6 +39,8 @@ class RobotSettings:
     factors: Factors | None = None
     flaws: Flaws | None = None
     seed: int = 0
+    errors: ErrorKind = "random"
+    uncertainty: Uncertainty | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -77,10 +85,10 @@ class OnlineSettings:
             factors = Fixed(float(coefficients[0]), float(coefficients[1]))
         errors = self.options.errors
         flaws = robot.flaws or Flaws(errors.position, errors.heading, 0.1)
-        heading = fleet.heading
-        return SimulatedRobot(
-            fleet.arcs, np.array(fleet.start_place), heading, problem.step, factors, flaws, robot.seed
-        )
+        bounds = fleet.uncertainty if robot.uncertainty is None else robot.uncertainty
+        off = SimulatedErrors(fleet.with_(uncertainty=bounds), problem.step, robot.errors, robot.seed)
+        start = np.array(fleet.start_place), fleet.heading
+        return SimulatedRobot(fleet.arcs, *start, problem.step, factors, flaws, robot.seed, off if bounds else None)
 
     def with_robots(self, traction: float | None = None, seed: int | None = None) -> OnlineSettings:
         """The same with another true traction of all robots, or another seed of the first, from which others count."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.simulated_errors import SimulatedErrors
 from ensemble_ctrl.systems import ArcSystem, Bicycle
 
 Floats = NDArray[np.float64]
@@ -81,8 +82,6 @@ class Flaws:
         Seconds that a measurement takes to arrive.
     command_delay : float
         Seconds by which every command is carried out late.
-    speed, turn_rate : float
-        Largest errors of the actuators in each step, m/s and rad/s, uniform.
     saturation : tuple of float or None
         Largest absolute commands that are carried out.
     quantum : tuple of float or None
@@ -95,15 +94,13 @@ class Flaws:
     heading: float = 0.0
     delay: float = 0.0
     command_delay: float = 0.0
-    speed: float = 0.0
-    turn_rate: float = 0.0
     saturation: tuple[float, float] | None = None
     quantum: tuple[float, float] | None = None
     lost_measurements: float = 0.0
     lost_commands: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("position", "heading", "delay", "command_delay", "speed", "turn_rate"):
+        for name in ("position", "heading", "delay", "command_delay"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise ProblemError(f"robot.{name}: expected a finite number >= 0, got {getattr(self, name)!r}")
         for name in ("lost_measurements", "lost_commands"):
@@ -129,6 +126,8 @@ class SimulatedRobot:
     flaws : Flaws
     seed : int
         Of noise and losses.
+    errors : SimulatedErrors or None
+        What it does beside its model while it drives; nothing if not given.
 
     Attributes
     ----------
@@ -143,6 +142,7 @@ class SimulatedRobot:
     factors: Factors = field(default_factory=Fixed)
     flaws: Flaws = field(default_factory=Flaws)
     seed: int = 0
+    errors: SimulatedErrors | None = None
 
     def __post_init__(self) -> None:
         self._random = np.random.default_rng(self.seed)
@@ -151,7 +151,6 @@ class SimulatedRobot:
         self._commands: dict[int, Floats] = {}
         self._parts = 0
         self._post: deque[tuple[float, Measurement]] = deque()
-        self._error = np.zeros(2)
         self._measure()
 
     def now(self) -> float:
@@ -201,22 +200,34 @@ class SimulatedRobot:
 
     def _drive(self) -> None:
         """Move for one part of a step."""
-        flaws = self.flaws
-        # the command that is due now, late by the delay; actuator errors are constant in each step
-        due = (self._parts * self.step / FINE - flaws.command_delay) / self.step
-        k = int(np.floor(due + 1e-9))
-        if self._parts % FINE == 0:
-            self._error = self._random.uniform(-1.0, 1.0, 2) * [flaws.speed, flaws.turn_rate]
-        command = self._commands.get(k)
+        # the command that is due now, late by the delay; errors are constant in each step
+        due = (self._parts * self.step / FINE - self.flaws.command_delay) / self.step
+        if self._parts % FINE == 0 and self.errors is not None:
+            self.errors.advance()
+        command = self._commands.get(int(np.floor(due + 1e-9)))
         if command is not None:
-            v, omega = (float(rate) for rate in self.system.rates(*self._carried_out(command)))
-            if v or omega:
-                v, omega = v + self._error[0], omega + self._error[1]
-            sign = 1.0 if self.system.heading_from == "x" else -1.0
-            a, b = self.factors(self.now(), self.pose[:2])
-            self.pose = moved(self.pose, a * v, b * sign * omega, self.step / FINE)
+            self._move(self._carried_out(command), self.step / FINE)
         self._parts += 1
         self.track.append(self.pose.copy())
+
+    def _move(self, command: Floats, span: float) -> None:
+        """Carry a command out for some seconds; a robot that is told to stand stands."""
+        v, omega = map(float, self.system.rates(*command))
+        if not (v or omega):
+            return
+        sign = 1.0 if self.system.heading_from == "x" else -1.0
+        a, b = self.factors(self.now(), self.pose[:2])
+        if self.errors is None:
+            self.pose = moved(self.pose, a * v, b * sign * omega, span)
+            return
+        # rates with their errors; what a loop on the heading holds is that of the model, b omega
+        off_v, off_omega = map(float, self.system.rates(*self.errors.command(command)))
+        stray_a, stray_b = self.errors.strays()
+        push = self.errors.pushes()
+        model = b * sign * omega
+        turned = self.errors.turn(model, b * sign * stray_b * off_omega - model + sign * push[2], span)
+        self.pose = moved(self.pose, a * stray_a * off_v, turned / span, span)
+        self.pose[:2] += push[:2] * span
 
     def _carried_out(self, command: Floats) -> Floats:
         """A command as the actuators understand it."""

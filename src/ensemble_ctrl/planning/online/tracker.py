@@ -12,6 +12,7 @@ from ensemble_ctrl.planning.online.measurement import Measurement
 from ensemble_ctrl.planning.online.membership import Membership
 from ensemble_ctrl.planning.online.propagation import Commands, Errors, Factors, PoseSet, departure
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ class Tracker:
         self.past: list[PoseSet] = []
         self.last: Measurement | None = None
         self.holds, self.widened = True, 0
-        self._commands = Commands(problem.fleet.arcs, self.sent, problem.step)
+        self._commands = Commands(problem.fleet, self.sent, problem.step)
 
     @property
     def ranges(self) -> Floats:
@@ -72,12 +73,12 @@ class Tracker:
     def send(self, controls: Floats) -> None:
         """Some more commands were given out."""
         self.sent = np.concatenate([self.sent, controls])
-        self._commands = Commands(self.problem.fleet.arcs, self.sent, self.problem.step)
+        self._commands = Commands(self.problem.fleet, self.sent, self.problem.step)
 
     def recall(self, begin: int) -> None:
         """Commands from step `begin` on, which is not past, will not be carried out."""
         self.sent = self.sent[:begin]
-        self._commands = Commands(self.problem.fleet.arcs, self.sent, self.problem.step)
+        self._commands = Commands(self.problem.fleet, self.sent, self.problem.step)
 
     def observe(self, measurement: Measurement) -> list[str]:
         """Learn from a measurement; returns what was out of the ordinary."""
@@ -108,18 +109,32 @@ class Tracker:
         """The first grid time from the newest measurement on."""
         return min(int(np.ceil(self.time / self.problem.step - NEAR)), len(self.sent))
 
-    def departures(self, controls: Floats, begin: int) -> Floats:
-        """Metres by which drift and actuators may lead the robot away in each step of `controls`, from `begin` on.
+    def departures(self, controls: Floats, begin: int, beyond: bool = True) -> Floats:
+        """Metres by which the robot may be led away in each step of `controls`, from the grid time `begin` on.
 
-        They count from the grid time `begin`, at which the pose is known, and drift from the last measurement, at which
-        the factors are.
+        They count from that time, at which the pose is known, and drift from the last measurement, at which the factors
+        are. What a certificate with the errors of `onwards` counts is left out, unless it is not `beyond` that.
         """
         step, known = self.problem.step, self.sets.known
         # times relative to the grid time from which the pose is propagated
         later = replace(known, time=known.time - begin * step)
         until: Floats = np.asarray(step * np.arange(1, len(controls) + 1), dtype=float)
-        ahead = Commands(self.problem.fleet.arcs, controls, step)
-        return departure(ahead, self.errors, later, np.zeros(len(until)), until)[1]
+        ahead = Commands(self.problem.fleet, controls, step)
+        return departure(ahead, self.errors, later, np.zeros(len(until)), until, beyond)[1]
+
+    @property
+    def onwards(self) -> Uncertainty:
+        """Bounds for a robot of which the pose is known, but not how far a loop has let its heading go.
+
+        From then on the heading departs by ``e(t) - e(0)``, whose rate is that of ``e`` and at most ``|e(0)| / tau``
+        more.
+        """
+        bounds = self.problem.fleet.uncertainty
+        if bounds.heading_hold is None:
+            return bounds
+        worst = self._commands.slips.worst(self.sets.known.most[1])
+        heading = bounds.disturbance.get("heading", 0.0) + worst
+        return bounds.with_(disturbance={**bounds.disturbance, "heading": heading})
 
     def bulge(self, k: int) -> float:
         """Metres by which the robot may leave the segment between the places at grid times `k` and ``k + 1``."""
