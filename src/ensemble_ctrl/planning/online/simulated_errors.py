@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.problem.evaluation.disturbed import DRIVE, STRAYS, Channel, channels
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.uncertainty import POSITION
 
 Floats = NDArray[np.float64]
 ErrorKind = Literal["random", "bang-bang", "constant", "none"]
 """How errors go: uniform in each step; at the bounds with changes of sign; at the bounds for good; not at all."""
+RATE, COMMAND, FACTOR = "rate", "command", "factor"
+"""What an error is of, beside the position in any direction."""
 BETWEEN = 3.0
 """Seconds between changes of sign of an error at its bounds, on average."""
 
@@ -42,7 +43,9 @@ class SimulatedErrors:
             raise ProblemError(f"robot.errors: expected {', '.join(get_args(ErrorKind))}, got {kind!r}")
         self.fleet, self.step, self.kind = fleet, step, kind
         self._random = np.random.default_rng([seed, 1])
-        self._channels = channels(fleet)
+        arcs = fleet.arcs
+        names = {RATE: arcs.states, POSITION: fleet.places, COMMAND: arcs.controls, FACTOR: arcs.parameters}
+        self._channels = [(what, name) for what, each in names.items() for name in each]
         self._settings = self._random.choice([-1.0, 1.0], len(self._channels)) * (kind != "none")
         self._turned = 0.0
 
@@ -58,20 +61,20 @@ class SimulatedErrors:
         """A command as it is carried out."""
         fleet = self.fleet
         bounds = fleet.uncertainty.command_errors(fleet.system.controls, command[None])[0]
-        return np.asarray(command + bounds * [self._setting(DRIVE, name) for name in fleet.system.controls])
+        return np.asarray(command + bounds * [self._setting(COMMAND, name) for name in fleet.system.controls])
 
     def strays(self) -> tuple[float, float]:
         """What multiplies the factors on speed and turn rate."""
         found = [1.0, 1.0]
         for name, share in self.fleet.uncertainty.varies.items():
             for place in np.flatnonzero(self.fleet.arcs.directions[name]).tolist():
-                found[place] *= 1 + share * self._setting(STRAYS, name)
+                found[place] *= 1 + share * self._setting(FACTOR, name)
         return found[0], found[1]
 
     def pushes(self) -> Floats:
         """Errors of the rates of x, y, and the heading, counted as the system does, shape (3,)."""
         given, (x, y, heading) = self.fleet.uncertainty.disturbance, self.fleet.arcs.states
-        own = np.array([given.get(name, 0.0) * self._setting("disturbance", name) for name in (x, y, heading)])
+        own = np.array([given.get(name, 0.0) * self._setting(RATE, name) for name in (x, y, heading)])
         along = np.array([self._setting(POSITION, name) for name in self.fleet.places])
         # settings of the position are moved into the ball of that radius
         own[:2] += given.get(POSITION, 0.0) * along / max(1.0, float(np.linalg.norm(along)))
@@ -91,6 +94,5 @@ class SimulatedErrors:
         return model * span + gained
 
     def _setting(self, kind: str, name: str) -> float:
-        """The setting of a channel; zero where there is none."""
-        channel = Channel(kind, name)
-        return float(self._settings[self._channels.index(channel)]) if channel in self._channels else 0.0
+        """The share of its bound that an error of a kind has now, -1 to 1."""
+        return float(self._settings[self._channels.index((kind, name))])
