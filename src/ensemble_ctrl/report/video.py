@@ -11,7 +11,18 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from ensemble_ctrl.core.errors import EnsembleError
-from ensemble_ctrl.report.palette import GRID, INSIDE, OBSTACLE, OBSTACLE_EDGE, OUTLINE, REGION, SOFT, viridis
+from ensemble_ctrl.report.palette import (
+    GRID,
+    INSIDE,
+    OBSTACLE,
+    OBSTACLE_EDGE,
+    OUTLINE,
+    PATCH,
+    PATCH_EDGE,
+    REGION,
+    SOFT,
+    viridis,
+)
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -60,7 +71,7 @@ def _colours(more: Iterable[str]) -> list[tuple[int, ...]]:
 
     named = [
         ImageColor.getrgb(name)
-        for name in (OUTLINE, OBSTACLE, OBSTACLE_EDGE, REGION, INSIDE, SOFT, GRID, "black", *more)
+        for name in (OUTLINE, OBSTACLE, OBSTACLE_EDGE, PATCH, PATCH_EDGE, REGION, INSIDE, SOFT, GRID, "black", *more)
     ]
     pure = np.concatenate([np.array(named), viridis(np.linspace(0, 1, 21)).astype(int)])
     # blends with white, as smoothed edges have them
