@@ -124,13 +124,14 @@ TEXT = [
     ("ink", "card"),
     ("ink", "ground"),
     ("region", "card"),
+    ("patch-edge", "card"),
     *((name, f"{name}-ground") for name in ("good", "bad", "open")),
 ]
 
 
 @pytest.mark.parametrize(("text", "ground"), TEXT)
 def test_text_on_the_page_can_be_read_in_both_schemes(text: str, ground: str) -> None:
-    style = (Path(report.__file__).parent / "page.css").read_text(encoding="utf-8")
+    style = (Path(report.__file__).parent / "drawing.css").read_text(encoding="utf-8")
     light, dark = (dict(re.findall(r"--([\w-]+): (#\w{6})", part)) for part in style.split("@media (prefers-color", 1))
     assert contrast(light[text], light[ground]) >= 4.5
     assert contrast(dark[text], dark[ground]) >= 4.5
@@ -143,6 +144,7 @@ def test_names_on_obstacles_can_be_read_in_pictures_and_films() -> None:
     assert name.get_color() == palette.ON_OBSTACLE
     assert contrast(palette.SOFT, "#ffffff") >= 4.5
     assert contrast(palette.REGION, "#ffffff") >= 4.5
+    assert contrast(palette.PATCH_EDGE, "#ffffff") >= 4.5
 
 
 def test_moments_are_integrals_of_exact_trajectories() -> None:
