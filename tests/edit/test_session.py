@@ -209,6 +209,20 @@ def test_numbers_with_units_are_read_for_the_map() -> None:
     assert (apart["at"], apart["paths"]) == ([1.0, 0.5], [["fleet", "start", "x"], ["fleet", "start", "y"]])
 
 
+def test_discs_zones_and_terrain_are_dragged_too() -> None:
+    data = Tree.read(
+        "obstacles: {oak: {disc: {center: [1, 2 m], radius: 40 cm}}, mixed: [{box: [[0, 1], [0, 1]]}, {wkt: x}]}\n"
+        "zones: {slow: {areas: [{box: [[0, 1], [0, 1]]}, {box: [[2, 3], [0, 1]]}], v: 1}}\n"
+        "terrain: {mud: {polygon: [[0, 0], [1, 0], [0, 1]], traction: [0.5, 1]}}\n"
+    ).data
+    found = {(shape["kind"], shape["name"], *map(str, shape["path"])): shape for shape in shapes(data, None)}
+    oak = found["obstacle", "oak", "obstacles", "oak", "disc"]
+    assert (oak["points"], oak["radius"]) == ([[1.0, 2.0]], 0.4)
+    assert found["obstacle", "mixed", "obstacles", "mixed"]["form"] == "fixed"
+    assert found["zone", "slow", "zones", "slow", "areas", "1", "box"]["points"] == [[2.0, 3.0], [0.0, 1.0]]
+    assert found["patch", "mud", "terrain", "mud", "polygon"]["form"] == "polygon"
+
+
 def test_a_map_becomes_areas_under_free_names(tmp_path: Path) -> None:
     edited = session(tmp_path)
     content = (ROOT / "configs" / "maps" / "yard.geojson").read_text(encoding="utf-8")

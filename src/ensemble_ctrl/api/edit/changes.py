@@ -15,8 +15,8 @@ MOST = 1000
 """Changes in one request."""
 DEEP = 20
 """Keys of a path at most."""
-PLACES = ("obstacles", "regions")
-"""Sections whose entries a task names."""
+PLACES = ("obstacles", "regions", "zones", "terrain")
+"""Sections of places with names, which a task may use."""
 
 
 class ChangeError(EnsembleError):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.certificate import CounterExample
-from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
 from ensemble_ctrl.report.html import cards, verdict_class
 from ensemble_ctrl.report.map_content import MapContent, map_contents
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
@@ -38,7 +38,7 @@ def drawing(plan: Plan) -> Data:
     """
     problem, controls = plan.problem, plan.controls
     members = problem.fleet.spread(MEMBERS if problem.fleet.names else 1)
-    paths = trajectories(problem, controls, members, 2)
+    paths, members = all_paths(problem, controls, members, 2)
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     keep = some(len(times), FRAMES)
     ribbons, marks = tubes(problem, controls), conflict_places(plan)
@@ -78,7 +78,7 @@ def drawing(plan: Plan) -> Data:
 def _counter(plan: Plan) -> tuple[CounterExample, Floats] | None:
     """The member that the certificate found to violate the task, with its way, shape (times, d)."""
     found = None if plan.certificate is None else plan.certificate.counter_example
-    if found is None or not found.parameters:
+    if found is None or not found.parameters or plan.problem.fleet.starts:  # of which start is not said
         return None
     member = plan.problem.fleet.members([found.parameters])
     return found, trajectories(plan.problem, plan.controls, member, 4)[0]
@@ -116,6 +116,7 @@ def _surroundings(content: MapContent, times: Floats) -> Data:
                 for corners in shape.pieces
             ),
         ],
+        "starts": [_rounded(place) for place in content.starts.values()],
         "moving": {s.name: _rounded(s.motion.at(times)) for s in content.obstacles if s.motion is not None},
     }
 

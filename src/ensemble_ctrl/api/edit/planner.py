@@ -123,9 +123,11 @@ class Planner:
         content = Content(json.dumps(asked))
         self._say(wanted, "planning")
         quick = self._stage(wanted, content, CONTINUED) if self._guess else None
-        if quick:
+        if quick is not None and "error" in quick:  # what can't be continued can still be planned
+            quick = None
+        if quick is not None:
             self._planned(wanted, quick, whole=False)
-        if (wanted.dragging and quick) or self._newer():
+        if (wanted.dragging and quick is not None) or self._newer():
             return
         whole = self._stage(wanted, content, WHOLE)
         if whole is None:

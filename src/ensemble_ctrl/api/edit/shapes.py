@@ -13,10 +13,11 @@ from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.drawing import shadow
 
 Data = dict[str, Any]
-SECTIONS = {"obstacles": "obstacle", "regions": "region"}
+Place = list[str | int]
+SECTIONS = {"obstacles": "obstacle", "regions": "region", "zones": "zone", "terrain": "patch"}
 """Sections of areas, and what one of them is called."""
 FORMS = ("box", "polygon")
-"""Forms whose numbers are in the file."""
+"""Forms that are lists of numbers."""
 STATES = ("x", "y", "z")
 """States that are coordinates of the position, for systems whose start is given state by state."""
 _LENGTH, _ANGLE = quantity("length"), quantity("angle")
@@ -35,21 +36,19 @@ def shapes(data: Any, problem: Problem | None) -> list[Data]:
     Returns
     -------
     list of dict
-        ``kind``, ``name``, ``path`` of the form's numbers in the file; ``form``: box, polygon, or fixed for what the
-        text alone can change; ``points``: for a box ``[[low, high], ...]``, for a polygon its corners, metres;
-        ``pieces``: what is drawn of fixed ones.
+        ``kind``, ``name``, ``path`` of the form's numbers in the file; ``form``: box, polygon, disc, or fixed for what
+        the text alone can change; ``points``: for a box ``[[low, high], ...]``, for a polygon its corners, for a disc
+        its centre, metres; ``radius`` of a disc; ``pieces``: what is drawn of fixed ones.
     """
     found = []
     for section, kind in SECTIONS.items():
         named = _section(data, section)
         for name, given in named.items():
-            listed = isinstance(given, list)
-            for i, shape in enumerate(given if listed else [given]):
-                path: list[str | int] = [section, name, *([i] if listed else [])]
-                found.append({"kind": kind, "name": name, "entry": path, **_form(shape, path)})
-            if all(shape["form"] == "fixed" for shape in found if shape["name"] == name and shape["kind"] == kind):
-                found = [shape for shape in found if shape["name"] != name or shape["kind"] != kind]
+            several = [_form(shape, path) for shape, path in _listed(given, [section, name])]
+            if any(shape["form"] == "fixed" for shape in several):
                 found.append(_fixed(kind, section, name, problem))
+            else:
+                found += [{"kind": kind, "name": name, **shape} for shape in several]
     return found
 
 
@@ -84,14 +83,28 @@ def target(data: Any) -> Data | None:
     return None if at is None or len(at) < 2 else {"at": at, "path": ["objective", "terminal", "target"]}
 
 
-def _form(shape: Any, path: list[str | int]) -> Data:
+def _listed(given: Any, path: Place) -> list[tuple[Any, Place]]:
+    """The shapes of one name with their paths: one, a list, or a section's ``areas``."""
+    if isinstance(given, dict) and isinstance(given.get("areas"), list):
+        given, path = given["areas"], [*path, "areas"]
+    if isinstance(given, list):
+        return [(shape, [*path, i]) for i, shape in enumerate(given)]
+    return [(given, path)]
+
+
+def _form(shape: Any, path: Place) -> Data:
     """An area's form with its numbers; fixed, where they can't be read."""
-    for form in FORMS if isinstance(shape, dict) else ():
+    shape = shape if isinstance(shape, dict) else {}
+    for form in FORMS:
         rows = shape.get(form)
         points = [_numbers(row, _LENGTH) for row in rows] if isinstance(rows, list) else [None]
-        if points and all(row is not None and len(row) == 2 for row in points) and len(points) > 1:
-            return {"form": form, "path": [*path, form], "points": points}
-    return {"form": "fixed", "path": path, "points": []}
+        if all(row is not None and len(row) == 2 for row in points) and len(points) > 1:
+            return {"form": form, "entry": path, "path": [*path, form], "points": points}
+    disc = _section(shape, "disc")
+    center, radius = _numbers(disc.get("center"), _LENGTH), _number(disc.get("radius"), _LENGTH)
+    if center is not None and len(center) == 2 and radius is not None:
+        return {"form": "disc", "entry": path, "path": [*path, "disc"], "points": [center], "radius": radius}
+    return {"form": "fixed"}
 
 
 def _fixed(kind: str, section: str, name: str, problem: Problem | None) -> Data:
@@ -103,10 +116,18 @@ def _fixed(kind: str, section: str, name: str, problem: Problem | None) -> Data:
 
 def _corners(problem: Problem, kind: str, name: str) -> Iterator[Any]:
     """Outlines of the convex pieces from above."""
-    if kind == "obstacle":
-        yield from (shadow(piece.vertices) for piece in problem.obstacles.get(name, ()))
-    elif name in problem.regions and problem.regions[name].is_bounded and problem.regions[name].A.shape[1] > 1:
-        yield shadow(problem.regions[name].vertices)
+    if kind == "region":
+        region = problem.regions.get(name)
+        if region is not None and region.is_bounded and region.vertices.shape[1] > 1:
+            yield shadow(region.vertices)
+        return
+    zone, patch = problem.zones.get(name), problem.terrain.get(name)
+    pieces: Any = {
+        "obstacle": problem.obstacles.get(name, ()),
+        "zone": () if zone is None else zone.pieces,
+        "patch": () if patch is None else patch.pieces,
+    }[kind]
+    yield from (shadow(piece.vertices) for piece in pieces)
 
 
 def _section(data: Any, key: str) -> Data:

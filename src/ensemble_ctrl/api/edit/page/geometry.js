@@ -1,15 +1,25 @@
 // Numbers of shapes: in metres, as the file has them.
 
+const SIDES = 60; // of a disc, as it is drawn
+
 export const corners = (shape) => {
   if (shape.form === "box") {
     const [[left, right], [low, high]] = shape.points;
     return [[left, low], [right, low], [right, high], [left, high]];
+  }
+  if (shape.form === "disc") {
+    const [[x, y]] = shape.points;
+    return Array.from({ length: SIDES }, (_, k) => {
+      const angle = (2 * Math.PI * k) / SIDES;
+      return [x + shape.radius * Math.cos(angle), y + shape.radius * Math.sin(angle)];
+    });
   }
   return shape.points;
 };
 
 // changes that give a shape its numbers, or a point its place
 export function puts(shape, value) {
+  if (shape.form === "disc") return [{ do: "put", path: shape.path, value: { center: value[0], radius: shape.radius } }];
   if (!shape.paths) return [{ do: "put", path: shape.path, value }];
   return shape.paths.map((path, k) => ({ do: "put", path, value: value[k] }));
 }
@@ -44,18 +54,6 @@ export function resized(shape, handle, x, y, step) {
     if (which < 0) return [+Math.min(at, high - least).toFixed(6), high];
     if (which > 0) return [low, +Math.max(at, low + least).toFixed(6)];
     return [low, high];
-  });
-}
-
-const SIDES = 16;
-// a regular polygon that holds the disc (obstacles only grow), or lies in it (regions only shrink)
-export function disc(x, y, radius, outside) {
-  const far = outside ? radius / Math.cos(Math.PI / SIDES) : radius;
-  const up = outside ? (v) => v : (v) => v * (1 - 1e-6);
-  return Array.from({ length: SIDES }, (_, k) => {
-    const angle = (2 * Math.PI * (k + 0.5)) / SIDES;
-    const away = up(far) + (outside ? 2e-6 : -2e-6);
-    return [+(x + away * Math.cos(angle)).toFixed(6), +(y + away * Math.sin(angle)).toFixed(6)];
   });
 }
 

@@ -1,5 +1,5 @@
 // Presses, drags, the wheel and two fingers on the map.
-import { corners, disc, moved, puts, resized, snapped } from "./geometry.js";
+import { corners, moved, puts, resized, snapped } from "./geometry.js";
 import { key } from "./map.js";
 
 const CLOSE = 12; // pixels from the first corner that close a polygon
@@ -115,7 +115,7 @@ export class Gestures {
     drag.moved = true;
     if (drag.what === "box" || drag.what === "disc") {
       const shape = this.drawn(drag, at, step);
-      this.map.sketch = shape && { kind: drag.kind, points: shape.form === "box" ? corners(shape) : shape.points };
+      this.map.sketch = shape && { kind: drag.kind, points: corners(shape) };
       return this.map.draw();
     }
     this.map.dragged = this.changed(drag, at, step);
@@ -123,11 +123,11 @@ export class Gestures {
     this.send(true);
   }
   // a new box or disc between where it was begun and here
-  drawn({ what, from, kind }, at, step) {
+  drawn({ what, from }, at, step) {
     const point = at.map((value) => snapped(value, step));
     if (what === "disc") {
       const radius = snapped(Math.hypot(at[0] - from[0], at[1] - from[1]), step);
-      return radius > 0 ? { form: "polygon", points: disc(from[0], from[1], radius, kind === "obstacle") } : null;
+      return radius > 0 ? { form: "disc", points: [from], radius } : null;
     }
     const sides = [0, 1].map((k) => [Math.min(from[k], point[k]), Math.max(from[k], point[k])]);
     return sides.every(([low, high]) => low < high) ? { form: "box", points: sides } : null;
@@ -140,6 +140,10 @@ export class Gestures {
       return { ...shape, heading: snapped(raw, step ? DEGREES : 0) * Math.PI / 180 };
     }
     if (shape.at) return { ...shape, at: shape.at.map((value, k) => (k < 2 ? snapped(value + [dx, dy][k], step) : value)) };
+    if (what === "radius") {
+      const radius = snapped(Math.hypot(at[0] - shape.points[0][0], at[1] - shape.points[0][1]), step);
+      return { ...shape, radius: Math.max(radius, step || 0.01) };
+    }
     if (what === "move") return { ...shape, points: moved(shape, dx, dy, step) };
     if (what.startsWith("corner")) {
       const i = +what.slice(6);
@@ -159,7 +163,8 @@ export class Gestures {
     if (drag.what === "box" || drag.what === "disc") {
       const shape = this.drawn(drag, this.map.metres(event), event.altKey ? 0 : this.map.tools.snap);
       this.drag = this.map.sketch = null;
-      if (shape) this.map.tools.add({ [shape.form]: shape.form === "box" ? this.flat(shape.points) : shape.points }, drag.kind);
+      const value = shape && (shape.form === "box" ? this.flat(shape.points) : { center: shape.points[0], radius: shape.radius });
+      if (shape) this.map.tools.add({ [shape.form]: value }, drag.kind);
       else this.map.draw();
       return;
     }

@@ -40,7 +40,7 @@ export class MapView {
     if (target) list.push({ ...target, kind: "target", name: "", index: 0, entry: ["objective", "terminal"] });
     if (start) list.push({ ...start, kind: "start", name: "", index: 0, entry: ["fleet", "start"] });
     const own = this.dragged;
-    return own ? list.map((shape) => (same(shape, own) ? { ...shape, points: own.points ?? shape.points, at: own.at ?? shape.at, heading: own.heading ?? shape.heading } : shape)) : list;
+    return own ? list.map((shape) => (same(shape, own) ? { ...shape, points: own.points ?? shape.points, at: own.at ?? shape.at, heading: own.heading ?? shape.heading, radius: own.radius ?? shape.radius } : shape)) : list;
   }
   selectedShape() {
     const chosen = this.app.selection;
@@ -83,12 +83,16 @@ export class MapView {
     // the larger below the smaller; obstacles above regions, but in space, where they may be far above or below them
     const space = Boolean(view && view.hidden);
     const areas = shapes.filter((s) => s.form).sort((a, b) => area(b) - area(a));
-    const below = [...this.grid(), ...areas.filter((s) => space || s.kind === "region").map((s) => this.area(s, chosen))];
+    const below = [...this.grid(), ...areas.filter((s) => space || s.kind !== "obstacle").map((s) => this.area(s, chosen))];
     this.svg.classList.toggle("space", space);
     const plan = view && this.app.state.map.plane ? [element("g", { class: `plan${this.app.fresh ? "" : " old"}` }, [...this.tube(view), ...this.ways(drawing, view)])] : [];
     const above = areas.filter((s) => !space && s.kind === "obstacle").map((s) => this.area(s, chosen));
     const moving = view ? this.moving(view, shapes) : [];
-    const points = shapes.filter((s) => s.at).map((s) => this.point(s, chosen));
+    const others = view && view.starts.length > 1 && this.app.fresh ? view.starts.map((place) => {
+      const [cx, cy] = this.at(place);
+      return element("circle", { class: "start", cx, cy, r: 4 });
+    }) : [];
+    const points = [...others, ...shapes.filter((s) => s.at).map((s) => this.point(s, chosen))];
     const dots = view && this.app.state.map.plane ? [element("g", { class: `plan${this.app.fresh ? "" : " old"}` }, [...this.members(drawing, view), ...this.marks(view)])] : [];
     const names = shapes.filter((s) => s.name).map((s) => this.name(s));
     const handles = shapes.filter((s) => same(s, chosen)).flatMap((s) => this.handles(s));
@@ -117,7 +121,7 @@ export class MapView {
   }
   area(shape, chosen) {
     const outlines = shape.form === "fixed" ? shape.pieces || [] : [corners(shape)];
-    const polygons = outlines.map((outline) => element("polygon", { class: shape.kind === "region" ? "region" : "", points: this.text(outline) }));
+    const polygons = outlines.map((outline) => element("polygon", { class: { region: "region", zone: "region zoned" }[shape.kind] || "", points: this.text(outline) }));
     return this.tagged(element("g", { class: shape.kind }, polygons), shape, chosen);
   }
   tagged(group, shape, chosen) {
@@ -146,7 +150,7 @@ export class MapView {
   name(shape) {
     const outline = shape.form === "fixed" ? (shape.pieces || [])[0] : corners(shape);
     if (!outline || !outline.length) return element("g", {});
-    if (shape.kind === "region") {
+    if (shape.kind !== "obstacle") {
       const top = outline.reduce((best, p) => (p[1] > best[1] ? p : best));
       const middle = outline.reduce((sum, p) => sum + p[0], 0) / outline.length;
       const [x, y] = this.at([middle, top[1]]);
@@ -210,6 +214,10 @@ export class MapView {
     if (shape.form === "box") {
       const [[left, right], [low, high]] = shape.points;
       return HANDLES.map(([i, j], k) => this.handle(this.at([i < 0 ? left : i > 0 ? right : (left + right) / 2, j < 0 ? low : j > 0 ? high : (low + high) / 2]), `${i},${j}`, CURSORS[k]));
+    }
+    if (shape.form === "disc") {
+      const [[x, y]] = shape.points;
+      return [this.handle(this.at([x + shape.radius, y]), "radius", "ew-resize")];
     }
     if (shape.form === "polygon") {
       const between = shape.points.map((p, i) => {

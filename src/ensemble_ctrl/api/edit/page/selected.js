@@ -15,7 +15,7 @@ export class Selected {
     if (!shape) return;
     const parts = [];
     const title = document.createElement("b");
-    title.textContent = { start: "Start", target: "Target", obstacle: "Obstacle", region: "Region" }[shape.kind];
+    title.textContent = { start: "Start", target: "Target", obstacle: "Obstacle", region: "Region", zone: "Zone", patch: "Terrain" }[shape.kind];
     parts.push(title);
     if (shape.name) parts.push(this.field("name", "name", shape.name, (value) => this.rename(shape, value)));
     if (shape.form === "fixed") {
@@ -48,6 +48,10 @@ export class Selected {
     if (shape.form === "box") {
       return shape.points.flatMap((side, k) => side.map((value, end) =>
         this.field(`${"xyz"[k]}${end}`, `${"xyz"[k]} ${end ? "to" : "from"} [m]`, value, put([...shape.path, k, end]))));
+    }
+    if (shape.form === "disc") {
+      const center = shape.points[0].map((value, k) => this.field("xy"[k], `${"xy"[k]} [m]`, value, put([...shape.path, "center", k])));
+      return [...center, this.field("radius", "radius [m]", shape.radius, put([...shape.path, "radius"]))];
     }
     return shape.points.flatMap((corner, i) => corner.map((value, k) =>
       this.field(`c${i}${k}`, `${"xy"[k]}${i + 1} [m]`, value, put([...shape.path, i, k]))));

@@ -1,5 +1,5 @@
 // Fields of the problem file beside its map, made from the JSON Schema; each with its unit and what it means.
-const SECTIONS = ["fleet", "horizon", "objective", "moments", "solve", "verify", "motions", "report", "online"];
+const ELSEWHERE = ["version", "name", "regions", "obstacles", "task", "ignore", "sweep"]; // on the map, or in the text
 const DEEP = 5;
 
 export class Settings {
@@ -16,7 +16,7 @@ export class Settings {
     title.className = "note";
     title.textContent = "An empty field is left out of the file: its default, shown in grey, holds then.";
     const fields = ["name"].map((key) => this.row(key, top[key], data[key], [key], 0));
-    const sections = SECTIONS.filter((key) => top[key]).map((key) => this.section(key, top[key], data[key], [key], 0));
+    const sections = Object.keys(top).filter((key) => !ELSEWHERE.includes(key)).map((key) => this.section(key, top[key], data[key], [key], 0));
     this.element.replaceChildren(title, ...fields, ...sections);
     if (focused) this.element.querySelector(`[data-path="${CSS.escape(focused)}"]`)?.focus();
   }

@@ -9,7 +9,7 @@ const HINTS = {
   select: "Drag shapes, the start and the target; drag the ground to move the map, turn the wheel to come closer.",
   box: "Drag from one corner to the other.",
   polygon: "Click the corners; Enter, or a click on the first one, closes it.",
-  disc: "Drag from the centre: a polygon around the disc for an obstacle, inside of it for a region.",
+  disc: "Drag from the centre to the rim.",
   waypoint: "Click where the fleet has to pass: a region with a visit in the task.",
   start: "Click where the fleet starts; its arrow turns it.",
   target: "Click where the fleet should end.",
@@ -33,7 +33,7 @@ export class Tools {
       button.onclick = () => this.choose(name);
       return button;
     });
-    const kind = choice("kind", "as", [["obstacle", "obstacle"], ["region", "region"]]);
+    const kind = choice("kind", "as", [["obstacle", "obstacle"], ["region", "region"], ["slow zone", "zone"]]);
     kind.lastChild.onchange = (event) => { this.kind = event.target.value; };
     const snap = choice("snap", "snap", SNAPS);
     this.snapped = snap.lastChild;
@@ -81,14 +81,14 @@ export class Tools {
   async add(shape, kind, visit) {
     const { shapes, pieces } = this.app.state.map;
     const names = new Set(shapes.map((one) => one.name));
-    const letter = kind === "obstacle" ? "o" : visit ? "w" : "r";
+    const letter = { obstacle: "o", zone: "z" }[kind] || (visit ? "w" : "r");
     let k = 1;
     while (names.has(letter + k)) k++;
-    const name = letter + k, section = kind === "obstacle" ? "obstacles" : "regions";
-    const edits = [{ do: "put", path: [section, name], value: shape }];
+    const name = letter + k, section = { obstacle: "obstacles", zone: "zones" }[kind] || "regions";
+    const edits = [{ do: "put", path: [section, name], value: kind === "zone" ? { ...shape, v: "0.5 m/s" } : shape }];
     const tasked = pieces || [];
     if (kind === "region") edits.push({ do: "task", pieces: [...tasked, { kind: "visit", place: name, window: null }] });
-    else if (!tasked.some((piece) => piece.kind !== "visit" && piece.kind !== "stay") && tasked.length) {
+    else if (kind === "obstacle" && !tasked.some((piece) => piece.kind !== "visit" && piece.kind !== "stay") && tasked.length) {
       edits.push({ do: "task", pieces: [...tasked, { kind: "avoid", place: "obstacles", window: null }] });
     }
     if (kind === "region" && shapes.some((one) => one.kind === "obstacle") && !tasked.length) {
