@@ -101,7 +101,8 @@ def nearest_piece(search: Search, avoid: AvoidConstraint, spans: Spans, enough: 
     for piece in sorted(avoid.pieces, key=lambda one: several and search.nearness(one, spans, avoid.motion)):
         # further pieces need a bound above the distance already seen, no tighter one
         enough = min([enough, *(b.sampled for b in found)])
-        found.append(search.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, enough=enough))
+        own = {} if avoid.footprint is None else {"footprint": avoid.footprint}
+        found.append(search.bound(avoid.name, piece, spans, avoid.radius, avoid.motion, enough=enough, **own))
     worst = min(found, key=lambda b: b.sampled)
     return replace(worst, proven=min(b.proven for b in found))
 

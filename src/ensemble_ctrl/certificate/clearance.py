@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate.bodies import Body
 from ensemble_ctrl.certificate.bound import Bound
 from ensemble_ctrl.certificate.disturbance import UNIT
 from ensemble_ctrl.certificate.enclosure import CELLS, START, Flow, Track, first_cells, lowered, signs_of
 from ensemble_ctrl.certificate.instants import Spans
 
 if TYPE_CHECKING:
+    from ensemble_ctrl.constraints.footprint import Footprint
     from ensemble_ctrl.constraints.motion import Motion
     from ensemble_ctrl.constraints.obstacle import Obstacle
     from ensemble_ctrl.problem.ensemble import Member
@@ -99,6 +101,7 @@ class Prover:
     half: Floats = field(init=False)
     track: Track = field(init=False)
     error: float = field(init=False)
+    body: Body = field(init=False)
     signs: Floats = field(init=False)
     growth: Floats = field(init=False)
     _known: dict[bytes, int] = field(default_factory=dict)
@@ -109,6 +112,7 @@ class Prover:
         self.centres, self.half = first_cells(self.flow.lower, self.flow.upper, self.cells or CELLS.get(count, 2))
         self.track = Track.of(self.flow, self.centres)
         self.error = self.whole.rounding()
+        self.body = Body(self.flow)
         self.signs = signs_of(count)
         self.growth = self._grown(None)
 
@@ -152,6 +156,7 @@ class Prover:
         motion: Motion | None = None,
         growth: Floats | None = None,
         enough: float = np.inf,
+        footprint: Footprint | None = None,
     ) -> Bound:
         """Proven and sampled clearance of every member from `obstacle`, which may move, during `spans`.
 
@@ -161,13 +166,16 @@ class Prover:
             Metres by which every member grows during each step, beyond `radius` and the errors of the flow.
         enough : float
             Metres; what is proven to be further away isn't looked at more closely.
+        footprint : Footprint, optional
+            The bodies of the members; points without one.
 
         Notes
         -----
         *Guarantee*: nothing is claimed where numbers overflow: then `proven` is minus infinity. What is seen is of
         robots that grow by `growth`, but follow the flow without errors.
         """
-        self.growth = self._grown(motion, growth)
+        self.growth, self.body = self._grown(motion, growth), Body(self.flow, footprint)
+        self.error = self.whole.rounding() + self.body.rounding()
         if not (np.isfinite(self.error) and np.isfinite(self.growth).all()):
             return Bound(name, -np.inf, np.inf, {}, np.nan)
         enough += radius + self.error
@@ -199,7 +207,8 @@ class Prover:
         begin, end = np.tile(spans.begin, cells), np.tile(spans.end, cells)
         boxes = Boxes(centre, self.half[centre], np.tile(steps, cells), begin, end)
         distance, reach = self._middles(piece, steps, motion), self._reach[:, steps]
-        distance = distance - self.growth[steps]
+        # no corner is farther from the planned point than the body's reach
+        distance, reach = distance - self.growth[steps], reach + self.body.reach
         if motion is not None:
             # a moving obstacle covers at most its way in the step and its bend off that chord
             first, last = self.flow.begin[steps], self.flow.begin[steps] + self.flow.step[steps]
@@ -212,11 +221,12 @@ class Prover:
 
     def _seen(self, boxes: Boxes, piece: Obstacle, motion: Motion | None, distance: Floats) -> Floats:
         """Distances of the boxes' middles where they begin, given those where their steps begin."""
-        late, seen = boxes.begin > 0, distance.copy()
+        late, seen = (boxes.begin > 0) | (self.body.footprint is not None), distance.copy()
         some = boxes.where(late)
         if len(some):
-            here, _ = self._at(some, some.begin, self.flow.coefficients(self.centres[some.centre]))
-            seen[late] = piece.distance(here - _moved(motion, self._times(some, some.begin))) - self.growth[some.step]
+            coeffs = self.flow.coefficients(self.centres[some.centre])
+            here = self._at(some, some.begin, coeffs)[0] - _moved(motion, self._times(some, some.begin))
+            seen[late] = self.body.distance(piece, here, some.step, some.begin, coeffs) - self.growth[some.step]
         return seen
 
     def _best(self, boxes: Boxes, distance: Floats, best: Sample) -> Sample:
@@ -247,8 +257,9 @@ class Prover:
         members[:, bends], members[:, ~bends] = self.centres[centre], shifts
         move, _ = self.flow.moved(np.array([n]), np.array([share]), self.flow.coefficients(self.centres[[centre]]))
         middle = self.track.position[centre, n] + move[0]
-        offset = flow.coefficients(members)[:, START] - self.flow.origin[START]
-        distance = obstacle.distance(middle + offset - _moved(motion, np.array(self._time(best))))
+        coeffs = flow.coefficients(members)
+        place = middle + (coeffs[:, START] - self.flow.origin[START]) - _moved(motion, np.array(self._time(best)))
+        distance = self.body.distance(obstacle, place, np.full(len(members), n), np.array(share), coeffs)
         k = int(distance.argmin())
         return float(distance[k]), dict(zip(self.names, members[k].tolist(), strict=True))
 
@@ -260,42 +271,52 @@ class Prover:
         (here, slope), (there, slope_there) = (self._at(boxes, share, coeffs) for share in (boxes.begin, boxes.end))
         begin, end = (self._times(boxes, share) for share in (boxes.begin, boxes.end))
         here, there = here - _moved(motion, begin), there - _moved(motion, end)
-        distance = piece.distance(here)
+        distance = self.body.distance(piece, here, boxes.step, boxes.begin, coeffs)
         grown = self.growth[boxes.step]
         best = self._best(boxes, distance - grown, best)
         # all that is not in the hull: growth, remainder, the chords of the curve and of the obstacle's way
-        curvature = self.flow.remainder_at(boxes.half, boxes.step + 1)
+        curvature = self._curvature(boxes, boxes.half)
         span = (boxes.end - boxes.begin) * self.flow.step[boxes.step]
         growth = self.flow.growth(boxes.step, span, coeffs, boxes.half)
+        growth = growth + self.body.growth(boxes.step, span, coeffs, boxes.half)
         radius = grown + curvature + growth + (0.0 if motion is None else motion.bend(begin, end))
-        # corners of the parallelograms p + sum_k +-half_k dp/dq_k at both ends of the box
-        arms = [boxes.half[..., None] * s for s in (slope, slope_there)]
-        corners = np.concatenate(
-            [p[:, None] + self.signs @ a for p, a in zip((here, there), arms, strict=True)], axis=1
-        )
+        # corners of the parallelograms p + sum_k +-half_k dp/dq_k at both ends of the box, p every corner of a body
+        bodies = [self.body.corners(boxes.step, share, coeffs) for share in (boxes.begin, boxes.end)]
+        places = [p[:, None] + at for p, (at, _) in zip((here, there), bodies, strict=True)]
+        pairs = zip((slope, slope_there), bodies, strict=True)
+        arms = [boxes.half[:, None, :, None] * (s[:, None] + own) for s, (_, own) in pairs]
+        both = [(p[:, :, None] + self.signs @ a).reshape(len(p), -1, 2) for p, a in zip(places, arms, strict=True)]
+        corners = np.concatenate(both, axis=1)
         # first bound: the distance of the middle less the farthest corner; where it is too weak, a separating line
         middle = (here + there) / 2
         low = piece.distance(middle) - np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) - radius
         near = low < best[0] - TIGHT
-        sides = np.concatenate(
-            [arms[0][near], arms[1][near], corners[near, len(self.signs) :] - corners[near, : len(self.signs)]], axis=1
-        )
-        apart = separation(corners[near], sides, piece.core) - piece.rounding
+        half = corners.shape[1] // 2
+        flat = [a[near].reshape(int(near.sum()), -1, 2) for a in arms]
+        own = self.body.sides(bodies[0][0][near])
+        sides = np.concatenate([*flat, corners[near, half:] - corners[near, :half], own], axis=1)
+        ends = None if self.body.footprint is None else (places[0][near] + places[1][near]) / 2
+        apart = separation(corners[near], sides, piece.core, ends) - piece.rounding
         low[near] = np.maximum(low[near], apart - radius[near])
         # sizes that decide which side is split: half of the way in time, and each parameter's width
-        way = np.abs(coeffs[:, 0] * self.flow.v[boxes.step]) * span  # an arc of a full circle has no chord
+        speed = np.abs(coeffs[:, 0] * self.flow.v[boxes.step])  # an arc of a full circle has no chord
+        way = (speed + self.body.reach * np.abs(coeffs[:, 1] * self.flow.omega[boxes.step])) * span
         long = np.maximum(way, np.linalg.norm(there - here, axis=1)) / 2
         return lowered(low), best, np.column_stack([long, self._widths(boxes, arms, curvature)])
 
     def _widths(self, boxes: Boxes, arms: Sequence[Floats], curvature: Floats) -> Floats:
         """What each parameter's width adds to a box, shape (boxes, parameters); `curvature` is the nonlinear part."""
-        # linear width of each parameter, and what the remainder loses without it
-        widths = np.maximum(*(np.linalg.norm(a, axis=2) for a in arms))
+        # linear width of each parameter, of the farthest corner, and what the remainder loses without it
+        widths = np.maximum(*(np.linalg.norm(a, axis=3).max(axis=1) for a in arms))
         for k in range(widths.shape[1]):
             without = boxes.half.copy()
             without[:, k] = 0.0
-            widths[:, k] += curvature - self.flow.remainder_at(without, boxes.step + 1)
+            widths[:, k] += curvature - self._curvature(boxes, without)
         return np.asarray(widths)
+
+    def _curvature(self, boxes: Boxes, half: Floats) -> Floats:
+        """How far members, and the corners of their bodies, leave the linear picture in cells of these half widths."""
+        return np.asarray(self.flow.remainder_at(half, boxes.step + 1) + self.body.remainder(half, boxes.step))
 
     def _at(self, boxes: Boxes, share: Floats, coeffs: Floats) -> tuple[Floats, Floats]:
         """Position and slope at a share of each box's step."""
@@ -343,7 +364,7 @@ def _moved(motion: Motion | None, times: Floats) -> Floats:
     return np.zeros((*times.shape, 2)) if motion is None else motion.at(times)
 
 
-def separation(corners: Floats, sides: Floats, vertices: Floats) -> Floats:
+def separation(corners: Floats, sides: Floats, vertices: Floats, ends: Floats | None = None) -> Floats:
     """A lower bound of the signed distance between hulls of points and a convex polygon, by the best line tried.
 
     Parameters
@@ -354,6 +375,8 @@ def separation(corners: Floats, sides: Floats, vertices: Floats) -> Floats:
         Directions along which the hulls may have sides.
     vertices : ndarray, shape (k, 2)
         Corners of the polygon, counter-clockwise.
+    ends : ndarray, shape (boxes, points, 2), optional
+        Points to which directions from the vertices are tried: the corners if they are few, or their middle.
 
     Notes
     -----
@@ -363,7 +386,8 @@ def separation(corners: Floats, sides: Floats, vertices: Floats) -> Floats:
     # candidate lines: the polygon's faces, the hull's sides, and directions from vertices to corners
     outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
     normals = np.stack([sides[..., 1], -sides[..., 0]], axis=-1)
-    ends = corners if corners.shape[1] <= 8 else corners.mean(axis=1, keepdims=True)
+    if ends is None:
+        ends = corners if corners.shape[1] <= 8 else corners.mean(axis=1, keepdims=True)
     towards = (ends[:, :, None] - vertices).reshape(len(corners), ends.shape[1] * len(vertices), 2)
     fixed = np.broadcast_to(outward, (len(corners), *outward.shape))
     tried = np.concatenate([fixed, normals, -normals, towards], axis=1)

@@ -254,7 +254,7 @@ class Flow:
         A, B, G = self._reach(half)
         # a curve leaves its chord by at most span^2/8 sup |p''|, |p''| = |v omega| a b, and what the cell adds to it
         a, b = np.abs(coeffs[..., 0]), np.abs(coeffs[..., 1])
-        largest = self._largest[n]
+        largest = self.largest[n]
         size = a * b + A * b + a * B + a * b * (B * largest + G)
         return np.asarray(span**2 / 8 * np.abs(self.v[n] * self.omega[n]) * size * (1 + 64 * UNIT))
 
@@ -271,7 +271,7 @@ class Flow:
         # |origin| + sum |q| |direction|: what the terms of a coefficient come to, also where they cancel
         ends = np.abs(self.origin) + np.maximum(np.abs(self.lower), np.abs(self.upper)) @ np.abs(self.directions)
         way = float(np.abs(self.v) @ self.step) * float(ends[0])
-        angle = float(ends[2]) + float(ends[1]) * float(self._largest.max())
+        angle = float(ends[2]) + float(ends[1]) * float(self.largest.max())
         place = float(ends[START].max()) + way + 8 * self.extent
         return 4 * UNIT * ((self.steps + 32) * way * (1 + angle) + 32 * place)
 
@@ -288,7 +288,7 @@ class Flow:
         return A, B, G
 
     @cached_property
-    def _largest(self) -> Floats:
+    def largest(self) -> Floats:
         """Largest ``|Omega|`` of each step."""
         return np.maximum(np.abs(self.turned), np.abs(self.turned + self.step * self.omega))
 
@@ -296,7 +296,7 @@ class Flow:
     def _integrals(self) -> Floats:
         """Upper bounds of ``int |v| |Omega|^k`` for k = 0, 1, 2 up to the grid times, shape (3, steps + 1)."""
         # |Omega|^k is largest at an end of a step: a sum of rectangles above the integral
-        powers = self._largest ** np.arange(3)[:, None]
+        powers = self.largest ** np.arange(3)[:, None]
         sums = np.cumsum(self.step * np.abs(self.v) * powers, axis=1)
         return np.concatenate([np.zeros((3, 1)), sums], axis=1)
 

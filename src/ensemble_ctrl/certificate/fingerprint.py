@@ -48,6 +48,8 @@ def fingerprint(problem: Problem, controls: Floats, distributions: Mapping[str, 
         zones = problem.zones.items()
         pieces = [(name, zone.speed, [(p.A.tolist(), p.b.tolist()) for p in zone.pieces]) for name, zone in zones]
         numbers = [*numbers, ["zones", *pieces]]
+    if fleet.footprint is not None:
+        numbers = [*numbers, fleet.footprint.corners.tolist()]
     if fleet.uncertainty:
         numbers = [*numbers, fleet.uncertainty.data()]
     if problem.terrain:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.ocp.bodies import body_hyperplanes
 from ensemble_ctrl.ocp.disturbance import growth
 from ensemble_ctrl.ocp.hyperplanes import REACH, Hyperplanes, separate
 from ensemble_ctrl.ocp.truncation import Range, Truncation
@@ -142,7 +143,7 @@ def all_hyperplanes(
     if errors is not None:
         return all_hyperplanes(problem, truncation, curve, near + float(errors.within.max())).grown(errors.within)
     shift = problem.fleet.shift
-    found = separate(curve, problem.specification.avoid, problem.duration, shift, truncation.parts, near)
+    found = body_hyperplanes(problem, curve, problem.specification.avoid, truncation.parts, near)
     if truncation.within is None:
         return found
     some = [avoid for chance in problem.specification.chance for avoid in chance.avoid]

@@ -17,7 +17,7 @@ from ensemble_ctrl.ocp.disturbance import growth, lowered
 from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.ocp.risk import risk_cost
 from ensemble_ctrl.ocp.terminal import terminal_cost
-from ensemble_ctrl.ocp.truncation import Range, Truncation, points, positions
+from ensemble_ctrl.ocp.truncation import Range, Truncation, occupied, positions
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.signals import columns, with_signals
 from ensemble_ctrl.problem.specification import TaskPart
@@ -98,7 +98,7 @@ def evaluate(problem: Problem, controls: Floats, truncation: Truncation) -> Valu
         avoid, near = problem.specification.avoid, reach(problem, mean)
         hyperplanes = separate(mean, avoid, problem.duration, near=near)
     else:
-        curve = points(problem, controls, truncation)
+        curve = occupied(problem, controls, truncation)
         hyperplanes = all_hyperplanes(problem, truncation, curve, reach(problem, curve), controls)
     # clearance of the hull from separating hyperplanes, a lower bound; the largest change of a command
     gap, excess = float(hyperplanes.gap.min(initial=np.inf)), rate_excess(fleet.rate_bounds, controls, step)

@@ -112,6 +112,10 @@ class Moments:
         """The moments under the guess, shape (steps + 1, count, 4)."""
         return self.system.lifted(self.guess.controls, self.step).transpose(0, 2, 1)
 
+    @property
+    def bodies(self) -> None:
+        """Robots are points."""
+
     def bulge(self, commands: ca.SX) -> Any:
         """What the arc of one step leaves its chord by, metres."""
         arc = curvature(self.problem, self.truncation, self.layout.steps)

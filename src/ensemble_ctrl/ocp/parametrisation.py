@@ -81,6 +81,10 @@ class Parametrisation(Protocol):
     def curve(self) -> Floats:
         """The variables of the fleet under the guess, shape (steps + 1, count, coordinates)."""
 
+    @property
+    def bodies(self) -> Any:
+        """What makes rows of bodies (`ensemble_ctrl.ocp.bodies.BodyRows`); None where robots are points."""
+
     def bulge(self, commands: ca.SX) -> Any:
         """Metres by which a member leaves its chord within a step, an expression of the scaled commands, or 0."""
 

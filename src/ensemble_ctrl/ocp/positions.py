@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.ocp.arrays import CasadiArrays
+from ensemble_ctrl.ocp.bodies import BodyRows
 from ensemble_ctrl.ocp.cost import Scale
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.margins import bulge, curvature
@@ -102,6 +103,11 @@ class Positions:
     def _curvature(self) -> float:
         """Metres by which an arc leaves its chord for ``|v omega| = 1``."""
         return curvature(self.problem, self.truncation, self.layout.steps)
+
+    @property
+    def bodies(self) -> BodyRows | None:
+        """Corners of bodies follow from the points and the common turn."""
+        return None if self.problem.fleet.footprint is None else BodyRows(self.problem, self.truncation, self.layout)
 
     def bulge(self, commands: ca.SX) -> Any:
         """What the arc of one step leaves its chord by, metres."""

@@ -13,7 +13,7 @@ from ensemble_ctrl.ocp.evaluate import Value, evaluate
 from ensemble_ctrl.ocp.hyperplanes import Hyperplanes
 from ensemble_ctrl.ocp.solvers import Outcome, SolverOptions, Status, Watch, solve
 from ensemble_ctrl.ocp.transcription import Avoiding, Iterate, transcribe
-from ensemble_ctrl.ocp.truncation import Truncation, points, tail
+from ensemble_ctrl.ocp.truncation import Truncation, occupied, tail
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -82,7 +82,7 @@ def start(problem: Problem, controls: Floats, truncation: Truncation) -> Attempt
 def _round(problem: Problem, attempt: Attempt, options: SolverOptions, watch: Watch | None) -> Attempt:
     """One choice of hyperplanes: solve, and solve again with the pairs that the solution violates."""
     truncation, guess = attempt.truncation, attempt.controls
-    curve = points(problem, guess, truncation)
+    curve = occupied(problem, guess, truncation)
     # rows for pairs within reach, with the truncation error of the guess as margin
     near = reach(problem, curve)
     hyperplanes = all_hyperplanes(problem, truncation, curve, near, guess)
@@ -97,7 +97,7 @@ def _round(problem: Problem, attempt: Attempt, options: SolverOptions, watch: Wa
         outcome = solve(program.nlp, options, watch)
         controls = program.iterate(outcome.x).controls
         total = _after(problem, total, outcome, controls, built - began, time.perf_counter() - built)
-        missing = _violated(problem, hyperplanes, points(problem, controls, truncation)) & ~pairs
+        missing = _violated(problem, hyperplanes, occupied(problem, controls, truncation)) & ~pairs
         if outcome.status != "solved" or in_moments or not missing.any() or options.left <= 0:
             break
         pairs |= _widened(missing)

@@ -42,6 +42,9 @@ def avoidance_rows(model: Parametrisation, avoiding: Avoiding, slack: Ints, keep
     # data of a pair: n (d numbers), then what n . P has to reach at the step's begin and at its end
     level = planes.support[side, at] + (planes.radius[side] + keep)
     data = np.column_stack([planes.normal[side, at], level[:, None] + planes.drift[side, at]])
+    if model.bodies is not None:
+        found: list[Block] = model.bodies.blocks(planes, side, at, slack, data, model.bulge)
+        return found
     ends = layout.points[:, model.position_columns]
     columns = np.column_stack([layout.controls[at], slack, ends[at], ends[at + 1]])
     blocks = []

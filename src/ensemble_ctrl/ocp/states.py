@@ -110,6 +110,10 @@ class States:
         """States under the guess, shape (steps + 1, nodes, n_x)."""
         return self._simulated.transpose(0, 2, 1)
 
+    @property
+    def bodies(self) -> None:
+        """Robots are points."""
+
     def bulge(self, commands: ca.SX) -> Any:
         """None: a finer replay measures what happens between grid times."""
         return 0.0

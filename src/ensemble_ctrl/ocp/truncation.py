@@ -216,6 +216,24 @@ def points(problem: Problem, controls: Floats, truncation: Truncation) -> Floats
     return np.asarray(np.einsum("ij,jtd->tid", truncation.to_points, nodal))
 
 
+def occupied(problem: Problem, controls: Floats, truncation: Truncation) -> Floats:
+    """The points, and those of the curve of each corner of the bodies (`ensemble_ctrl.ocp.bodies`)."""
+    curve = points(problem, controls, truncation)
+    own = _corners(problem, controls, problem.fleet.dynamic_members(truncation.nodes))
+    # C R(g_j + b_j Omega_n) beta for every corner
+    curves = np.einsum("ij,jtkd->tkid", truncation.to_points, own) + curve[:, None]
+    return np.concatenate([curve, curves.reshape(len(curve), -1, 2)], axis=1)
+
+
+def _corners(problem: Problem, controls: Floats, members: Floats) -> Floats:
+    """Corners of members' bodies relative to their positions, (members, steps + 1, corners, 2); none of points."""
+    fleet, times = problem.fleet, len(controls) + 1
+    if fleet.footprint is None:
+        return np.zeros((len(members), times, 0, 2))
+    turned = fleet.arcs.headings(controls, fleet.coefficients(members), problem.duration / len(controls))
+    return fleet.footprint.at(np.zeros((len(members), times, 2)), turned)
+
+
 def tail(problem: Problem, controls: Floats, truncation: Truncation) -> float:
     """Largest distance in metres, over a dense set of members, between a member and the truncated curve.
 
@@ -224,10 +242,14 @@ def tail(problem: Problem, controls: Floats, truncation: Truncation) -> float:
     An estimate from a few members, used to set margins; the claim about a plan comes from replay and certificate.
     """
     s = _dense(len(truncation.orders))
-    # max |p(s) - sum of the carried moments' polynomials| on a tensor grid of Chebyshev points
-    exact = positions(problem, controls, problem.fleet.dynamic_members(s))
-    curve = np.einsum("ij,tjd->itd", truncation.evaluation(s), points(problem, controls, truncation))
-    return float(np.linalg.norm(exact - curve, axis=-1).max())
+    # max |p(s) - sum of the carried moments' polynomials| on a tensor grid of Chebyshev points, corners of bodies too
+    members, weights = problem.fleet.dynamic_members(s), truncation.evaluation(s)
+    exact, own = positions(problem, controls, members), _corners(problem, controls, members)
+    curves = occupied(problem, controls, truncation).reshape(len(controls) + 1, -1, truncation.count, 2)
+    seen = np.einsum("ij,tkjd->itkd", weights, curves)
+    return float(
+        np.linalg.norm(np.concatenate([exact[:, :, None], exact[:, :, None] + own], axis=2) - seen, axis=-1).max()
+    )
 
 
 def choose(problem: Problem, controls: Floats) -> Truncation:

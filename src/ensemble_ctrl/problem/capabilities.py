@@ -64,6 +64,8 @@ class Feature:
         Whether a problem uses it.
     plural : bool
         Of the words.
+    bodies : str
+        Why it is not for fleets with a footprint; empty where it is.
     """
 
     words: str
@@ -73,10 +75,16 @@ class Feature:
     hint: str = ""
     requested: Callable[[Problem], bool] = lambda problem: False
     plural: bool = False
+    bodies: str = ""
 
 
 FEATURES: Mapping[str, Feature] = {
-    "moment": Feature("moment"),
+    "moment": Feature(
+        "the guarantee moment",
+        path=("solve", "guarantee"),
+        requested=lambda problem: problem.solve.guarantee == "moment",
+        bodies="it is about the mean position",
+    ),
     "modal": Feature(
         "modal",
         "arcs",
@@ -84,12 +92,37 @@ FEATURES: Mapping[str, Feature] = {
         ("moments", "coordinates"),
         "use nodal",
         lambda problem: problem.coordinates == "modal",
+        bodies="its moments are those of the position",
     ),
-    "minlp": Feature("minlp"),
+    "minlp": Feature(
+        "minlp",
+        path=("solve", "method"),
+        requested=lambda problem: problem.solve.method == "minlp",
+        bodies="its binaries choose facets for points",
+    ),
     "targets": Feature("formations, moments and spreads as targets", plural=True),
-    "online": Feature("online replanning"),
+    "online": Feature("online replanning", bodies="its sets of poses are kept out as disks"),
     "suggest": Feature("a search for what would help"),
-    "risk": Feature("a risk penalty"),
+    "risk": Feature(
+        "a risk penalty",
+        path=("objective", "cvar"),
+        requested=lambda problem: problem.objective.cvar is not None,
+        bodies="it is taken of the distance of points",
+    ),
+    "uncertainty": Feature(
+        "uncertainty",
+        path=("fleet", "uncertainty"),
+        requested=lambda problem: bool(problem.fleet.uncertainty) or problem.objective.tolerance is not None,
+        bodies="errors of the heading are not bounded",
+    ),
+    "footprint": Feature(
+        "a footprint",
+        "arcs",
+        "bodies are enclosed by the exact headings of robots on arcs",
+        ("fleet", "footprint"),
+        "use radius",
+        lambda problem: problem.fleet.footprint is not None,
+    ),
     "moving obstacles": Feature("moving obstacles", plural=True),
     "keep-out zones": Feature("keep-out zones", plural=True),
     "speed limits": Feature(
@@ -138,7 +171,11 @@ def supports(problem: Problem, feature: str) -> Literal[True] | Refusal:
     True or Refusal
         A refusal is false, and gives the reason.
     """
-    return allows(problem.fleet.system, feature)
+    row, found = FEATURES[feature], allows(problem.fleet.system, feature)
+    if found and row.bodies and problem.fleet.footprint is not None:
+        verb = "are" if row.plural else "is"
+        return Refusal(f"{row.words} {verb} not for fleets with a footprint: {row.bodies}", "use radius")
+    return found
 
 
 def allows(system: type[System] | System, feature: str) -> Literal[True] | Refusal:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ensemble_ctrl.constraints.footprint import Footprint
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.core.readonly import ReadOnlyMapping
@@ -21,6 +22,7 @@ from ensemble_ctrl.problem.arguments import distributions_of
 from ensemble_ctrl.problem.arguments.fleets import per_control, radius_of, rates_of, rest_of_start, start_of
 from ensemble_ctrl.problem.ensemble import Member
 from ensemble_ctrl.problem.integrated import accurate, integrated
+from ensemble_ctrl.problem.rates import check_members
 from ensemble_ctrl.problem.starts import Offsets, starts_of
 from ensemble_ctrl.problem.uncertainty import NONE, Uncertainty
 from ensemble_ctrl.problem.units import unit_of
@@ -70,6 +72,9 @@ class Fleet(ArcMembers):
         by name. There are members with all the parameters at each of them.
     uncertainty : Uncertainty, optional
         What robots may do beside the model; proofs hold for all of it. By default they follow the model.
+    footprint : Footprint, optional
+        The shape of a robot, which ``avoid`` keeps out of obstacles; it grows by `radius`. A point, or a disk of that
+        radius, if not given.
 
     Raises
     ------
@@ -99,6 +104,7 @@ class Fleet(ArcMembers):
     start: Mapping[str, float]
     uncertainty: Uncertainty
     starts: Offsets
+    footprint: Footprint | None
 
     def __init__(
         self,
@@ -115,6 +121,7 @@ class Fleet(ArcMembers):
         start: Mapping[str, float] | None = None,
         uncertainty: Uncertainty | None = None,
         starts: Mapping[str, ArrayLike] | ArrayLike | None = None,
+        footprint: Footprint | None = None,
     ) -> None:
         expect("fleet.system", system, System).require_complete()
         self._set(
@@ -129,11 +136,12 @@ class Fleet(ArcMembers):
             raise ProblemError(f"fleet.input_bounds: low above high: {lower}, {upper}")
         self._set(input_lower=lower, input_upper=upper, rate_bounds=rates_of(system, rate_bounds))
         self._set(uncertainty=expect("fleet.uncertainty", uncertainty or NONE, Uncertainty).checked(system))
+        self._set(footprint=None if footprint is None else expect("fleet.footprint", footprint, Footprint))
         if samples is not None:
             self._set(samples=ReadOnlyMapping(self.checked_samples(samples)))
         self._set(starts=NO_STARTS)
         if not system.on_arcs:
-            self._check_members()
+            check_members(self)
         if starts is not None:
             self._set(starts=starts_of(system, starts))
 
@@ -154,31 +162,6 @@ class Fleet(ArcMembers):
                 own = ", ".join([*self.system.parameters, f"{START_PREFIX}<state>"])
                 raise ProblemError(f"fleet.parameters: expected names among {own}, got {name!r}")
         self.system.check_names(self.parameters)
-
-    def _check_members(self) -> None:
-        """The system takes every corner of the ranges and the middle, and its rates are numbers at the start."""
-        rest: Sequence[float] = ()
-        for member in (*self.corners, self.center):
-            psi = {name: float(value[0]) for name, value in self.psi(member[None]).items()}
-            self.system.check(psi)
-            rest = self.system.rest(psi)
-        command = per_control(self.system, "system.rest", rest)
-        members = np.concatenate([self.corners, self.center[None]])
-        try:
-            with np.errstate(all="ignore"):
-                rates = self.system.derivatives(self.start_states(members), command, self.psi(members))
-        except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
-            what = f"{type(self.system).__name__}.xdot can't be evaluated"
-            raise ProblemError(f"{what}: {type(error).__name__}: {error}") from error
-        bad = np.argwhere(~np.isfinite(rates))
-        if len(bad):
-            state, member = bad[0]
-            given = ", ".join(f"{n} = {v:g}" for n, v in self.named(members[member]).items()) or "every member"
-            what = f"{type(self.system).__name__}.xdot"
-            name = self.system.states[state]
-            raise ProblemError(
-                f"{what}: expected finite rates at the start, got {rates[state, member]} for {name} ({given})"
-            )
 
     def with_(self, **changes: Any) -> Self:
         """A copy with some arguments replaced, `position` and `heading` among them, checked like a new fleet."""

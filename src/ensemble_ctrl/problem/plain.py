@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Disc, DiscRegion, Obstacle, Polyhedron, Solid
+from ensemble_ctrl.constraints.footprint import Footprint
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.core.errors import ProblemError
@@ -41,6 +42,7 @@ FLEET = (
     "rate_bounds",
     "radius",
     "starts",
+    "footprint",
     "uncertainty",
 )
 """The keys of a fleet's section that are read here; one with others says more than is proven."""
@@ -117,6 +119,7 @@ def _fleet(data: Data) -> Fleet:
         rate_bounds=np.array(rates) if "rate_bounds" in data else None,
         uncertainty=_uncertainty(data.get("uncertainty", {})),
         starts={name: np.array(place, dtype=float) for name, place in data.get("starts", {}).items()},
+        footprint=Footprint(data["footprint"]["polygon"]) if "footprint" in data else None,
         **given,
     )
 

@@ -26,6 +26,7 @@ from ensemble_ctrl.problem.starts import keeps_apart
 from ensemble_ctrl.problem.zones import required, rules, zone_pieces
 
 if TYPE_CHECKING:
+    from ensemble_ctrl.constraints.footprint import Footprint
     from ensemble_ctrl.constraints.motion import Motion
     from ensemble_ctrl.problem.problem import Problem
 
@@ -53,6 +54,8 @@ class AvoidConstraint:
         Seconds.
     motion : Motion or None
         How it moves from where its pieces are.
+    footprint : Footprint or None
+        The body that is kept out of it; the planned point alone without one, and for ``not in``.
     """
 
     name: str
@@ -61,6 +64,7 @@ class AvoidConstraint:
     begin: float
     end: float
     motion: Motion | None = None
+    footprint: Footprint | None = None
 
     def offsets(self, times: Floats) -> Floats:
         """Its displacement at some times, shape (times, d), metres."""
@@ -77,12 +81,22 @@ class AvoidConstraint:
         """
         return np.asarray((times >= self.begin - 1e-9) & (times <= self.end + 1e-9))
 
-    def distances(self, paths: Floats, times: Floats) -> Floats:
-        """Distance of members from it during its window, shape (members, times in the window), metres."""
+    def distances(self, paths: Floats, times: Floats, headings: Floats | None = None) -> Floats:
+        """Distance of members from it during its window, shape (members, times in the window), metres.
+
+        `headings` of shape (members, times) are those of the bodies, from +x.
+        """
         when = self.during(times)
         # min over the pieces of the distance in the obstacle's frame, p(t) - offset(t), less the radius
         seen = paths[:, when] - self.offsets(times[when])
-        return np.asarray(np.minimum.reduce([piece.distance(seen) for piece in self.pieces]) - self.radius)
+        body = self.footprint
+        if body is None:
+            each = [piece.distance(seen) for piece in self.pieces]
+        elif headings is None:
+            raise AssertionError("the distance of a body needs its headings")
+        else:
+            each = [body.distance(piece, seen, headings[:, when]) for piece in self.pieces]
+        return np.asarray(np.minimum.reduce(each) - self.radius)
 
     def steps(self, steps: int, duration: float, begin: float = 0.0) -> NDArray[np.bool_]:
         """Which of `steps` equal steps from time `begin` on a plan has to avoid it in, shape (steps,).
@@ -124,7 +138,8 @@ class AvoidThroughout:
             if isinstance(leaf, Avoid):
                 for name in avoided(problem, leaf):
                     pieces, motion = named_pieces(problem, name), problem.motions.get(name)
-                    yield AvoidConstraint(name, pieces, problem.fleet.radius, self.begin, self.end, motion)
+                    fleet = problem.fleet
+                    yield AvoidConstraint(name, pieces, fleet.radius, self.begin, self.end, motion, fleet.footprint)
             elif isinstance(leaf, Not) and isinstance(leaf.child, Inside):
                 yield AvoidConstraint(
                     leaf.child.name, named_pieces(problem, leaf.child.name), 0.0, self.begin, self.end
@@ -330,9 +345,9 @@ def _window(problem: Problem, resolved: Formula) -> tuple[float, float]:
 def _avoid(problem: Problem, parts: Iterable[AvoidThroughout]) -> tuple[AvoidConstraint, ...]:
     """The constraints of some conjuncts; of windows within each other the longest."""
     found = [avoid for part in parts for avoid in part.constraints(problem)]
-    groups: dict[tuple[str, float], list[int]] = {}
+    groups: dict[tuple[str, float, bool], list[int]] = {}
     for k, avoid in enumerate(found):
-        groups.setdefault((avoid.name, avoid.radius), []).append(k)
+        groups.setdefault((avoid.name, avoid.radius, avoid.footprint is None), []).append(k)
     kept = {same[k] for same in groups.values() for k in outermost([(found[k].begin, found[k].end) for k in same])}
     return tuple(avoid for k, avoid in enumerate(found) if k in kept)
 
@@ -352,10 +367,13 @@ def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
     return (obstacle_of(problem.regions[name]),)
 
 
-def clearances(problem: Problem, paths: Floats, most: float) -> Floats:
-    """Smallest distance of each path from what every member avoids, at most `most`, shape (members,), metres."""
+def clearances(problem: Problem, paths: Floats, most: float, headings: Floats | None = None) -> Floats:
+    """Smallest distance of each path from what every member avoids, at most `most`, shape (members,), metres.
+
+    `headings` of shape (members, times) are those of bodies.
+    """
     least = np.full(len(paths), most)
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     for avoid in problem.specification.avoid:
-        least = np.minimum(least, avoid.distances(paths, times).min(axis=1, initial=np.inf))
+        least = np.minimum(least, avoid.distances(paths, times, headings).min(axis=1, initial=np.inf))
     return least

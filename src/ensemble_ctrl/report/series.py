@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, leaves, member_robustness
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.evaluation.sampled import affordable, all_states
+from ensemble_ctrl.problem.evaluation.sampled import affordable, all_states, headings
 from ensemble_ctrl.problem.signals import columns, with_signals
 from ensemble_ctrl.problem.specification import TaskPart
 
@@ -100,8 +100,9 @@ def over_time(problem: Problem, controls: Floats) -> tuple[Floats, tuple[Series,
     members = np.concatenate([problem.fleet.spread(affordable(MEMBERS, problem.steps)), problem.fleet.corners])
     whole, members = all_states(problem, controls, members)
     times = np.linspace(0.0, problem.duration, whole.shape[1])
+    turned = headings(problem, controls, members)
     found = [
-        *_kept_out(problem, whole[..., problem.fleet.place_columns], times),
+        *_kept_out(problem, whole[..., problem.fleet.place_columns], times, turned),
         *_asked(problem, with_signals(problem, whole, controls, members, problem.step)),
     ]
     return times, tuple(sorted(found, key=lambda one: _worst(one, times))[:CURVES])
@@ -118,6 +119,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
     members = fleet.grid(affordable(VALUES if len(fleet.names) < 2 else GRID, problem.steps, SUBSTEPS))
     whole, members = all_states(problem, controls, members, SUBSTEPS)
     paths = whole[..., fleet.place_columns]
+    turned = headings(problem, controls, members, SUBSTEPS)
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     column = members[:, 0] if fleet.names else np.zeros(len(members))
     # members of one value of the first parameter are one group; a curve is the least over each
@@ -130,7 +132,7 @@ def by_parameter(problem: Problem, controls: Floats) -> Profile:
 
     clearances: dict[str, Floats] = {}
     for avoid in problem.specification.avoid:
-        closest = least(avoid.distances(paths, times).min(axis=1, initial=np.inf))
+        closest = least(avoid.distances(paths, times, turned).min(axis=1, initial=np.inf))
         clearances[avoid.name] = np.minimum(clearances.get(avoid.name, np.inf), closest)
     # rho of each part for every member
     step, fine = problem.step / SUBSTEPS, np.repeat(controls, SUBSTEPS, axis=0)
@@ -152,7 +154,7 @@ def _closest(curves: dict[str, Floats], far: float = np.inf) -> dict[str, Floats
     return {name: curves[name] for least, name in finite[:CURVES] if least <= reach}
 
 
-def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series]:
+def _kept_out(problem: Problem, paths: Floats, times: Floats, turned: Floats | None) -> Iterator[Series]:
     """The closest of all obstacles, if any has to be avoided."""
     kept = problem.specification.avoid
     if not kept:
@@ -161,7 +163,7 @@ def _kept_out(problem: Problem, paths: Floats, times: Floats) -> Iterator[Series
     least = np.full(paths.shape[:2], np.inf)
     for avoid in kept:
         when = avoid.during(times)
-        least[:, when] = np.minimum(least[:, when], avoid.distances(paths, times))
+        least[:, when] = np.minimum(least[:, when], avoid.distances(paths, times, turned))
     least[~np.isfinite(least)] = np.nan
     window = min(d.begin for d in kept), max(d.end for d in kept)
     yield Series("closest obstacle", least.min(axis=0), least.max(axis=0), *window)

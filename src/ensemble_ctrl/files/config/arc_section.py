@@ -20,6 +20,7 @@ from ensemble_ctrl.files.config.distributions import (
 )
 from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.fields import Model
+from ensemble_ctrl.files.config.footprint_section import FootprintSection, footprint_data
 from ensemble_ctrl.files.config.joint_samples import JointSamples, read_joint_samples
 from ensemble_ctrl.files.config.samples import Columns
 from ensemble_ctrl.files.config.starts_section import Starts, check_dimensions, starts_data
@@ -110,7 +111,9 @@ class FleetSection(Model):
     rate_bounds: RateBounds | None = None
     """Largest change of each command per second, from each step to the next."""
     radius: f.Margin = 0.0
-    """Radius of a robot; what `avoid(...)` names grows by it."""
+    """Radius of a robot; what `avoid(...)` names grows by it. With a footprint, a margin around it."""
+    footprint: FootprintSection | None = None
+    """Shape of a robot, which `avoid(...)` keeps out of obstacles; a disk of the radius without one."""
     starts: Starts | None = None
     """Members that start at several places: offsets from `start.position`, by name, as a list, or as a grid."""
     uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
@@ -181,6 +184,7 @@ class FleetSection(Model):
             input_lower=bounds[:, 0],
             input_upper=bounds[:, 1],
             radius=self.radius,
+            footprint=None if self.footprint is None else self.footprint.body,
             uncertainty=self._bounds,
             starts=self.starts,
         )
@@ -233,6 +237,7 @@ def arc_fleet_data(fleet: Fleet) -> Data:
         **({} if fleet.rate_bounds is None else {"rate_bounds": _rate_data(fleet)}),
         "radius": float(fleet.radius),
         **starts_data(fleet.starts),
+        **footprint_data(fleet.footprint),
         **uncertainty_data(fleet.uncertainty),
     }
 

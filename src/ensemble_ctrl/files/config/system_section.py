@@ -14,6 +14,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.distributions import PlainSection, distribution_data, distribution_of
 from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
+from ensemble_ctrl.files.config.footprint_section import FootprintSection, footprint_data
 from ensemble_ctrl.files.config.starts_section import Starts, check_dimensions, starts_data
 from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection, read_bounds, uncertainty_data
 from ensemble_ctrl.files.config.user_system import BY_ODE, system_class
@@ -71,6 +72,8 @@ class SystemFleetSection(f.Model):
     """Radius of a robot; what `avoid(...)` names grows by it."""
     starts: Starts | None = None
     """Members that start at several places: offsets from `start.position`, by name, as a list, or as a grid."""
+    footprint: FootprintSection | None = None
+    """Shape of a robot; for robots on arcs."""
     uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
     """What robots may do beside the model; without it, they follow it exactly."""
     _system: System = PrivateAttr()
@@ -117,6 +120,7 @@ class SystemFleetSection(f.Model):
                 input_lower=bounds[:, 0],
                 input_upper=bounds[:, 1],
                 radius=self.radius,
+                footprint=None if self.footprint is None else self.footprint.body,
                 rate_bounds=np.array(rates) if self.rate_bounds else None,
                 start=self._start_states(),
                 uncertainty=self._bounds,
@@ -196,6 +200,7 @@ def system_fleet_data(fleet: Fleet) -> Data:
         **({"rate_bounds": finite} if finite else {}),
         "radius": float(fleet.radius),
         **starts_data(fleet.starts),
+        **footprint_data(fleet.footprint),
         **uncertainty_data(fleet.uncertainty),
     }
 

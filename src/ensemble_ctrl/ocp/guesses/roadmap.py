@@ -134,7 +134,8 @@ class Legs:
         scale = float(np.ptp(corners, axis=0).max()) / 10
         fleet = self.problem.fleet
         # a kind keeps the route of the first clearance that admits it, usually the widest
-        base = fleet.radius + self.problem.solve.margin + float(np.linalg.norm(fleet.shift))
+        own = fleet.radius + (0.0 if fleet.footprint is None else fleet.footprint.narrow)
+        base = own + self.problem.solve.margin + float(np.linalg.norm(fleet.shift))
         kinds: dict[tuple[int, ...], Route] = {}
         searches = [(FEW, True), (self.most, False)] if self.every else [(self.most, True)]
         for most, loops in searches:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ensemble_ctrl.constraints.stl import Avoid, Inside, Not
 from ensemble_ctrl.constraints.stl.formula import Formula
+from ensemble_ctrl.constraints.stl.rewrite import leaves
 from ensemble_ctrl.problem.capabilities import FEATURES, supports
 from ensemble_ctrl.problem.checks.finding import Finding
 
@@ -21,8 +22,19 @@ def support_findings(problem: Problem) -> Iterator[Finding]:
     for name, feature in FEATURES.items():
         if feature.requested(problem) and not (found := supports(problem, name)):
             yield Finding(feature.path, found.message, found.hint)
+    yield from _of_bodies(problem)
     if problem.fleet.system.transcription == "states":
         yield from _of_positions(problem)
+
+
+def _of_bodies(problem: Problem) -> Iterator[Finding]:
+    """Bodies are kept out throughout a window: other formulas are about the planned point."""
+    if problem.fleet.footprint is None:
+        return
+    for part in problem.specification.parts:
+        if any(isinstance(leaf, Avoid) for leaf in leaves(part.written)):
+            message = f"with a footprint, expected avoid(...) in a part G avoid(...) of its own, got {part}"
+            yield Finding(("task",), message, "write G[a,b] avoid(...) joined by and")
 
 
 def _of_positions(problem: Problem) -> Iterator[Finding]:

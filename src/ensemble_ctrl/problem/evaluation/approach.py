@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.problem.evaluation.clearance import Clearance
-from ensemble_ctrl.problem.evaluation.groups import Group
+from ensemble_ctrl.problem.evaluation.groups import Group, PosedGroup
 from ensemble_ctrl.problem.fleet import Member
 from ensemble_ctrl.problem.specification import AvoidConstraint
 
@@ -59,6 +61,9 @@ class Approach:
         self.pieces = [(o, piece) for o, one in enumerate(avoid) for piece in one.pieces]
         self.owner = np.array([o for o, _ in self.pieces], dtype=int)
         self.radius = np.array([avoid[o].radius for o, _ in self.pieces])
+        # no part of a robot is farther from its planned point than this
+        bodies = [avoid[o].footprint for o, _ in self.pieces]
+        self.own = self.radius + [0.0 if body is None else body.reach for body in bodies]
         self.moved = [None if one.motion is None else one.offsets(times) for one in avoid]
         self.out = ~np.array([avoid[o].during(times) for o, _ in self.pieces], dtype=bool).reshape(-1, len(times))
         # bounding boxes, shape (pieces, 1, d), or (pieces, times, d) where something moves
@@ -116,7 +121,7 @@ class Approach:
             square += gap * gap
         bound = np.sqrt(square, out=square)
         bound -= group.reach
-        bound -= self.radius[:, None]
+        bound -= self.own[:, None]
         bound[self.out] = np.inf
         return np.asarray(bound)
 
@@ -136,7 +141,7 @@ class Approach:
         moved = self.moved[o]
         middle = group.middle[when] if moved is None else group.middle[when] - moved[when]
         # distance is 1-Lipschitz: no member is closer than the middle less the reach
-        low = piece.distance(middle) - radius - group.reach[when]
+        low = piece.distance(middle) - self.own[k] - group.reach[when]
         order = np.argsort(low, kind="stable")
         when, low = when[order], low[order]
         least = np.full(len(members), np.inf)
@@ -148,7 +153,7 @@ class Approach:
             places = group.places(some)
             if moved is not None:
                 places -= moved[some].T[:, None]
-            seen = piece.distance_along(places) - radius
+            seen = self._distances(o, piece, group, places, some) - radius
             np.minimum(least, seen.min(axis=1), out=least)
             if one is not None and (nearest := float(least.min())) < one.distance:
                 who = int(least.argmin())
@@ -156,3 +161,10 @@ class Approach:
                 one.time = int(some[seen[who].argmin()])
         inside |= least < 0
         np.minimum(robustness, least, out=robustness)
+
+    def _distances(self, o: int, piece: Obstacle, group: Group, places: Floats, when: Ints) -> Floats:
+        """Distances from one piece of members at `places`, shape (2, members, times), or of their bodies there."""
+        body = self.avoid[o].footprint
+        if body is None:
+            return piece.distance_along(places)
+        return body.distance(piece, np.moveaxis(places, 0, -1), cast(PosedGroup, group).headings(when))

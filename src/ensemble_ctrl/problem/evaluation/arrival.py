@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.evaluation.sampled import headings, trajectories
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.risk import CLEARANCE_CAP, value_at_risk
 from ensemble_ctrl.problem.specification import clearances
@@ -84,7 +84,13 @@ def risk(problem: Problem, controls: Floats) -> dict[str, Any]:
     else:
         blocks = np.array_split(members, 10)
         near = [
-            clearances(problem, trajectories(problem, controls, block, SUBSTEPS), CLEARANCE_CAP) for block in blocks
+            clearances(
+                problem,
+                trajectories(problem, controls, block, SUBSTEPS),
+                CLEARANCE_CAP,
+                headings(problem, controls, block, SUBSTEPS),
+            )
+            for block in blocks
         ]
         losses = -np.concatenate(near)
     # both from the sorted losses of members of equal weight (Rockafellar and Uryasev 2000)

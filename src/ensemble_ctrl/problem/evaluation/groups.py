@@ -94,6 +94,51 @@ class StatesGroup:
         return np.asarray(self.states[:, when][..., self.problem.fleet.place_columns].transpose(2, 0, 1))
 
 
+@dataclass(frozen=True, eq=False)
+class PosedGroup:
+    """A group of robots on arcs with their headings, for bodies.
+
+    Attributes
+    ----------
+    group : Group
+    coefficients : ndarray, shape (members, 5)
+    turned : ndarray, shape (times,)
+        Integral of the turn rate for a factor of 1, radians.
+    heading_from : str
+        The axis from which coefficients count headings.
+    """
+
+    group: Group
+    coefficients: Floats
+    turned: Floats
+    heading_from: str
+
+    @property
+    def middle(self) -> Floats:
+        """As of the group."""
+        return self.group.middle
+
+    @property
+    def reach(self) -> Floats:
+        """As of the group."""
+        return self.group.reach
+
+    @property
+    def signals(self) -> Signals:
+        """As of the group."""
+        return self.group.signals
+
+    def places(self, when: Ints) -> Floats:
+        """As of the group."""
+        return self.group.places(when)
+
+    def headings(self, when: Ints) -> Floats:
+        """Headings at some of the times, from +x, counter-clockwise, shape (members, len(when)), radians."""
+        # theta_n = theta_0 + b Omega_n
+        own = self.coefficients[:, 2, None] + self.coefficients[:, 1, None] * self.turned[when]
+        return np.asarray(own if self.heading_from == "x" else np.pi / 2 - own)
+
+
 def ordered(members: Floats, size: int) -> Iterator[Ints]:
     """Indices of members of shape (members, parameters) in groups of at most `size`, near each other in each.
 

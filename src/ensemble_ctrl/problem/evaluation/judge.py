@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from zlib import crc32
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints.stl import ExactOps, Signals, member_robustness, reads_fleet
 from ensemble_ctrl.problem.evaluation.approach import Approach, Closest
 from ensemble_ctrl.problem.evaluation.disturbed import disturbed, drawn
-from ensemble_ctrl.problem.evaluation.groups import Group, Grouping, StatesGroup, ordered
+from ensemble_ctrl.problem.evaluation.groups import Group, Grouping, PosedGroup, StatesGroup, ordered
 from ensemble_ctrl.problem.evaluation.interpolated import ArcCurves
 from ensemble_ctrl.problem.evaluation.parametric import ParameterCurves
 from ensemble_ctrl.problem.problem import Problem
@@ -130,7 +130,15 @@ class Judge:
         """Polynomials where there are some for all of these members and they pay, else all states."""
         pays = self.problem.fleet.system.on_arcs or len(members) >= MANY
         curves = self.curves if pays else None
-        return self._states if curves is None or not curves.covers(members) else curves.group
+        grouping = self._states if curves is None or not curves.covers(members) else curves.group
+        return grouping if self.problem.fleet.footprint is None else partial(self._posed, grouping)
+
+    def _posed(self, grouping: Grouping, members: Floats) -> Group:
+        """A group with headings."""
+        fleet, step = self.problem.fleet, self.problem.duration / len(self.fine)
+        _, omega = fleet.arcs.rates(*self.fine.T)
+        turned = np.concatenate([[0.0], step * np.cumsum(omega)])
+        return PosedGroup(grouping(members), fleet.coefficients(members), turned, fleet.arcs.heading_from)
 
     def _probe(self, members: Floats, groups: Sequence[Ints], grouping: Grouping, closest: Sequence[Closest]) -> None:
         """The distances of a few members, both ends of their order among them; who is inside is counted later."""

@@ -322,6 +322,17 @@ def states(
     return fleet.trajectories(fine, fleet.members(parameters), problem.duration / len(fine))
 
 
+def headings(
+    problem: Problem, controls: Floats, parameters: ArrayLike | Sequence[Mapping[str, float]], substeps: int = 1
+) -> Floats | None:
+    """Headings of bodies from +x at the times of `states`, shape (members, times), radians; None without bodies."""
+    fleet = problem.fleet
+    if fleet.footprint is None:
+        return None
+    fine = np.repeat(np.asarray(controls, float), substeps, axis=0)
+    return fleet.arcs.headings(fine, fleet.coefficients(fleet.members(parameters)), problem.duration / len(fine))
+
+
 def affordable(members: int, steps: int, substeps: int = 1) -> int:
     """The number of members to evaluate, lower for very long horizons: `MOST_STATES` states together, three at least.
 
