@@ -69,7 +69,7 @@ def draw_routes(problem: Problem, controls: Floats, routes: Sequence[Tried]) -> 
     width, height = map_size(problem, controls)
     figure = new_figure((width, height + LEGEND))
     ax = placed_axes(figure, left, right, bottom + LEGEND, top)
-    lines = [np.array(route["corners"], dtype=float) for route in routes]
+    lines = [np.array(route["corners"], dtype=float).reshape(-1, 2) for route in routes]
     plan = trajectories(problem, controls, problem.fleet.center[None], 4)[0]
     draw_map(problem, ax, [*lines, plan])
     for kind, style in STYLES.items():

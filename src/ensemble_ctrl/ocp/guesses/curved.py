@@ -7,7 +7,7 @@ heading, a path by OMPL is a guess from which the program finds a plan.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -162,10 +162,12 @@ def surroundings(problem: Problem, clearance: float) -> Surroundings:
     size = float(np.ptp(corners, axis=0).max())
     # obstacles grown by radius, margin, the box of starts and the clearance (a Minkowski sum with a disc)
     more = problem.solve.margin + float(np.linalg.norm(fleet.shift)) + clearance * size / 10
-    blocked = unary_union([MultiPoint(piece.vertices).convex_hull.buffer(own + more) for piece, own in pieces])
+    blocked = unary_union(
+        [MultiPoint(piece.core).convex_hull.buffer(piece.rounding + own + more) for piece, own in pieces]
+    )
     shapely.prepare(blocked)
     pad = 2 * (fleet.radius + tightest(problem))
-    return Surroundings(blocked, corners.min(axis=0) - pad, corners.max(axis=0) + pad)
+    return Surroundings(blocked, corners.min(axis=0) - pad, corners.max(axis=0) + pad, body=fleet.footprint)
 
 
 def _within(around: Surroundings, trip: Trip, radius: float) -> Surroundings:
@@ -178,7 +180,7 @@ def _within(around: Surroundings, trip: Trip, radius: float) -> Surroundings:
     shapely.prepare(corridor)
     left, down, right, up = corridor.bounds
     low, high = np.maximum(around.low, [left, down]), np.minimum(around.high, [right, up])
-    return Surroundings(around.blocked, low, high, corridor)
+    return replace(around, low=low, high=high, corridor=corridor)
 
 
 def _barred(around: Surroundings, legs: list[Floats]) -> Surroundings:
@@ -195,7 +197,7 @@ def _barred(around: Surroundings, legs: list[Floats]) -> Surroundings:
     narrowest = np.flatnonzero(far)[int(np.argmin(room[far]))]
     blocked = around.blocked.union(shapely.Point(places[narrowest]).buffer(BARRIER * room[narrowest]))
     shapely.prepare(blocked)
-    return Surroundings(blocked, around.low, around.high)
+    return replace(around, blocked=blocked)
 
 
 def _driven_legs(

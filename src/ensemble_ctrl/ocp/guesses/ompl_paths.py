@@ -15,6 +15,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from ensemble_ctrl.constraints.footprint import Footprint
+
 Floats = NDArray[np.float64]
 
 RESOLUTION = 0.005
@@ -30,22 +32,28 @@ class Surroundings:
     Attributes
     ----------
     blocked : shapely geometry
-        Where its centre may not be.
+        Where its centre, or its body, may not be.
     low, high : ndarray, shape (2,)
         The box that paths stay in, metres.
     corridor : shapely geometry, optional
         Where its centre stays.
+    body : Footprint, optional
+        The robot's shape.
     """
 
     blocked: Any
     low: Floats
     high: Floats
     corridor: Any = None
+    body: Footprint | None = None
 
-    def free(self, x: float, y: float) -> bool:
-        """Whether the centre may be there."""
+    def free(self, x: float, y: float, heading: float) -> bool:
+        """Whether the robot may be there."""
         if self.corridor is not None and not bool(shapely.contains_xy(self.corridor, x, y)):
             return False
+        if self.body is not None:
+            shape = shapely.polygons(self.body.at(np.array([x, y]), np.array(heading)))
+            return not bool(shapely.intersects(self.blocked, shape))
         return not bool(shapely.contains_xy(self.blocked, x, y))
 
 
@@ -89,8 +97,8 @@ def curve(
     ndarray of shape (POSES, 3), or None
         Poses along the path; None where none was found.
     """
-    goals = np.array([goal for goal in goals if around.free(*goal[:2])])
-    if not len(goals) or not around.free(*start[:2]):
+    goals = np.array([goal for goal in goals if around.free(*goal)])
+    if not len(goals) or not around.free(*start):
         return None
     from ompl import base, geometric, util
 
@@ -103,7 +111,7 @@ def curve(
         bounds.setHigh(axis, float(around.high[axis]))
     space.setBounds(bounds)
     setup = geometric.SimpleSetup(space)
-    setup.setStateValidityChecker(lambda state: around.free(state.getX(), state.getY()))
+    setup.setStateValidityChecker(lambda state: around.free(state.getX(), state.getY(), state.getYaw()))
     information = setup.getSpaceInformation()
     information.setStateValidityCheckingResolution(RESOLUTION)
     setup.setStartState(_state(space, start))

@@ -109,7 +109,7 @@ class _Members:
     def free(self, around: Surroundings, state: State) -> bool:
         """Whether there is time left, and every member is free."""
         in_time = state[-1] <= self.problem.duration + 1e-9
-        return in_time and all(around.free(*state[3 * j : 3 * j + 2]) for j in range(len(self.linear)))
+        return in_time and all(around.free(*state[3 * j : 3 * j + 3]) for j in range(len(self.linear)))
 
     def after(self, state: State, command: State, seconds: float) -> list[float]:
         """The state after a command: exact arcs."""
