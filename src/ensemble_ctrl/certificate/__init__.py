@@ -28,8 +28,8 @@ TRUSTED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "certificate.": (
-            *("apart", "bound", "certify", "clearance", "commands", "disturbance", "enclosure", "errors"),
-            *("fingerprint", "instants", "masses", "schedule", "share", "signals", "starts", "task", "terrain"),
+            *("apart", "bodies", "bound", "certify", "clearance", "commands", "disturbance", "enclosure"),
+            *("errors", "fingerprint", "instants", "masses", "schedule", "share", "signals", "starts", "task", "terrain"),
         ),
         "constraints.": (
             *("_rows", "_sides", "cover", "disc", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),
@@ -54,7 +54,7 @@ GENERAL = tuple(
 HANDED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
-        "constraints.": ("motion",),
+        "constraints.": ("footprint", "motion"),
         "problem.": ("arc_members", "ensemble", "fleet", "problem", "terrain", "uncertainty"),
         "systems.": ("arcs", "bicycle", "unicycle"),
         "moments.": ("distribution", "measure", "samples", "normal", "beta", "mixture"),

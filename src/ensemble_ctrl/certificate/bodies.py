@@ -4,8 +4,8 @@ A corner ``beta`` of a body with heading ``phi`` is at ``p + R(phi) beta``.  Wit
 parameters, on a cell whose parameters differ from its centre's by at most ``h``, so that ``g`` and ``b`` differ by at
 most ``G`` and ``B``:
 
-1. *In the parameters*: ``R(phi) beta`` leaves its linear picture ``R(phi_c) beta + (phi - phi_c) R(phi_c + 90 deg) beta``
-   by at most ``|beta| (B |Omega| + G)^2 / 2``.
+1. *In the parameters*: ``R(phi) beta`` leaves its linear picture ``R(phi_c) beta + (phi - phi_c) R(phi_c + 90 deg)
+   beta`` by at most ``|beta| (B |Omega| + G)^2 / 2``.
 2. *In time*: that picture leaves its chord on a piece of length ``dt`` by at most ``dt^2/8`` times its largest second
    derivative, ``|beta| omega^2 (b^2 + 2 B |b| + (B |Omega| + G) b^2)``.
 

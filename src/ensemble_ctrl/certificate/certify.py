@@ -31,6 +31,7 @@ from ensemble_ctrl.problem.specification import (
     AvoidConstraint,
     ChanceConstraint,
     TaskPart,
+    unjudged_bodies,
 )
 
 if TYPE_CHECKING:
@@ -168,6 +169,8 @@ def certify(
             raise Unenclosed("members of several starts in one frame are no fleet to prove something of")
         if problem.uncertain and not getattr(proof, "counts_errors", False):
             raise Unenclosed("this enclosure does not count errors of the model")
+        if why := unjudged_bodies(problem):
+            raise Unenclosed(why)
         clearances = _clearances(proof, specification.avoid, np.inf if each else ENOUGH)
         parts = tuple(
             proof.share(chances[id(part)]) if id(part) in chances else proof.part(part) for part in specification.parts

@@ -53,7 +53,8 @@ class Footprint(ReadOnlyArrays):
         try:
             shape = Obstacle.polygon(numbers("footprint", self.corners, "corners [[x, y], ...]"))
         except ProblemError as error:
-            raise ProblemError(f"footprint: {str(error).partition(': ')[2]}") from None
+            why = str(error).partition(": ")[2].partition(", got another; use")[0]
+            raise ProblemError(f"footprint: {why}") from None
         corners = np.array(shape.vertices)
         if len(corners) > MOST_CORNERS:
             raise ProblemError(f"footprint: expected at most {MOST_CORNERS} corners, got {len(corners)}")
@@ -88,6 +89,14 @@ class Footprint(ReadOnlyArrays):
     def narrow(self) -> float:
         """Metres from the planned point to the nearest side; 0 if it is outside."""
         return max(0.0, -float(self.shape.distance(np.zeros(2))))
+
+    def __str__(self) -> str:
+        """Length and width, or the number of corners of another polygon."""
+        low, high = self.corners.min(axis=0), self.corners.max(axis=0)
+        length, width = (high - low).tolist()
+        ends = np.stack([low, high])
+        box = len(self.corners) == 4 and bool((self.corners[:, None] == ends).any(axis=1).all())
+        return f"{length:g} m by {width:g} m" + ("" if box else f" with {len(self.corners)} corners")
 
     def at(self, places: ArrayLike, headings: ArrayLike) -> Floats:
         """Corners at poses, (..., 2) and (...) to (..., corners, 2); headings in radians from +x, counter-clockwise."""

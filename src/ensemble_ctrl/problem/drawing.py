@@ -56,7 +56,7 @@ def map_svg(
     shapes += [shadow(piece.vertices) for zone in problem.zones.values() for piece in zone.pieces]
     shapes += [piece.vertices for patch in problem.terrain.values() for piece in patch.pieces]
     shapes += [*regions.values(), *paths, *targets, *(mark[None] for mark in marks)]
-    sheet = _Sheet(*frame([*(_flat(place[None, :]) for place in places(problem).values()), *shapes]))
+    sheet = _Sheet(*frame([*_standing(problem), *shapes]))
     strokes = [*colours, *["black"] * len(paths)]
     parts = [
         *_patches(sheet, problem),
@@ -157,10 +157,20 @@ def _start(sheet: _Sheet, problem: Problem) -> str:
 def _head(sheet: _Sheet, problem: Problem, place: Floats) -> str:
     """The mark at one start."""
     x, y = sheet.at(_flat(place[None, :])[0])
+    body = problem.fleet.footprint
+    if body is not None:
+        corners = sheet.text(body.at(place, np.array(problem.fleet.heading)))
+        return f'<polygon points="{corners}" fill="none" stroke="black"/><circle cx="{x:.1f}" cy="{y:.1f}" r="2.5"/>'
     if not problem.fleet.system.heading_state:
         return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4"/>'
     turn = f"translate({x:.1f} {y:.1f}) rotate({-np.degrees(problem.fleet.heading):.1f})"
     return f'<path transform="{turn}" d="M8 0L-5 5L-2 0L-5 -5Z"/>'
+
+
+def _standing(problem: Problem) -> list[Floats]:
+    """What each start takes up: a place, or a body."""
+    starts, body, heading = places(problem).values(), problem.fleet.footprint, np.array(problem.fleet.heading)
+    return [_flat(place[None, :]) if body is None else body.at(place, heading) for place in starts]
 
 
 def _ends(problem: Problem) -> list[Floats]:

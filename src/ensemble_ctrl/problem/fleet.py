@@ -20,9 +20,9 @@ from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem.arc_members import START_COLUMNS, ArcMembers
 from ensemble_ctrl.problem.arguments import distributions_of
 from ensemble_ctrl.problem.arguments.fleets import per_control, radius_of, rates_of, rest_of_start, start_of
+from ensemble_ctrl.problem.arguments.members import check_members
 from ensemble_ctrl.problem.ensemble import Member
 from ensemble_ctrl.problem.integrated import accurate, integrated
-from ensemble_ctrl.problem.rates import check_members
 from ensemble_ctrl.problem.starts import Offsets, starts_of
 from ensemble_ctrl.problem.uncertainty import NONE, Uncertainty
 from ensemble_ctrl.problem.units import unit_of
@@ -190,6 +190,13 @@ class Fleet(ArcMembers):
         if self.starts:
             names = ", ".join(self.starts)
             raise UnsupportedError(f"this is for members with one start, and fleet.starts has several: {names}")
+
+    @property
+    def size_text(self) -> str:
+        """How large a robot is, in words."""
+        if self.footprint is None:
+            return f"radius {self.radius:g} m"
+        return f"footprint {self.footprint}" + (f" grown by {self.radius:g} m" if self.radius else "")
 
     @property
     def identity(self) -> list[object]:

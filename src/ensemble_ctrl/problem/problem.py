@@ -392,7 +392,7 @@ class Problem:
         distributions = self.fleet.parameters.items()
         ranges = ", ".join(f"{name} {one.lower:g} to {one.upper:g}" for name, one in distributions)
         rows = [
-            ("fleet", f"{self.fleet.system.name}, {ranges or 'all members equal'}, radius {self.fleet.radius:g} m"),
+            ("fleet", f"{self.fleet.system.name}, {ranges or 'all members equal'}, {self.fleet.size_text}"),
             ("horizon", f"{self.duration:g} s in {self.steps} steps, order {order}"),
             ("task", str(self.task)),
             ("obstacles", str(len(self.obstacles))),

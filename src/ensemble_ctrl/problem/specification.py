@@ -20,7 +20,7 @@ from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.constraints.stl.formula import Always, Formula, Not, Share
 from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
 from ensemble_ctrl.constraints.stl.leaves import Apart, Avoid, Inside
-from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, conjuncts, ground, kept_out, reads_fleet, resolve
+from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, conjuncts, ground, kept_out, leaves, reads_fleet, resolve
 from ensemble_ctrl.problem.signals import angle_range, signals_read
 from ensemble_ctrl.problem.starts import keeps_apart
 from ensemble_ctrl.problem.zones import required, rules, zone_pieces
@@ -340,6 +340,18 @@ def _window(problem: Problem, resolved: Formula) -> tuple[float, float]:
     """The window of a formula's outermost operator in seconds; the whole horizon where it has none."""
     begin, end = getattr(resolved, "a", None), getattr(resolved, "b", None)
     return float(begin or 0.0), problem.duration if end is None else float(end)
+
+
+def unjudged_bodies(problem: Problem) -> str:
+    """Why the bodies of a problem's robots can't be judged; empty where they can, and where there are none."""
+    if problem.fleet.footprint is None:
+        return ""
+    if problem.fleet.uncertainty:
+        return "errors of the heading are not bounded, which move the corners of a footprint"
+    for part in problem.specification.parts:
+        if any(isinstance(leaf, Avoid) for leaf in leaves(part.written)):
+            return f"with a footprint, expected avoid(...) in a part G avoid(...) of its own, got {part}"
+    return "" if problem.fleet.system.on_arcs else "footprints are for robots on arcs"
 
 
 def _avoid(problem: Problem, parts: Iterable[AvoidThroughout]) -> tuple[AvoidConstraint, ...]:

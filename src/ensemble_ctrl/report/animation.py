@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.evaluation.sampled import all_paths
+from ensemble_ctrl.problem.evaluation.sampled import all_paths, headings
 from ensemble_ctrl.report.palette import shades, viridis
 from ensemble_ctrl.report.raster import FINE, NARROW, Raster
 from ensemble_ctrl.report.video import RATES, AnimationError, require, write_gif, write_video
@@ -70,6 +70,7 @@ def _frames(problem: Problem, controls: Floats, times: Floats, width: int) -> It
     raster = Raster.of(problem, paths, width)
     colours = [tuple(colour) for colour in viridis(shades(fleet, members)).tolist()]
     ground = raster.ground()
+    turned = headings(problem, controls, members, 2)
     grid = np.linspace(0.0, problem.duration, raster.panels[0].content.paths.shape[1])
     along = [(panel, panel.content.paths, _along(panel.content.paths, grid, times)) for panel in raster.panels]
     seen = 0
@@ -87,8 +88,9 @@ def _frames(problem: Problem, controls: Floats, times: Floats, width: int) -> It
         pen = ImageDraw.Draw(frame)
         raster.draw_now(pen, float(time))
         for panel, _, places in along:
-            for place, colour in zip(places[:, k], colours, strict=True):
-                panel.robot(pen, place, colour)
+            for i, (place, colour) in enumerate(zip(places[:, k], colours, strict=True)):
+                heading = None if turned is None else float(np.interp(time, grid, turned[i]))
+                panel.robot(pen, place, colour, heading)
         yield frame.reduce(FINE)
 
 

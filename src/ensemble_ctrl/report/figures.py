@@ -45,6 +45,8 @@ POINTS = 320
 """About as many points of a way are drawn, unless it has more steps."""
 GHOSTS = 6
 """Times at which a moving obstacle is outlined."""
+BODIES = 12
+"""Times after the start at which a body is outlined."""
 MARGINS = (0.72, 1.26, 0.5, 0.45)
 """Inches at the left, right, below and above a map."""
 VIEW_MARGINS = (0.78, 1.15, 0.5, 0.45)
@@ -204,11 +206,28 @@ def draw_trajectories(
     lines = LineCollection(list(paths), array=shade, cmap="viridis", linewidths=0.9, alpha=0.9, zorder=2)
     lines.set_clim(0.0, 1.0)
     ax.add_collection(lines)
+    draw_bodies(problem, controls, ax)
     ax.scatter(paths[:, -1, 0], paths[:, -1, 1], c=shade, cmap="viridis", vmin=0, vmax=1, s=9, zorder=4)
     ax.autoscale_view()
     draw_scale(problem, ax)
     ax.set_title(literal(f"{problem.name}: one control, {ranges_text(fleet)}"), wrap=True, y=1.0)
     return ax
+
+
+def draw_bodies(problem: Problem, controls: Floats, ax: Axes) -> None:
+    """Outlines of the middle member's body at a few times; at the end those of the members at the ranges' corners."""
+    from matplotlib.collections import PolyCollection
+
+    fleet, body = problem.fleet, problem.fleet.footprint
+    if body is None:
+        return
+    members = np.concatenate([fleet.center[None], fleet.corners])
+    full = fleet.full_states(controls, members, problem.step)
+    some = np.linspace(0, problem.steps, BODIES + 1).round().astype(int)
+    poses = np.concatenate([full[0, some], full[1:, -1]])
+    shapes = body.at(poses[:, :2], poses[:, 2])
+    outlines = PolyCollection(list(shapes), facecolors="none", edgecolors="black", linewidths=0.7, alpha=0.45, zorder=3)
+    ax.add_collection(outlines)
 
 
 def _draw_views(problem: Problem, controls: Floats, ax: Axes | None, baseline_controls: Floats | None) -> Axes:

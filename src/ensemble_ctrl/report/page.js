@@ -24,6 +24,12 @@
     };
     members.forEach(function (dot, i) {
       const p = between(motion.members[i]);
+      if (motion.headings) {
+        const track = motion.headings[i], angle = (track[k] + share * (track[k + 1] - track[k])) / 10;
+        const where = p[0].toFixed(1) + " " + p[1].toFixed(1);
+        dot.setAttribute("transform", "translate(" + where + ") rotate(" + angle.toFixed(1) + ")");
+        return;
+      }
       dot.setAttribute("cx", p[0].toFixed(1));
       dot.setAttribute("cy", p[1].toFixed(1));
     });

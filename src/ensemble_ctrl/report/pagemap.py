@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict
-from ensemble_ctrl.problem.evaluation.sampled import all_paths
+from ensemble_ctrl.problem.evaluation.sampled import all_paths, headings
 from ensemble_ctrl.report.errors import patch_text
 from ensemble_ctrl.report.map_content import MapContent, View, map_contents
 from ensemble_ctrl.report.pagecharts import ticks
@@ -59,6 +59,8 @@ def map_and_motion(
     shown = some(paths.shape[1], POINTS)
     times = np.linspace(0.0, problem.duration, paths.shape[1])[shown]
     colours = [hexadecimal(c) for c in viridis(shades(problem.fleet, members))]
+    turned = headings(problem, controls, members, 2)
+    ends = [None] * len(paths) if turned is None else turned[:, -1].tolist()
     drawings, tracks, offsets = [], [], dict[str, Any]()
     keep = some(len(shown), FRAMES)
     for content in map_contents(problem, paths):
@@ -66,7 +68,7 @@ def map_and_motion(
         areas = [outline for ribbon in ribbons for outline in ribbon.outlines]
         canvas = content.canvas(WIDTH - MARGIN[0], MARGIN[0], more=areas)
         ways = content.paths[:, shown]
-        drawings.append(_svg(content, canvas, ways, colours, ribbons, marks))
+        drawings.append(_svg(content, canvas, ways, colours, ribbons, marks, ends))
         # whole tenths of a drawing unit keep the JSON short
         tracks += np.rint(10 * canvas.at(ways[:, keep])).astype(int).tolist()
         for shape in content.obstacles:
@@ -76,6 +78,9 @@ def map_and_motion(
                 offsets[shape.name] = np.rint(moved).astype(int).tolist()
     data: dict[str, Any] = {"duration": problem.duration, "times": times[keep].round(4).tolist()}
     data |= {"members": tracks, "obstacles": offsets}
+    if turned is not None:
+        # tenths of a degree, clockwise as the drawing turns
+        data["headings"] = np.rint(-10 * np.degrees(turned[:, shown][:, keep])).astype(int).tolist()
     return "".join(drawings), json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
@@ -86,6 +91,7 @@ def _svg(
     colours: Sequence[str],
     ribbons: Sequence[Ribbon],
     marks: Sequence[tuple[Conflict, Floats]],
+    turns: Sequence[float | None],
 ) -> str:
     """One view of the map."""
     parts = [*_grid(content, canvas), *_places(content, canvas), *_tube(ribbons, canvas)]
@@ -96,9 +102,12 @@ def _svg(
     parts += [*_obstacles(content, canvas), *_names(content, canvas), *_start(content, canvas)]
     radius = max(4.0, content.radius * canvas.scale)
     kind = "member" if radius < 8 else "member large"
-    for path, colour in zip(paths, colours, strict=True):
+    for path, colour, heading in zip(paths, colours, turns, strict=True):
         x, y = canvas.at(path[-1]).tolist()
-        parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{colour}"/>')
+        if heading is None:
+            parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{colour}"/>')
+        else:
+            parts.append(_body(content, canvas, (x, y), heading, colour))
     for conflict, place in marks:
         x, y = canvas.at(content.at(place, conflict.time)).tolist()
         title = f"<title>{escape(conflict_text(conflict))}</title>"
@@ -107,6 +116,15 @@ def _svg(
     seen = f", seen along {content.hidden}" if content.hidden else ""
     label = escape(f"Map of {content.problem.name} with the ways of {len(paths)} robots{seen}")
     return f'<svg class="map" {size} role="img" aria-label="{label}">{"".join(parts)}</svg>'
+
+
+def _body(content: MapContent, canvas: Canvas, place: tuple[float, float], heading: float, colour: str) -> str:
+    """A robot's body, which the script moves by its transform."""
+    body = content.problem.fleet.footprint
+    corners = [] if body is None else (body.corners * [canvas.scale, -canvas.scale]).tolist()
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
+    turn = f"translate({place[0]:.1f} {place[1]:.1f}) rotate({-np.degrees(heading):.1f})"
+    return f'<polygon class="member body" transform="{turn}" points="{points}" fill="{colour}"/>'
 
 
 def _text(canvas: Canvas, points: Floats) -> str:

@@ -68,8 +68,12 @@ class Panel:
         """Fine pixels of places of shape (n, 2)."""
         return [(x, y) for x, y in self.canvas.at(places).tolist()]
 
-    def robot(self, pen: ImageDraw.ImageDraw, place: Floats, colour: Colour) -> None:
-        """A robot as a disk of its size, or larger, where else it would not be seen."""
+    def robot(self, pen: ImageDraw.ImageDraw, place: Floats, colour: Colour, heading: float | None = None) -> None:
+        """A robot as its body, or as a disk of its size, or larger, where else it would not be seen."""
+        body = self.content.problem.fleet.footprint
+        if body is not None and heading is not None:
+            pen.polygon(self.points(body.at(place, np.array(heading))), colour, OUTLINE, 1)
+            return
         ((x, y),) = self.points(place[None])
         radius = max(4.0 * self.unit, self.content.radius * self.canvas.scale)
         pen.ellipse((x - radius, y - radius, x + radius, y + radius), colour, OUTLINE, 1)

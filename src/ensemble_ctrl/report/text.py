@@ -170,7 +170,7 @@ def _fleet(problem: Problem) -> str:
     turned = f" heading {np.degrees(fleet.heading):.4g} deg" if headed else ""
     if starts:
         turned += f" at {len(starts)} offsets ({short(', '.join(starts))})"
-    return f"{fleet.system.name}, {ranges_text(fleet)}, radius {fleet.radius:g} m, from ({place}){turned}"
+    return f"{fleet.system.name}, {ranges_text(fleet)}, {fleet.size_text}, from ({place}){turned}"
 
 
 def ranges_text(fleet: Ensemble) -> str:

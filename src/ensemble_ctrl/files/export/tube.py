@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.tube import tube
 from ensemble_ctrl.core.errors import UnsupportedError
+from ensemble_ctrl.files.config.footprint_section import footprint_data
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -94,6 +95,7 @@ def to_geojson(problem: Problem, controls: Floats) -> dict[str, Any]:
             name: [distribution.lower, distribution.upper] for name, distribution in problem.fleet.parameters.items()
         },
         "radius": problem.fleet.radius,
+        **footprint_data(problem.fleet.footprint),
         "axes": list(places[:2]),
         "meaning": f"the middle of every robot that {follows} is in this {where} from t_begin to t_end; metres",
     }

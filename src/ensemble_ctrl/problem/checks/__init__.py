@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.core.errors import ProblemError, first_of
+from ensemble_ctrl.problem.checks.bodies import body_findings
 from ensemble_ctrl.problem.checks.coverage import coverage, coverage_findings, coverage_text
 from ensemble_ctrl.problem.checks.finding import Finding, Path, Severity, path_text
 from ensemble_ctrl.problem.checks.impossible import impossible_findings
@@ -106,6 +107,7 @@ def _findings(problem: Problem) -> tuple[Finding, ...]:
         minimum_time_findings,
         motion_findings,
         start_findings,
+        body_findings,
         place_findings,
         uncertainty_findings,
         terrain_findings,

@@ -83,6 +83,8 @@ def _is_clear(point: Floats, pieces: Iterable[Obstacle], radius: float) -> bool:
 def start_findings(problem: Problem) -> Iterator[Finding]:
     """The start is in an obstacle, or closer to it than the radius; or some of the starts are, where they differ."""
     fleet, path = problem.fleet, ("fleet", "start", "position")
+    if fleet.footprint is not None:
+        return  # of bodies: `ensemble_ctrl.problem.checks.bodies`
     enough = any(isinstance(part, Share) for part in conjuncts(problem.task))
     for name, pieces in problem.obstacles.items():
         moved = problem.motions[name].at(0.0) if name in problem.motions else np.zeros(len(fleet.places))

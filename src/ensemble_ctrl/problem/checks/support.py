@@ -9,9 +9,9 @@ import numpy as np
 
 from ensemble_ctrl.constraints.stl import Avoid, Inside, Not
 from ensemble_ctrl.constraints.stl.formula import Formula
-from ensemble_ctrl.constraints.stl.rewrite import leaves
 from ensemble_ctrl.problem.capabilities import FEATURES, supports
 from ensemble_ctrl.problem.checks.finding import Finding
+from ensemble_ctrl.problem.specification import unjudged_bodies
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
@@ -29,12 +29,8 @@ def support_findings(problem: Problem) -> Iterator[Finding]:
 
 def _of_bodies(problem: Problem) -> Iterator[Finding]:
     """Bodies are kept out throughout a window: other formulas are about the planned point."""
-    if problem.fleet.footprint is None:
-        return
-    for part in problem.specification.parts:
-        if any(isinstance(leaf, Avoid) for leaf in leaves(part.written)):
-            message = f"with a footprint, expected avoid(...) in a part G avoid(...) of its own, got {part}"
-            yield Finding(("task",), message, "write G[a,b] avoid(...) joined by and")
+    if problem.fleet.system.on_arcs and not problem.fleet.uncertainty and (why := unjudged_bodies(problem)):
+        yield Finding(("task",), why, "write G[a,b] avoid(...) joined by and")
 
 
 def _of_positions(problem: Problem) -> Iterator[Finding]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, Signals, member_robustness, reads_fleet
+from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.problem.evaluation.approach import Approach, Closest
 from ensemble_ctrl.problem.evaluation.disturbed import disturbed, drawn
 from ensemble_ctrl.problem.evaluation.groups import Group, Grouping, PosedGroup, StatesGroup, ordered
@@ -18,7 +19,7 @@ from ensemble_ctrl.problem.evaluation.interpolated import ArcCurves
 from ensemble_ctrl.problem.evaluation.parametric import ParameterCurves
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.signals import with_signals
-from ensemble_ctrl.problem.specification import TaskPart
+from ensemble_ctrl.problem.specification import TaskPart, unjudged_bodies
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -78,6 +79,8 @@ class Judge:
     ) -> None:
         self.problem, self.controls, self.substeps, self.dice = problem, np.asarray(controls, float), substeps, dice
         self.fine = np.repeat(self.controls, substeps, axis=0)
+        if why := unjudged_bodies(problem):
+            raise UnsupportedError(why)
         self.times = np.linspace(0.0, problem.duration, len(self.fine) + 1)
         specification = problem.specification
         self.approach = Approach(specification.avoid, self.times)
