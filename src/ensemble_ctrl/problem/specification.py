@@ -297,6 +297,13 @@ class Specification:
         """What every member, or a share of them, avoids."""
         return (*self.avoid, *(avoid for chance in self.chance for avoid in chance.avoid))
 
+    @property
+    def elsewhere(self) -> str:
+        """Why bodies can't be kept out: a part that speaks of avoid otherwise than throughout a window; else empty."""
+        found = [part for part in self.parts if any(isinstance(leaf, Avoid) for leaf in leaves(part.written))]
+        wanted = "with a footprint, expected avoid(...) in a part G avoid(...) of its own"
+        return f"{wanted}, got {found[0]}" if found else ""
+
     def is_of(self, problem: Problem) -> bool:
         """Whether the problem still has the map, fleet, task and horizon that this was compiled from."""
         return all(here is there for here, there in zip(self.sources, _sources(problem), strict=True))
@@ -348,10 +355,7 @@ def unjudged_bodies(problem: Problem) -> str:
         return ""
     if problem.fleet.uncertainty:
         return "errors of the heading are not bounded, which move the corners of a footprint"
-    for part in problem.specification.parts:
-        if any(isinstance(leaf, Avoid) for leaf in leaves(part.written)):
-            return f"with a footprint, expected avoid(...) in a part G avoid(...) of its own, got {part}"
-    return "" if problem.fleet.system.on_arcs else "footprints are for robots on arcs"
+    return problem.specification.elsewhere if problem.fleet.system.on_arcs else "footprints are for robots on arcs"
 
 
 def _avoid(problem: Problem, parts: Iterable[AvoidThroughout]) -> tuple[AvoidConstraint, ...]:

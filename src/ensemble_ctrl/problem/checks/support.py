@@ -11,7 +11,6 @@ from ensemble_ctrl.constraints.stl import Avoid, Inside, Not
 from ensemble_ctrl.constraints.stl.formula import Formula
 from ensemble_ctrl.problem.capabilities import FEATURES, supports
 from ensemble_ctrl.problem.checks.finding import Finding
-from ensemble_ctrl.problem.specification import unjudged_bodies
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.problem import Problem
@@ -29,7 +28,7 @@ def support_findings(problem: Problem) -> Iterator[Finding]:
 
 def _of_bodies(problem: Problem) -> Iterator[Finding]:
     """Bodies are kept out throughout a window: other formulas are about the planned point."""
-    if problem.fleet.system.on_arcs and not problem.fleet.uncertainty and (why := unjudged_bodies(problem)):
+    if problem.fleet.footprint is not None and (why := problem.specification.elsewhere):
         yield Finding(("task",), why, "write G[a,b] avoid(...) joined by and")
 
 
