@@ -25,19 +25,13 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.plain import at_least
 from ensemble_ctrl.core.values import shown
 from ensemble_ctrl.problem.signals import names_in
-from ensemble_ctrl.problem.specification import (
-    NOTHING_AVOIDED,
-    NOTHING_REQUIRED,
-    AvoidConstraint,
-    ChanceConstraint,
-    TaskPart,
-    unjudged_bodies,
-)
+from ensemble_ctrl.problem.specification import NOTHING_AVOIDED, NOTHING_REQUIRED, TaskPart, unjudged_bodies
 
 if TYPE_CHECKING:
     from ensemble_ctrl.moments import Distribution
     from ensemble_ctrl.problem import Problem
     from ensemble_ctrl.problem.fleet import Fleet
+    from ensemble_ctrl.problem.specification import AvoidConstraint, ChanceConstraint
 
 Floats = NDArray[np.float64]
 SPLITS = (1, 4, 16)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
     from ensemble_ctrl.problem.problem import Problem
+    from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]
 
@@ -79,14 +80,15 @@ def wall_findings(problem: Problem, way: Sequence[Presence]) -> Iterator[Finding
             continue
         wall = closed(pieces(problem, way, presence.latest), obstacle_of(region).vertices - problem.fleet.start_place)
         if wall is not None:
-            yield _closed_in(presence, wall, problem.fleet.radius)
+            body = problem.fleet.footprint
+            yield _closed_in(presence, wall, problem.fleet.radius + (0.0 if body is None else body.narrow))
 
 
 def pieces(problem: Problem, way: Sequence[Presence], until: float) -> list[Piece]:
     """What robots never enter up to a time: static obstacles, and what is outside of regions that they stay in."""
     origin, until = problem.fleet.start_place, min(until, problem.duration)
     found = [
-        Piece(repr(avoid.name), piece.core - origin, piece.rounding + avoid.radius)
+        Piece(repr(avoid.name), piece.core - origin, piece.rounding + kept_clear(avoid))
         for avoid in problem.specification.avoid
         if avoid.motion is None and avoid.begin <= 0 and avoid.end >= until
         for piece in avoid.pieces
@@ -98,6 +100,11 @@ def pieces(problem: Problem, way: Sequence[Presence], until: float) -> list[Piec
         if throughout and region is not None and region.is_bounded and len(region.vertices) > 2:
             found += _outside(stay.leaf.name, region, origin, size)
     return found
+
+
+def kept_clear(avoid: AvoidConstraint) -> float:
+    """Metres around the planned point that are kept out, whatever the heading: a disc within the body."""
+    return avoid.radius + (0.0 if avoid.footprint is None else max(0.0, avoid.footprint.narrow - SLACK))
 
 
 def _outside(name: str, region: Polyhedron, origin: Floats, size: float) -> Iterator[Piece]:
