@@ -285,14 +285,15 @@ class Prover:
         places = [p[:, None] + at for p, (at, _) in zip((here, there), bodies, strict=True)]
         pairs = zip((slope, slope_there), bodies, strict=True)
         arms = [boxes.half[:, None, :, None] * (s[:, None] + own) for s, (_, own) in pairs]
-        both = [(p[:, :, None] + self.signs @ a).reshape(len(p), -1, 2) for p, a in zip(places, arms, strict=True)]
-        corners = np.concatenate(both, axis=1)
+        count = places[0].shape[1]
+        points = [p[:, :, None] + self.signs @ a for p, a in zip(places, arms, strict=True)]
+        corners = np.concatenate([p.reshape(len(p), count * len(self.signs), 2) for p in points], axis=1)
         # first bound: the distance of the middle less the farthest corner; where it is too weak, a separating line
         middle = (here + there) / 2
         low = piece.distance(middle) - np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) - radius
         near = low < best[0] - TIGHT
         half = corners.shape[1] // 2
-        flat = [a[near].reshape(int(near.sum()), -1, 2) for a in arms]
+        flat = [a[near].reshape(int(near.sum()), count * boxes.half.shape[1], 2) for a in arms]
         own = self.body.sides(bodies[0][0][near])
         sides = np.concatenate([*flat, corners[near, half:] - corners[near, :half], own], axis=1)
         ends = None if self.body.footprint is None else (places[0][near] + places[1][near]) / 2
