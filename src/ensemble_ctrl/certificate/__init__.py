@@ -29,7 +29,18 @@ TRUSTED = tuple(
     for room, modules in {
         "certificate.": (
             *("apart", "bodies", "bound", "certify", "clearance", "commands", "disturbance", "enclosure"),
-            *("errors", "fingerprint", "instants", "masses", "schedule", "share", "signals", "starts", "task", "terrain"),
+            *(
+                "errors",
+                "fingerprint",
+                "instants",
+                "masses",
+                "schedule",
+                "share",
+                "signals",
+                "starts",
+                "task",
+                "terrain",
+            ),
         ),
         "constraints.": (
             *("_rows", "_sides", "cover", "disc", "exact", "obstacle", "partition", "polygon", "polyhedron", "solid"),

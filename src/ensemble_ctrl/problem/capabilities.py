@@ -113,7 +113,7 @@ FEATURES: Mapping[str, Feature] = {
         "uncertainty",
         path=("fleet", "uncertainty"),
         requested=lambda problem: bool(problem.fleet.uncertainty) or problem.objective.tolerance is not None,
-        bodies="errors of the heading are not bounded",
+        bodies="errors of the heading, which move the corners of bodies, are not bounded",
     ),
     "footprint": Feature(
         "a footprint",
@@ -133,6 +133,7 @@ FEATURES: Mapping[str, Feature] = {
         "write bounds of its velocities in the task",
         lambda problem: any(zone.speed is not None for zone in problem.zones.values()),
         True,
+        "bodies are kept out throughout, and these allow them in at a speed",
     ),
     "terrain": Feature(
         "terrain",
@@ -141,6 +142,7 @@ FEATURES: Mapping[str, Feature] = {
         ("terrain",),
         "give fleet.uncertainty.varies, which holds everywhere",
         lambda problem: bool(problem.terrain),
+        bodies="patches change headings, which move the corners of bodies",
     ),
     "cells": Feature("cells", plural=True),
     "baseline": Feature("the unconstrained baseline"),

@@ -20,7 +20,15 @@ from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.constraints.stl.formula import Always, Formula, Not, Share
 from ensemble_ctrl.constraints.stl.implied import outermost, without_implied
 from ensemble_ctrl.constraints.stl.leaves import Apart, Avoid, Inside
-from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES, conjuncts, ground, kept_out, leaves, reads_fleet, resolve
+from ensemble_ctrl.constraints.stl.rewrite import (
+    ALL_OBSTACLES,
+    conjuncts,
+    ground,
+    kept_out,
+    leaves,
+    reads_fleet,
+    resolve,
+)
 from ensemble_ctrl.problem.signals import angle_range, signals_read
 from ensemble_ctrl.problem.starts import keeps_apart
 from ensemble_ctrl.problem.zones import required, rules, zone_pieces
@@ -82,10 +90,7 @@ class AvoidConstraint:
         return np.asarray((times >= self.begin - 1e-9) & (times <= self.end + 1e-9))
 
     def distances(self, paths: Floats, times: Floats, headings: Floats | None = None) -> Floats:
-        """Distance of members from it during its window, shape (members, times in the window), metres.
-
-        `headings` of shape (members, times) are those of the bodies, from +x.
-        """
+        """Distance from it during its window, (members, times in it), metres; `headings` are those of bodies, from +x."""
         when = self.during(times)
         # min over the pieces of the distance in the obstacle's frame, p(t) - offset(t), less the radius
         seen = paths[:, when] - self.offsets(times[when])
@@ -299,10 +304,11 @@ class Specification:
 
     @property
     def elsewhere(self) -> str:
-        """Why bodies can't be kept out: a part that speaks of avoid otherwise than throughout a window; else empty."""
+        """Why bodies can't be judged: apart, or avoid otherwise than throughout a window; empty where they can."""
         found = [part for part in self.parts if any(isinstance(leaf, Avoid) for leaf in leaves(part.written))]
-        wanted = "with a footprint, expected avoid(...) in a part G avoid(...) of its own"
-        return f"{wanted}, got {found[0]}" if found else ""
+        if found:
+            return f"with a footprint, expected avoid(...) in a part G avoid(...) of its own, got {found[0]}"
+        return "apart(...) is about planned points: it is not for members with a footprint" if self.apart else ""
 
     def is_of(self, problem: Problem) -> bool:
         """Whether the problem still has the map, fleet, task and horizon that this was compiled from."""
@@ -351,11 +357,12 @@ def _window(problem: Problem, resolved: Formula) -> tuple[float, float]:
 
 def unjudged_bodies(problem: Problem) -> str:
     """Why the bodies of a problem's robots can't be judged; empty where they can, and where there are none."""
-    if problem.fleet.footprint is None:
+    fleet = problem.fleet
+    if fleet.footprint is None:
         return ""
-    if problem.fleet.uncertainty:
-        return "errors of the heading are not bounded, which move the corners of a footprint"
-    return problem.specification.elsewhere if problem.fleet.system.on_arcs else "footprints are for robots on arcs"
+    if fleet.uncertainty or problem.terrain or not fleet.system.on_arcs:
+        return "headings are not bounded, and so neither are the corners of a footprint"
+    return problem.specification.elsewhere
 
 
 def _avoid(problem: Problem, parts: Iterable[AvoidThroughout]) -> tuple[AvoidConstraint, ...]:
