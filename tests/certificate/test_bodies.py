@@ -126,14 +126,14 @@ def test_no_member_is_closer_than_proven_and_the_bound_is_tight(parameters: str,
     found = {one.obstacle: one for one in certify(problem, controls, each=True).clearances}
     rng = np.random.default_rng(7)
     ranges = [(one.lower, one.upper) for one in problem.fleet.parameters.values()]
-    members = np.column_stack([rng.uniform(low, high, 30) for low, high in ranges])
-    members = np.concatenate([members, list(product(*ranges))])
+    members = np.array([[rng.uniform(low, high) for low, high in ranges] for _ in range(30)]).reshape(30, len(ranges))
+    members = np.concatenate([members, np.array(list(product(*ranges))).reshape(2 ** len(ranges), len(ranges))])
     seen = _distances(problem, controls, members, 40)
     for name, bound in found.items():
         # members around the one that was seen closest, at every instant
         worst = np.array([bound.parameters[k] for k in problem.fleet.names])
         wide = np.array([high - low for low, high in ranges])
-        near = np.clip(worst + rng.normal(0, 0.02, (30, len(ranges))) * wide, *np.array(ranges).T)
+        near = np.clip(worst + rng.normal(0, 0.02, (30, len(ranges))) * wide, *np.array(ranges).reshape(-1, 2).T)
         close = _distances(problem, controls, np.concatenate([near, worst[None]]), 40)[name]
         least = min(float(close.min()), float(seen[name].min()))
         if least > -problem.fleet.radius + 1e-9:

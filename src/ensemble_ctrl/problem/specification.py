@@ -90,17 +90,15 @@ class AvoidConstraint:
         return np.asarray((times >= self.begin - 1e-9) & (times <= self.end + 1e-9))
 
     def distances(self, paths: Floats, times: Floats, headings: Floats | None = None) -> Floats:
-        """Distance from it during its window, (members, times in it), metres; `headings` are those of bodies, from +x."""
+        """Distance from it during its window, (members, times in it), metres; `headings` are those of bodies."""
         when = self.during(times)
         # min over the pieces of the distance in the obstacle's frame, p(t) - offset(t), less the radius
         seen = paths[:, when] - self.offsets(times[when])
-        body = self.footprint
-        if body is None:
+        if self.footprint is None:
             each = [piece.distance(seen) for piece in self.pieces]
-        elif headings is None:
-            raise AssertionError("the distance of a body needs its headings")
         else:
-            each = [body.distance(piece, seen, headings[:, when]) for piece in self.pieces]
+            assert headings is not None, "the distance of a body needs its headings"
+            each = [self.footprint.distance(piece, seen, headings[:, when]) for piece in self.pieces]
         return np.asarray(np.minimum.reduce(each) - self.radius)
 
     def steps(self, steps: int, duration: float, begin: float = 0.0) -> NDArray[np.bool_]:
@@ -139,16 +137,15 @@ class AvoidThroughout:
 
     def constraints(self, problem: Problem) -> Iterator[AvoidConstraint]:
         """One constraint for each obstacle and region."""
+        fleet = problem.fleet
         for leaf in kept_out(self.written):
             if isinstance(leaf, Avoid):
                 for name in avoided(problem, leaf):
                     pieces, motion = named_pieces(problem, name), problem.motions.get(name)
-                    fleet = problem.fleet
                     yield AvoidConstraint(name, pieces, fleet.radius, self.begin, self.end, motion, fleet.footprint)
             elif isinstance(leaf, Not) and isinstance(leaf.child, Inside):
-                yield AvoidConstraint(
-                    leaf.child.name, named_pieces(problem, leaf.child.name), 0.0, self.begin, self.end
-                )
+                name = leaf.child.name
+                yield AvoidConstraint(name, named_pieces(problem, name), 0.0, self.begin, self.end)
 
 
 @dataclass(frozen=True)
