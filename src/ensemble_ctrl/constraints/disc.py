@@ -13,7 +13,7 @@ from ensemble_ctrl.constraints.polygon import LARGEST
 from ensemble_ctrl.constraints.polyhedron import Polyhedron
 from ensemble_ctrl.constraints.solid import Solid
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.core.values import numbers
+from ensemble_ctrl.core.values import number, numbers
 
 Array = NDArray[np.float64]
 
@@ -55,12 +55,12 @@ class Disc(Obstacle):
     _half: Array
 
     def __init__(self, center: ArrayLike, radius: float) -> None:
-        place, size = numbers("Disc.center", center, "[x, y]"), numbers("Disc.radius", radius, "a number of metres")
+        place, size = numbers("Disc.center", center, "[x, y]"), number("Disc.radius", radius)
         if place.shape != (2,) or not (np.abs(place) <= LARGEST).all():
             raise ProblemError(f"Disc.center: expected [x, y] in metres, at most {LARGEST:g}, got {place.tolist()}")
-        if size.shape != () or not 0 < size <= LARGEST:
-            raise ProblemError(f"Disc.radius: expected a number of metres above 0, got {size.tolist()}")
-        self._set_round(place, np.zeros(2), float(size))
+        if not 0 < size <= LARGEST:
+            raise ProblemError(f"Disc.radius: expected a number of metres above 0, got {size}")
+        self._set_round(place, np.zeros(2), size)
 
     def _set_round(self, center: Array, half: Array, radius: float) -> None:
         """Keep the box ``center +- half`` grown by a radius, with the polygon around it."""
