@@ -111,7 +111,10 @@ MADE: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
         lambda **given: ec.SpreadTarget(**{"mean": [0, 0], "covariance": np.eye(2), **given}),
         {"mean": "", "covariance": ""},
     ),
-    "Disc": (lambda **given: ec.Disc(**{"center": [0.0, 0.0], "radius": 1.0, **given}), {"center": "", "radius": "number"}),
+    "Disc": (
+        lambda **given: ec.Disc(**{"center": [0, 0], "radius": 1.0, **given}),
+        {"center": "", "radius": "number"},
+    ),
     "Obstacle": (
         lambda **given: ec.Obstacle(**{"A": np.eye(2), "b": np.zeros(2), **given}),
         {"A": "", "b": ""},
