@@ -17,6 +17,7 @@ from ensemble_ctrl.cli.app import invoke
 from ensemble_ctrl.constraints.stl import Apart, parse
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.planning.planner.one_frame import in_one_frame
+from tests.paths import ROOT
 
 Floats = NDArray[np.float64]
 
@@ -155,7 +156,7 @@ def test_a_replay_compares_pairs_of_members() -> None:
 
 
 def test_a_plan_keeps_apart_who_would_meet_without_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = Path("configs/vehicles/three_apart.yaml").read_text(encoding="utf-8")
+    text = (ROOT / "configs/vehicles/three_apart.yaml").read_text(encoding="utf-8")
     text = text.replace("steps: 45", "steps: 30").replace("members: 3000", "members: 300")
     problem = ec.load_text(text)
     blind = ec.plan(ec.load_text(text.replace(" and G apart(0.5 m)", "")))

@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
+from ensemble_ctrl.api.planning import with_suggestions
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.__main__ import main as prove_again
 from ensemble_ctrl.cli.app import invoke
@@ -20,6 +21,8 @@ from ensemble_ctrl.files.config import dump
 from ensemble_ctrl.planning.planner.one_frame import in_one_frame
 from ensemble_ctrl.problem.evaluation.sampled import states
 from ensemble_ctrl.problem.starts import by_start
+from ensemble_ctrl.report.text import summary_lines
+from tests.paths import ROOT
 
 Floats = NDArray[np.float64]
 
@@ -185,6 +188,23 @@ def test_a_run_writes_what_is_proven_again_without_the_package(
     assert prove_again([str(folder)]) == 4
     assert invoke(["export", str(folder), "-o", str(tmp_path / "x.geojson")]) == 2
     assert "this is for members with one start, and fleet.starts has several: ann, bob" in capsys.readouterr().err
+
+
+def test_a_plan_that_falls_short_says_so_and_tries_no_changes() -> None:
+    problem = ec.load_text(TEXT)
+    short = ec.Plan(problem, np.tile([0.1, 0.0], (20, 1)), "infeasible", {})
+    assert with_suggestions(short) is short
+    assert {conflict.start for conflict in short.conflicts()} == {"ann", "bob"}
+    assert "from start bob" in str(summary_lines(short))
+
+
+def test_ten_kilobots_cannot_be_gathered() -> None:
+    text = (ROOT / "configs/vehicles/kilobots_in_turn.yaml").read_text(encoding="utf-8")
+    assert len(ec.load_text(text).fleet.starts) == 10
+    with pytest.raises(ConfigError, match=r"the starts are 0\.24 m apart where it is 0\.12 m wide"):
+        ec.load_text(text.replace("F in(nest)", "G[85, 90] in(nest)"))
+    wide = text.replace("[0.30, 0.42]", "[0.30, 0.55]").replace("F in(nest)", "G[85, 90] in(nest)")
+    assert ec.load_text(wide).regions
 
 
 def test_starts_from_python() -> None:

@@ -178,7 +178,7 @@ def with_suggestions(plan: Plan, progress: Progress | None = None) -> Plan:
 
     left = plan.problem.solve.time_limit - sum(plan.details.get("seconds", {}).values())
     over = plan.verified or plan.status not in ("infeasible", "limit") or left < 1
-    if over:
+    if over or plan.problem.fleet.starts:  # changes are searched for fleets with one start only
         return plan
     found = plan.suggest(min(SECONDS, left), progress=progress)
     helps = [{"change": s.change, "set": list(s.overrides), "certified": True} for s in found.helps]

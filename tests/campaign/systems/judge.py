@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 import ensemble_ctrl as ec
-from ensemble_ctrl.certificate.certify import Certificate, CounterExample
+from ensemble_ctrl.certificate.bound import CounterExample
+from ensemble_ctrl.certificate.certify import Certificate
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.general.enclosure import Enclosure, enclose
 from ensemble_ctrl.certificate.general.start import Start
