@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate import terrain as terrain_module
 from ensemble_ctrl.certificate.enclosure import Flow
+from ensemble_ctrl.certificate.remaining import certify_set
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.moments import Interval
@@ -256,3 +257,11 @@ def test_who_touches_a_patch_a_moment_too_late_would_be_seen(monkeypatch: pytest
     assert (off <= Flow.of(whole, CONTROLS).error).all()
     monkeypatch.setattr(terrain_module, "_gap", lambda hulls, patch: real(hulls, patch) + 0.3)
     assert not (off <= Flow.of(whole, CONTROLS).error).all()
+
+
+def test_nothing_is_proven_of_a_set_of_states_on_terrain() -> None:
+    far = {"mud": Patch([[0.0, 3.0], [3.5, 4.0]], {"traction": (0.1, 2.0)})}
+    assert certify_set(problem(terrain={}), CONTROLS, 0.01, 0.01).proven
+    found = certify_set(problem(terrain=far), CONTROLS, 0.01, 0.01)
+    assert not found.proven
+    assert found.clearance == -np.inf
