@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.bound import Bound
 from ensemble_ctrl.certificate.disturbance import UNIT
 from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells, lowered, signs_of
+from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.instants import Mesh
 
 if TYPE_CHECKING:
@@ -89,6 +90,8 @@ def apart_bounds(
     *Guarantee*: `Bound.proven` is at most the least distance of two members of these starts, whatever their parameters
     in the ranges, at any instant of the window, less what is wanted; rounding included.
     """
+    if constraints and any(one.uncertain for one in problems.values()):
+        raise Unenclosed("distances between members of different starts do not count errors of the model")
     enclosed = {name: _enclosed(one, controls, distributions) for name, one in problems.items()}
     for constraint in constraints:
         for one, other in combinations(problems, 2):
