@@ -89,7 +89,7 @@ def solve(
         return _of_all_starts(problem, again(0.0, guess), again)
     search = Search(problem, progress, log)
     strategy = STRATEGIES[problem.fleet.system.transcription]
-    ways = partial(across_or_round, strategy) if problem.terrain else strategy
+    ways = partial(across_or_round, strategy) if problem.terrain and not problem.solve.as_published else strategy
     found = ways(search, problem, guess)
     _report(found)
     return found

@@ -98,8 +98,8 @@ def _round(problem: Problem, names: Collection[str]) -> Problem | None:
     patches = {name: problem.terrain[name].pieces for name in sorted(names)}
     rest = {name: patch for name, patch in problem.terrain.items() if name not in names}
     task = And((problem.task, *(Always(Avoid(name)) for name in patches)))
-    aim = replace(problem.verify, certificate=False)
+    how = {"verify": replace(problem.verify, certificate=False), "solve": replace(problem.solve, method="nlp")}
     try:
-        return problem.with_(obstacles={**problem.obstacles, **patches}, terrain=rest, task=task, verify=aim)
+        return problem.with_(obstacles={**problem.obstacles, **patches}, terrain=rest, task=task, **how)
     except ProblemError:
         return None
