@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
+from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
 import ensemble_ctrl as ec
@@ -18,8 +20,9 @@ from ensemble_ctrl.cli.app import invoke
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, member_robustness, parse
 from ensemble_ctrl.core.errors import ConfigError, ProblemError, UnsupportedError
 from ensemble_ctrl.files.config import dump
+from ensemble_ctrl.planning.planner import _of_all_starts, solve
 from ensemble_ctrl.planning.planner.one_frame import in_one_frame
-from ensemble_ctrl.problem.evaluation.sampled import states
+from ensemble_ctrl.problem.evaluation.sampled import headings, states
 from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.report.text import summary_lines
 from tests.paths import ROOT
@@ -267,3 +270,26 @@ def test_a_system_whose_rates_depend_on_the_place_has_one_start() -> None:
     fleet = ec.Fleet(Windy(), {}, start={}, starts=[[0], [1]])
     with pytest.raises(ProblemError, match="the rates of the windy depend on the position"):
         ec.Problem(name="w", fleet=fleet, duration=1.0, steps=4, task=parse("F (x >= 0.5)"))
+
+
+def test_bodies_are_drawn_at_every_start() -> None:
+    body = "footprint: {length: 40 cm, width: 20 cm, rear_overhang: 10 cm}"
+    problem = ec.load_text(TEXT.replace("radius: 0.1", body))
+    plan = ec.Plan(problem, np.tile([0.75, 0.0], (20, 1)), "planned", {})
+    figure = plan.plot("trajectories").figure
+    assert figure is not None
+    (axes, *_) = figure.axes
+    outlines = [one for one in axes.collections if isinstance(one, PolyCollection)]
+    assert len(outlines) == 2
+    heading = headings(problem, plan.controls, problem.fleet.corners)
+    assert heading is not None
+    np.testing.assert_allclose(heading, np.pi / 6)
+
+
+def test_what_is_proven_is_a_plan_though_the_program_fell_short_of_it_by_its_own_measure() -> None:
+    problem = ec.load_text(TEXT)
+    found = solve(problem)
+    short = replace(found, problem=in_one_frame(problem), status="infeasible")
+    assert _of_all_starts(problem, short, lambda margin, controls: short).status == "planned"
+    off = replace(short, controls=np.zeros((20, 2)))
+    assert _of_all_starts(problem, off, lambda margin, controls: off).status == "infeasible"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.drawing import highest, outlines, shadow, target_lines
 from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
-from ensemble_ctrl.problem.starts import places
+from ensemble_ctrl.problem.starts import by_start, places
 from ensemble_ctrl.problem.zones import Zone
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.errors import patch_text
@@ -206,7 +206,8 @@ def draw_trajectories(
     lines = LineCollection(list(paths), array=shade, cmap="viridis", linewidths=0.9, alpha=0.9, zorder=2)
     lines.set_clim(0.0, 1.0)
     ax.add_collection(lines)
-    draw_bodies(problem, controls, ax)
+    for one in by_start(problem).values():
+        draw_bodies(one, controls, ax)
     ax.scatter(paths[:, -1, 0], paths[:, -1, 1], c=shade, cmap="viridis", vmin=0, vmax=1, s=9, zorder=4)
     ax.autoscale_view()
     draw_scale(problem, ax)

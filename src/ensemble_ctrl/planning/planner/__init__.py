@@ -105,7 +105,7 @@ def _of_all_starts(problem: Problem, found: Solution, again: Callable[[float, Fl
     certificate, margin = certify(problem, found.controls), 0.0
     for _ in range(CERTIFY_ROUNDS if problem.specification.apart else 0):
         short = max(0.0, -certificate.clearance, -certificate.robustness)
-        if is_proven(certificate) or certificate.reason or not short <= CLOSE or found.status != "planned":
+        if is_proven(certificate) or certificate.reason or not short <= CLOSE or found.status == "interrupted":
             break
         # the margin grows by 1.5 times what is missing, and 1 mm
         margin += 1.5 * short + 1e-3
@@ -113,7 +113,9 @@ def _of_all_starts(problem: Problem, found: Solution, again: Callable[[float, Fl
         proof = certify(problem, better.controls)
         if is_proven(proof) or least_bound(proof) > least_bound(certificate):
             found, certificate = better, proof
-    return replace(found, problem=problem, certificate=certificate)
+    # what the program falls short of by its own, coarser measure is a plan all the same where it is proven
+    good = found.status == "infeasible" and is_proven(certificate) and found.attempt.value.excess <= 0
+    return replace(found, problem=problem, certificate=certificate, status="planned" if good else found.status)
 
 
 def _report(found: Solution) -> None:

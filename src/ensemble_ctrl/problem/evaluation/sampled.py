@@ -326,7 +326,7 @@ def headings(
     problem: Problem, controls: Floats, parameters: ArrayLike | Sequence[Mapping[str, float]], substeps: int = 1
 ) -> Floats | None:
     """Headings of bodies from +x at the times of `states`, shape (members, times), radians; None without bodies."""
-    fleet = problem.fleet
+    fleet = problem.fleet.of_one_start
     if fleet.footprint is None:
         return None
     fine = np.repeat(np.asarray(controls, float), substeps, axis=0)
