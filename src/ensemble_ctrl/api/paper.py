@@ -35,6 +35,8 @@ MEMBERS, SUBSTEPS = 100_000, 10
 """Replayed members, and samples per step of each."""
 ITERATIONS = 600
 """Of IPOPT, at most, for a published program: bicycles among eight obstacles need more than 300."""
+TIME_LIMIT, LINEAR_LIMIT = 3600.0, 120.0
+"""Seconds for one plan and for facets by a linear model: iterations and nodes end them, so that a rerun gives the same."""
 STEERING = 0.6
 """Largest steering angle of the bicycles, radians."""
 
@@ -146,13 +148,14 @@ def as_published(problem: Problem, bonmin_limit: float = 10.0) -> Problem:
         margin=0.0,
         max_iterations=ITERATIONS,
         bonmin_limit=bonmin_limit,
+        time_limit=TIME_LIMIT,
     )
     return problem.with_(coordinates="modal", integrator="rk4", solve=solve)
 
 
 def with_linear_facets(problem: Problem) -> Problem:
     """The problem in our form, with another start: a path and facets by a linear model of the whole way."""
-    return problem.with_(solve=replace(problem.solve, method="minlp", facets="linear"))
+    return problem.with_(solve=replace(problem.solve, method="minlp", facets="linear", bonmin_limit=LINEAR_LIMIT))
 
 
 def _is_tried(name: str, robot: Robot, form: Form) -> bool:

@@ -30,8 +30,8 @@ from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
-LINEAR_LIMIT = 10.0
-"""Seconds for the linear model."""
+LINEAR_LIMIT = 120.0
+"""Seconds for the linear model, whose nodes are limited, too."""
 BARRIER, TOLERANCE = 1e-2, 1e-4
 """Of IPOPT."""
 
