@@ -36,7 +36,7 @@ MEMBERS, SUBSTEPS = 100_000, 10
 ITERATIONS = 600
 """Of IPOPT, at most, for a published program: bicycles among eight obstacles need more than 300."""
 TIME_LIMIT, LINEAR_LIMIT = 3600.0, 120.0
-"""Seconds for one plan and for facets by a linear model: iterations and nodes end them, so that a rerun gives the same."""
+"""Seconds for one plan, and for facets by a linear model: iterations and nodes end them, the same on any machine."""
 STEERING = 0.6
 """Largest steering angle of the bicycles, radians."""
 
