@@ -22,7 +22,10 @@ from tests.report.browser import Page, chromium, executable  # noqa: E402
 
 STATIC = ROOT / "docs" / "_static"
 SHOWN = "document.documentElement.dataset"
-READY = f"window.editor && {SHOWN}.fresh === 'yes' && {SHOWN}.phase === 'idle'"
+READY = (
+    f"window.editor && {SHOWN}.fresh === 'yes' && {SHOWN}.phase === 'idle'"
+    " && !editor.changes.busy && editor.map.dragged === null"
+)
 O3 = (
     "(() => { const r = document.querySelector('[data-name=o3] polygon').getBoundingClientRect();"
     " return [r.x + r.width / 2, r.y + r.height / 2]; })()"

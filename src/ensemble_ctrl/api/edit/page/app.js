@@ -123,7 +123,7 @@ class App {
     this.proof.show();
   }
   // whether the plan that is drawn is of the text as it is
-  get fresh() { return this.plan && this.state && this.plan.revision === this.state.revision && this.state.valid; }
+  get fresh() { return this.plan && this.state && this.plan.revision === this.state.revision && this.state.valid && !this.map.ahead(); }
 
   verdict() {
     const element = $("verdict");

@@ -120,6 +120,7 @@ export class Gestures {
     }
     this.map.dragged = this.changed(drag, at, step);
     this.map.draw();
+    this.app.verdict();
     this.send(true);
   }
   // a new box or disc between where it was begun and here
@@ -175,6 +176,7 @@ export class Gestures {
       await done;
       if (!this.drag) this.map.dragged = null;
       this.map.draw();
+      this.app.verdict();
     } else {
       this.map.dragged = null;
       this.drag = null;

@@ -42,6 +42,15 @@ export class MapView {
     const own = this.dragged;
     return own ? list.map((shape) => (same(shape, own) ? { ...shape, points: own.points ?? shape.points, at: own.at ?? shape.at, heading: own.heading ?? shape.heading, radius: own.radius ?? shape.radius } : shape)) : list;
   }
+  // whether what is dragged is drawn elsewhere than the text has it
+  ahead() {
+    const own = this.dragged;
+    if (!own) return false;
+    const { shapes, start, target } = this.app.state.map;
+    const there = own.kind === "start" ? start : own.kind === "target" ? target : shapes[own.index];
+    const numbers = ({ points, at, heading, radius }) => JSON.stringify([points, at, radius, heading && +heading.toFixed(6)]);
+    return !there || numbers(own) !== numbers(there);
+  }
   selectedShape() {
     const chosen = this.app.selection;
     return chosen ? this.all().find((shape) => same(shape, chosen)) : undefined;
