@@ -140,7 +140,7 @@ def closed(parts: Sequence[Piece], region: Floats) -> Wall | None:
     both further from it than that. Rounding is a millionth of the slack. None proves nothing.
     """
     goal = region.mean(axis=0)
-    if len(parts) > MOST or not _is_blocked(parts, goal):
+    if len(parts) > MOST or not (_is_blocked(parts, goal) and _may_surround(parts)):
         return None
     joints = _joints(parts)
     # a closed curve separates two places if it crosses the line between them an odd number of times
@@ -164,6 +164,17 @@ def _is_blocked(parts: Sequence[Piece], goal: Floats) -> bool:
     reach = [float(np.hypot(*(part.corners - part.middle).T).max()) + part.radius for part in parts]
     share = np.clip(middles @ goal / max(float(goal @ goal), 1e-300), 0.0, 1.0)
     return bool((np.hypot(*(middles - share[:, None] * goal).T) <= np.array(reach)).any())
+
+
+def _may_surround(parts: Sequence[Piece]) -> bool:
+    """Whether three pieces or more may touch each other in a ring, by the boxes around them."""
+    low = np.array([part.corners.min(axis=0) - part.radius for part in parts])
+    high = np.array([part.corners.max(axis=0) + part.radius for part in parts])
+    touch = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2) & ~np.eye(len(parts), dtype=bool)
+    # pieces with fewer than two neighbours are in no ring; without them, others may have fewer
+    while len(touch) and not (some := touch.sum(axis=1) >= 2).all():
+        touch = touch[np.ix_(some, some)]
+    return len(touch) > 0
 
 
 def _joints(parts: Sequence[Piece]) -> dict[tuple[int, int], Floats]:
