@@ -92,7 +92,7 @@ def test_targets_of_the_whole_fleet(target: str) -> None:
 def test_what_is_not_for_a_system_is_refused_with_the_reason() -> None:
     problem = masses()
     refused = {name for name in FEATURES if not supports(problem, name)}
-    assert refused == {"modal"}
+    assert refused == {"modal", "footprint", "speed limits", "terrain"}
     for name in refused:
         found = supports(problem, name)
         assert not found
