@@ -182,6 +182,15 @@ def test_the_report_draws_bodies_and_the_tube_names_them() -> None:
     assert "footprint 4.6 m by 1.9 m" in problem._repr_html_()
 
 
+def test_bodies_of_members_that_start_apart_are_drawn_at_each_start(tmp_path: Path) -> None:
+    text = CAR.replace("  footprint:", "  starts: {a: [0, 0], b: [-2, 0.5]}\n  footprint:")
+    problem, controls = load_text(text), np.tile([1.5, 0.05], (20, 1))
+    assert (tmp_path / write_figures(problem, controls, tmp_path)[0]).stat().st_size > 10_000
+    found = certify(problem, controls)
+    alone = certify(load_text(CAR), controls)
+    assert min(one.proven for one in found.clearances) <= min(one.proven for one in alone.clearances) + 1e-9
+
+
 @pytest.mark.slow
 def test_the_delivery_yard_is_proven() -> None:
     pytest.importorskip("ompl")

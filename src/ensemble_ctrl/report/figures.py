@@ -14,6 +14,7 @@ from ensemble_ctrl.problem.drawing import highest, outlines, shadow, target_line
 from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
 from ensemble_ctrl.problem.starts import by_start, places
 from ensemble_ctrl.problem.zones import Zone
+from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.errors import patch_text
 from ensemble_ctrl.report.palette import (
@@ -219,13 +220,12 @@ def draw_bodies(problem: Problem, controls: Floats, ax: Axes) -> None:
     """Outlines of the middle member's body at a few times; at the end those of the members at the ranges' corners."""
     from matplotlib.collections import PolyCollection
 
-    fleet, body = problem.fleet, problem.fleet.footprint
+    body, some = problem.fleet.footprint, np.linspace(0, problem.steps, BODIES + 1).round().astype(int)
     if body is None:
         return
-    members = np.concatenate([fleet.center[None], fleet.corners])
-    full = fleet.full_states(controls, members, problem.step)
-    some = np.linspace(0, problem.steps, BODIES + 1).round().astype(int)
-    poses = np.concatenate([full[0, some], full[1:, -1]])
+    members = np.concatenate([problem.fleet.center[None], problem.fleet.corners])
+    each = [one.fleet.full_states(controls, members, problem.step) for one in by_start(problem).values()]
+    poses = np.concatenate([part for full in each for part in (full[0, some], full[1:, -1])])
     shapes = body.at(poses[:, :2], poses[:, 2])
     outlines = PolyCollection(list(shapes), facecolors="none", edgecolors="black", linewidths=0.7, alpha=0.45, zorder=3)
     ax.add_collection(outlines)
