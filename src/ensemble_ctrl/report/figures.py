@@ -14,7 +14,6 @@ from ensemble_ctrl.problem.drawing import highest, outlines, shadow, target_line
 from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
 from ensemble_ctrl.problem.starts import by_start, places
 from ensemble_ctrl.problem.zones import Zone
-from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.report.canvas import draw_scale, new_figure, placed_axes, save, shown_axes
 from ensemble_ctrl.report.errors import patch_text
 from ensemble_ctrl.report.palette import (
