@@ -38,12 +38,12 @@ def plan() -> ec.Plan:
 @pytest.fixture(scope="module")
 def alone(plan: ec.Plan) -> Summary:
     """The summary of this process."""
-    return plan.replay_blocks(MEMBERS, size=SIZE)
+    return plan.replay_blocks(MEMBERS, block=SIZE)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_the_summary_is_that_of_one_process(plan: ec.Plan, alone: Summary, workers: int) -> None:
-    found = plan.replay_blocks(MEMBERS, size=SIZE, cluster=f"local:{workers}")
+    found = plan.replay_blocks(MEMBERS, block=SIZE, cluster=f"local:{workers}")
     assert found.to_json() == alone.to_json()
     assert found.members == MEMBERS
 
@@ -64,14 +64,14 @@ def test_blocks_are_those_of_more_members(plan: ec.Plan) -> None:
 def test_kept_blocks_are_not_run_again(plan: ec.Plan, alone: Summary, tmp_path: Path) -> None:
     kept = tmp_path / "blocks.jsonl"
     seen: list[Summary] = []
-    plan.replay_blocks(2000, size=SIZE, checkpoint=kept, cluster="local:1")
+    plan.replay_blocks(2000, block=SIZE, checkpoint=kept, cluster="local:1")
     before = kept.read_text()
 
     def watch(so_far: Summary) -> bool:
         seen.append(so_far)
         return False
 
-    found = plan.replay_blocks(MEMBERS, size=SIZE, checkpoint=kept, cluster="local:1", watch=watch)
+    found = plan.replay_blocks(MEMBERS, block=SIZE, checkpoint=kept, cluster="local:1", watch=watch)
     assert found == alone
     assert kept.read_text().startswith(before)
     assert len(kept.read_text().splitlines()) == 3
@@ -79,7 +79,7 @@ def test_kept_blocks_are_not_run_again(plan: ec.Plan, alone: Summary, tmp_path: 
 
 
 def test_a_watch_ends_it(plan: ec.Plan) -> None:
-    found = plan.replay_blocks(10**9, size=SIZE, cluster="local:1", watch=lambda _: True)
+    found = plan.replay_blocks(10**9, block=SIZE, cluster="local:1", watch=lambda _: True)
     assert found.members == SIZE
 
 
@@ -96,7 +96,7 @@ def test_a_block_that_is_lost_is_named(plan: ec.Plan, monkeypatch: pytest.Monkey
     monkeypatch.setattr("ensemble_ctrl.api.blocks.outcomes", with_one_lost)
     words = r"members 1000 to 2000: left out after it ended 3 workers \(ended by SIGKILL\)"
     with pytest.raises(ec.EnsembleError, match=words):
-        plan.replay_blocks(MEMBERS, size=SIZE, cluster="local:1")
+        plan.replay_blocks(MEMBERS, block=SIZE, cluster="local:1")
     lost: list[Outcome] = []
     found = replay_on(plan.problem, plan.controls, Draw(MEMBERS, size=SIZE), "local:1", left_out=lost.append)
     assert found.members == 1500
@@ -125,7 +125,7 @@ def test_a_million_members_survive_the_end_of_client_and_workers(plan: ec.Plan, 
     assert data["members"] == data["wanted_members"] == 1_000_000
     assert data["left_out"] == []
     found = Summary.from_data({name: data[name] for name in plan.replay_blocks(10).as_data()})
-    assert found.to_json() == plan.replay_blocks(1_000_000, size=20_000).to_json()
+    assert found.to_json() == plan.replay_blocks(1_000_000, block=20_000).to_json()
     assert len((tmp_path / "blocks.jsonl").read_text().splitlines()) == 50
 
 
@@ -157,9 +157,9 @@ def test_the_summary_is_the_same_on_dask_when_a_worker_of_it_is_killed(plan: ec.
                 os.kill(pids[0], signal.SIGKILL)
             return False
 
-        found = plan.replay_blocks(1_000_000, size=20_000, cluster=cluster.scheduler_address, watch=watch)
+        found = plan.replay_blocks(1_000_000, block=20_000, cluster=cluster.scheduler_address, watch=watch)
     assert killed
-    assert found.to_json() == plan.replay_blocks(1_000_000, size=20_000).to_json()
+    assert found.to_json() == plan.replay_blocks(1_000_000, block=20_000).to_json()
 
 
 DIVIDED = """

@@ -14,6 +14,7 @@ from PIL import Image
 from ensemble_ctrl.files.config import read
 from ensemble_ctrl.planning.online.measurement import Measurement
 from ensemble_ctrl.planning.online.simulated import SimulatedRobot
+from tests.paths import CONFIGS
 
 from .conftest import Command
 from .tools import FAST, SMALL
@@ -209,3 +210,11 @@ def test_mistakes_are_told(command: Command, place: Path, section: str, said: st
     assert said in done.err
     assert "Traceback" not in done.err
     assert not (place / "plans").exists()
+
+
+def test_traction_is_for_robots_on_arcs(command: Command, place: Path) -> None:
+    (place / "mass.yaml").write_text((CONFIGS / "systems" / "unknown_mass.yaml").read_text(encoding="utf-8"))
+    done = command("online", "mass.yaml", "--traction", "0.9")
+    assert done.code == 2
+    assert "--traction: expected a robot on arcs, got unknown_mass, a double_integrator" in done.err
+    assert "--set 'online.robot.parameters={mass: X}'" in done.err

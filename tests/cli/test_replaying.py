@@ -24,7 +24,7 @@ def test_a_saved_plan_is_replayed_on_many_members(command: Command, results: Pat
     assert "20 steps, 1 sample per step" in outcome.out
     data = json.loads((results.parent / "replay.json").read_text())
     plan = ec.Plan.load(results)
-    found = plan.replay_blocks(30_000, size=10_000)
+    found = plan.replay_blocks(30_000, block=10_000)
     assert found == Summary.from_data({name: data[name] for name in found.as_data()})
     assert (data["mean"], data["wanted_members"], data["exit_code"]) == (found.mean, 30_000, 0)
     assert f"{found.worst[0].robustness:.6f} m (traction" in outcome.out
@@ -79,6 +79,6 @@ def test_a_signal_keeps_the_members_that_were_run(results: Path) -> None:
     plan = ec.Plan.load(results)
     assert 0 < data["members"] < 10**12
     assert data["members"] % 1000 == 0
-    again = plan.replay_blocks(data["members"], size=1000)
+    again = plan.replay_blocks(data["members"], block=1000)
     assert again.worst[0].robustness == data["worst"][0][0]
     np.testing.assert_array_equal(again.histograms[0].as_data()["counts"], data["histograms"][0]["counts"])

@@ -310,7 +310,9 @@ def test_widest_writes_its_plan_and_the_picture_of_a_box(command: Command, place
     assert outcome.data["folder"] == "boxed"
     assert (place / "boxed" / "box.png").read_bytes().startswith(b"\x89PNG")
     assert json.loads((place / "boxed" / "widest.json").read_text())["box"] == outcome.data["box"]
-    assert command("verify", "boxed").code == 0
+    verified = command("verify", "boxed")
+    assert verified.code == 0
+    assert max(map(len, verified.out.splitlines())) <= 120
     assert outcome.data["box"]["traction"][1] > 1.02
 
 

@@ -108,7 +108,13 @@ def test_replays_and_summaries_say_that_members_are_disturbed() -> None:
             r"fleet.uncertainty.jitter: expected at most half a step, 0.1 s, got 0.15 s",
         ),
         ("delay: 50 ms", "delay: -1 s", r"fleet.uncertainty.delay: expected a time in s"),
-        ("heading_hold: true", "heading_hold: 0 s", r"fleet.uncertainty.heading_hold: expected a time in s"),
+        ("heading_hold: true", "heading_hold: 0 s", r"heading_hold: expected true, false, or a time above 0 .*'0 s'"),
+        (
+            "heading_hold: true",
+            "heading_hold: maybe",
+            r"heading_hold: expected true, false, or a time .*'maybe'",
+        ),
+        ("delay: 50 ms", "delay: 5 s", r"delay: expected at most the horizon, 4 s, got 5 s"),
         ("position: 2 mm/s", "position: 2 mm", r"expected a speed in m/s, cm/s or km/h, got '2 mm', which is a length"),
     ],
 )

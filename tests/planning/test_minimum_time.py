@@ -55,6 +55,21 @@ def test_straight_ahead_it_takes_what_top_speed_allows() -> None:
     assert found.controls[:, 0].mean() > 1.97
 
 
+def test_a_search_that_is_stopped_says_what_it_did() -> None:
+    """Before there is a plan: the iterations on the coarse grid are counted, too."""
+    seen: list[str] = []
+
+    def progress(phase: str, iteration: object) -> bool:
+        seen.append(phase)
+        return seen.count("coarse solve") > 25
+
+    found, shortest = solve(load_text(BLOCK), progress=progress)
+    assert shortest is None
+    assert found.iterations > 0
+    assert found.solve_seconds > 0
+    assert found.seconds["search"] > 0
+
+
 @pytest.mark.slow
 def test_around_a_block_it_is_within_two_percent_of_a_scan() -> None:
     problem = load_text(BLOCK)

@@ -27,6 +27,8 @@ def proven(whole: Problem, bounds: Uncertainty) -> bool:
 def test_each_bound_is_the_largest_that_is_proven() -> None:
     found = measure(PLAIN, CONTROLS)
     by_name = {one.kind: one for one in found.kinds}
+    assert str(found).startswith("proven with errors of the model up to\n  drift of the position ")
+    assert len(str(found).splitlines()) == len(found.kinds) + 2
     made: dict[str, Callable[[float], Uncertainty]] = {
         "drift of the position": lambda b: Uncertainty({"position": b}),
         "error of the turn rate": lambda b: Uncertainty({"heading": b}),

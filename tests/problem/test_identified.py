@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from ensemble_ctrl.cli.app import invoke
 from ensemble_ctrl.cli.identify import identify_log, read_log
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval
@@ -27,7 +28,7 @@ def logs(bounds: Uncertainty, robots: int = 6) -> tuple[dict[str, RobotLog], np.
     fleet = Fleet(Unicycle(), ranges, [0.3, 0.1], 0.4, uncertainty=bounds)
     whole = problem(bounds, fleet=fleet)
     members = fleet.sample(robots, 0)
-    settings = drawn(fleet, robots, STEPS, 0)
+    settings = drawn(whole, robots, STEPS, 0)
     paths = disturbed(whole, CONTROLS, members, settings)
     # headings from the turn rates: those of the model and the disturbance of each step
     k = 0 if bounds else None
@@ -77,7 +78,7 @@ def test_a_file_becomes_a_section(tmp_path: Path, capsys: pytest.CaptureFixture[
         float(section["uncertainty"]["disturbance"]["position"].split()[0]) >= whole.uncertainty.disturbance["position"]
     )
     path.write_text("\n".join([*lines[:5], "0,oops,0,0,0,0,0"]))
-    with pytest.raises(ProblemError, match=r"runs.csv:6: expected numbers for t, v, omega, x, y, heading"):
+    with pytest.raises(ProblemError, match=r"runs.csv:6: expected a (finite )?number for "):
         read_log(path, Unicycle())
     with pytest.raises(ProblemError, match=r"got none called 'delta'"):
         read_log(path, Bicycle())
@@ -121,3 +122,25 @@ def test_a_column_in_another_unit_is_refused(tmp_path: Path, name: str, unit: st
     path.write_text(",".join(other) + "\n0,1,1,0,0,0\n")
     with pytest.raises(ProblemError, match=rf"units.csv:1: expected {name} in .*, got '{name} \[{unit}\]'"):
         read_log(path, Unicycle())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t,v,omega,x,y,heading\n0,1,0,0,0,0\n0.1,1,,0.1,0,0\n", r":3: expected a number for omega, got an empty cell"),
+        ("t,v,omega,x,y,heading\n0,1,0\n", r":2: expected a number for x, got no cell"),
+        ("t,v,omega,x,y,heading\n0,1,0,0,nan,0\n", r":2: expected a finite number for y, got nan"),
+        ("t;v;omega;x;y;heading\n0;1;0;0;0;0\n", r":1: expected columns separated by commas .*, got semicolons"),
+        ("", r":1: expected the columns t, .*, got an empty file"),
+    ],
+)
+def test_what_is_wrong_with_a_log_is_said(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ProblemError, match=message):
+        read_log(path, Unicycle())
+
+
+def test_a_log_that_is_not_there_is_a_wrong_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["identify", str(tmp_path / "none.csv")]) == 2
+    assert "none.csv: expected a log, can't read it (No such file or directory)" in capsys.readouterr().err

@@ -116,21 +116,22 @@ class Plan(ReadOnlyArrays):
         *,
         substeps: int | None = None,
         seed: int | None = None,
-        size: int = SIZE,
+        block: int = SIZE,
         watch: Callable[[Summary], bool] | None = None,
         cluster: str | None = None,
         checkpoint: str | Path | None = None,
     ) -> Summary:
         """Run the controls on any number of members in bounded memory.
 
-        With `cluster` or `checkpoint` see `ensemble_ctrl.api.blocks.replay_on`: the same summary, bit for bit. Else see
+        Members come in blocks of `block`, of which only a summary stays. With `cluster` or `checkpoint` see
+        `ensemble_ctrl.api.blocks.replay_on`: the same summary, bit for bit. Else see
         `ensemble_ctrl.problem.evaluation.streaming.replay_blocks`.
         """
         if cluster is None and checkpoint is None:
             return replay_blocks(
-                self.problem, self.controls, members, substeps=substeps, seed=seed, size=size, watch=watch
+                self.problem, self.controls, members, substeps=substeps, seed=seed, size=block, watch=watch
             )
-        draw = Draw(members, seed, substeps, size)
+        draw = Draw(members, seed, substeps, block)
         return replay_on(self.problem, self.controls, draw, cluster or "local", checkpoint=checkpoint, watch=watch)
 
     def certify(self, ranges: Mapping[str, Distribution] | None = None, *, each: bool = False) -> Certificate:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections import defaultdict
-from math import ceil, floor, log10
+from math import ceil, floor, isfinite, log10
 from pathlib import Path
 
 import numpy as np
@@ -65,12 +65,19 @@ def read_log(path: Path, system: ArcSystem) -> dict[str, RobotLog]:
     ProblemError
         For columns that are missing or in other units, and cells that are no numbers, with their line.
     """
-    text = read_regular(path, MOST_BYTES).decode("utf-8-sig", "replace").splitlines()
+    try:
+        text = read_regular(path, MOST_BYTES).decode("utf-8-sig", "replace").splitlines()
+    except OSError as error:
+        raise ProblemError(f"{path}: expected a log, can't read it ({error.strerror or error})") from None
     rows = csv.DictReader(text)
     wanted = ["t", *system.controls, "x", "y", "heading"]
     # a header may carry units, as in `v [m/s]`
     names = {(name or "").split("[")[0].strip(): name for name in rows.fieldnames or ()}
     missing = [name for name in wanted if name not in names]
+    if missing and not text:
+        raise ProblemError(f"{path}:1: expected the columns {', '.join(wanted)}, got an empty file")
+    if missing and ";" in text[0]:
+        raise ProblemError(f"{path}:1: expected columns separated by commas and a decimal point, got semicolons")
     if missing:
         raise ProblemError(f"{path}:1: expected the columns {', '.join(wanted)}, got none called {missing[0]!r}")
     units = dict(zip(wanted, ("s", *system.control_units, "m", "m", "rad"), strict=True))
@@ -80,16 +87,22 @@ def read_log(path: Path, system: ArcSystem) -> dict[str, RobotLog]:
             raise ProblemError(f"{path}:1: expected {name} in {units[name]}, got {names[name].strip()!r}")
     by_robot: dict[str, list[list[float]]] = defaultdict(list)
     for row in rows:
-        try:
-            values = [float(row[names[name]]) for name in wanted]
-        except (TypeError, ValueError):
-            got = ", ".join(str(row[names[name]]) for name in wanted)
-            raise ProblemError(f"{path}:{rows.line_num}: expected numbers for {', '.join(wanted)}, got {got}") from None
-        if not np.isfinite(values).all():
-            raise ProblemError(f"{path}:{rows.line_num}: expected finite numbers")
+        values = [_number(row[names[name]], name, f"{path}:{rows.line_num}") for name in wanted]
         by_robot[row[names["robot"]] if "robot" in names else "the robot"].append(values)
     tables = {name: np.array(values) for name, values in by_robot.items()}
     return {name: RobotLog(table[:, 0], table[:, 1:3], table[:, 3:]) for name, table in tables.items()}
+
+
+def _number(cell: str | None, name: str, place: str) -> float:
+    """A finite number in a column."""
+    try:
+        value = float(cell or "")
+    except ValueError:
+        got = "an empty cell" if cell is not None and not cell.strip() else "no cell" if cell is None else repr(cell)
+        raise ProblemError(f"{place}: expected a number for {name}, got {got}") from None
+    if not isfinite(value):
+        raise ProblemError(f"{place}: expected a finite number for {name}, got {cell}")
+    return value
 
 
 def _section(found: Identified, model: str, wheelbase: float | None) -> list[str]:

@@ -13,6 +13,7 @@ from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.results import SCHEMA, to_json
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
+from ensemble_ctrl.cli.root import UsageError
 from ensemble_ctrl.cli.streams import complain, fail, say
 from ensemble_ctrl.core.errors import first_of
 from ensemble_ctrl.core.storage import put_file
@@ -60,6 +61,7 @@ def run_online(options: OnlineRun) -> int:
     loaded = read(options.config, options.overrides, loop=True)
     for line in first_of(loaded.warnings):
         progress.note(line)
+    _require_arcs(loaded.problem, options)
     settings = (loaded.problem.online or OnlineSettings()).with_robots(options.traction, options.seed)
     problem = loaded.problem
     folder = ResultsFolder(options.output, f"{problem.name}-online", options.overwrite)
@@ -110,6 +112,17 @@ def _without_plan(problem: Problem, progress: Progress, options: OnlineRun) -> i
 def exit_code(outcome: Outcome) -> int:
     """Success is the only ending that is one."""
     return codes.OK if outcome.ending == "success" else codes.NOT_VERIFIED
+
+
+def _require_arcs(problem: Problem, options: OnlineRun) -> None:
+    """Refuse a factor on the speed of robots that have none."""
+    system = problem.fleet.system
+    if options.traction is not None and not system.on_arcs:
+        names = ", ".join(f"{name}: X" for name in system.parameters) or "NAME: X"
+        raise UsageError(
+            f"--traction: expected a robot on arcs, got {problem.name}, a {system.name}; "
+            f"instead: --set 'online.robot.parameters={{{names}}}'"
+        )
 
 
 def _first_plan(problem: Problem, progress: Progress) -> Plan | None:

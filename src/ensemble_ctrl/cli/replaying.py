@@ -108,7 +108,7 @@ def _run(plan: Plan, options: ReplayOptions, progress: Progress, began: float, l
     progress("replay", None)
     if options.cluster is None and options.checkpoint is None:
         return plan.replay_blocks(
-            options.members, seed=options.seed, substeps=options.substeps, size=options.block, watch=watch
+            options.members, seed=options.seed, substeps=options.substeps, block=options.block, watch=watch
         )
     with naming(cluster="--cluster"):
         return replay_on(

@@ -13,7 +13,6 @@ from ensemble_ctrl.cli.streams import complain, say
 from ensemble_ctrl.files.folder import require_free
 from ensemble_ctrl.planning.tolerance import measure
 from ensemble_ctrl.report.canvas import FORMATS
-from ensemble_ctrl.report.errors import tolerance_lines
 
 
 def measure_plan(path: Path, attacked: bool, chart: Path | None, as_json: bool, quiet: bool, overwrite: bool) -> int:
@@ -32,7 +31,7 @@ def measure_plan(path: Path, attacked: bool, chart: Path | None, as_json: bool, 
     if as_json:
         say(to_json({"schema": SCHEMA, "name": plan.problem.name, **asdict(found), "exit_code": code}))
     else:
-        say("\n".join([f"{plan.problem.name}: proven with errors of the model up to", *tolerance_lines(found)]))
+        say(f"{plan.problem.name}: {found}")
     return code
 
 

@@ -26,7 +26,7 @@ from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.problem.bounds import Beyond, beyond_bounds
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task
 from ensemble_ctrl.problem.evaluation.sampled import Replay
-from ensemble_ctrl.report.text import measured, proven
+from ensemble_ctrl.report.text import measured, proven, row_lines
 
 HEADS = {"yes": "proven", "no": "REFUTED", "undecided": "NOT PROVEN"}
 """Verdicts in the first line."""
@@ -213,7 +213,7 @@ def _lines(found: Verified) -> list[str]:
         rows.append(("bounds", f"{found.beyond}{' (ignored)' if found.ignore_bounds else ''}"))
     rows += [("files", "DISAGREE, see below" if found.tampered else agree)] if not found.requested else []
     rows += [("inputs", f"sha256 {found.certificate.inputs}")]
-    return [f"{problem.name}: {head}", *(f"  {label:<11}{text}" for label, text in rows)]
+    return [f"{problem.name}: {head}", *(line for row in rows for line in row_lines(*row))]
 
 
 def _as_data(found: Verified, code: int) -> dict[str, Any]:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Always, Eventually, Inside
 from ensemble_ctrl.ocp.facet_binaries import Facets, facets, workspace
+from ensemble_ctrl.ocp.quiet import quietly
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -140,13 +141,14 @@ def linear_facets(problem: Problem, time_limit: float) -> LinearPlan:
     _visiting(problem, model, place)
     rows, columns, values = (np.array(part) for part in zip(*model.entries, strict=True))
     matrix = csr_array((values, (rows, columns)), shape=(len(model.most), len(model.costs)))
-    found = milp(
-        np.array(model.costs),
-        integrality=np.array(model.whole),
-        bounds=Bounds(np.array(model.lower), np.array(model.upper)),
-        constraints=LinearConstraint(matrix, -np.inf, np.array(model.most)),
-        options={"time_limit": time_limit, "node_limit": NODES, "mip_rel_gap": GAP},
-    )
+    with quietly():
+        found = milp(
+            np.array(model.costs),
+            integrality=np.array(model.whole),
+            bounds=Bounds(np.array(model.lower), np.array(model.upper)),
+            constraints=LinearConstraint(matrix, -np.inf, np.array(model.most)),
+            options={"time_limit": time_limit, "node_limit": NODES, "mip_rel_gap": GAP},
+        )
     seconds, none = time.perf_counter() - began, np.zeros((0, 2))
     if found.x is None:
         return LinearPlan(none, z >= 0, sides, np.inf, -np.inf, str(found.message), seconds)

@@ -20,10 +20,7 @@ others it is a neighbourhood of the plan.  The squares of the cost and other par
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -32,6 +29,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import Always, And, Eventually, Formula, Inside, Predicate
+from ensemble_ctrl.ocp.quiet import quietly
 from ensemble_ctrl.ocp.states import scale_of
 from ensemble_ctrl.ocp.truncation import Truncation
 from ensemble_ctrl.problem import Problem
@@ -166,7 +164,7 @@ def linearised_facets(
     cost[off], cost[short] = aim.terminal, SHORT
     index = np.array(rows.entries)
     matrix = csr_array((index[:, 2], (index[:, 0].astype(int), index[:, 1].astype(int))), shape=(len(rows.low), total))
-    with _silence():
+    with quietly():
         found = milp(
             cost,
             integrality=(np.arange(total) >= rows.count).astype(np.int64),
@@ -180,20 +178,6 @@ def linearised_facets(
     clipped = np.clip(moved, problem.fleet.input_lower, problem.fleet.input_upper)
     bound = -np.inf if found.mip_dual_bound is None else float(found.mip_dual_bound)
     return Chosen(clipped, rows.binaries, str(found.message), float(found.fun), bound, float(found.x[short]))
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """Keep what HiGHS writes past its own switch off the terminal."""
-    sys.stdout.flush()
-    kept, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nothing, 1)
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nothing)
 
 
 def _linear(problem: Problem, truncation: Truncation, controls: Floats, trust: float) -> _Linear:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,6 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.terrain import Patch
 from ensemble_ctrl.problem.uncertainty import POSITION
-
-if TYPE_CHECKING:
-    from ensemble_ctrl.planning.tolerance import Tolerance, Tolerated
 
 Floats = NDArray[np.float64]
 
@@ -63,28 +59,3 @@ def tolerated(found: dict[str, Any] | None) -> list[tuple[str, str]]:
         return []
     missed = "" if found["missed"] is None else f"; none found for {found['missed']:.3g} times"
     return [("tolerance", f"{found['scale']:.3g} times the errors that were given{missed} ({found['tried']} tried)")]
-
-
-def tolerance_lines(found: Tolerance) -> Iterator[str]:
-    """What a plan tolerates, a line for each kind."""
-    for one in (*found.kinds, found.mix):
-        yield f"  {one.kind:<44}{amount(one.bound, one):>12}  {_ends(one)}"
-
-
-def _ends(one: Tolerated) -> str:
-    """What ends it."""
-    if one.beyond is None:
-        return "and more than that makes no sense"
-    when = "" if one.time is None else f" at t = {one.time:.2f} s"
-    who = ", ".join(f"{name} {value:.4g}" for name, value in one.parameters.items())
-    broken = "" if one.broken is None else f"; broken by an attack with {amount(one.broken, one)}"
-    return f"then {one.ends}{when}{f' ({who})' if who else ''}{broken}"
-
-
-def amount(value: float, one: Tolerated) -> str:
-    """A bound in the unit that reads best: mm/s, mrad/s, ms, a percentage, or as it is."""
-    if one.unit in ("m/s", "rad/s", "s"):
-        return f"{1000 * value:.3g} m{one.unit}"
-    if one.unit:
-        return f"{value:.3g} {one.unit}"
-    return f"{value:.3g}" if "times" in one.kind else f"{100 * value:.3g} %"

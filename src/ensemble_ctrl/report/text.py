@@ -94,10 +94,10 @@ def verdict(plan: PlanLike) -> str:
 def summary_lines(plan: PlanLike, files: str | None = None) -> list[str]:
     """The summary, a line each."""
     rows = summary_rows(plan) + ([("files", files)] if files else [])
-    return [f"{plan.problem.name}: {verdict(plan)}", *(line for row in rows for line in _lines(*row))]
+    return [f"{plan.problem.name}: {verdict(plan)}", *(line for row in rows for line in row_lines(*row))]
 
 
-def _lines(label: str, text: str) -> list[str]:
+def row_lines(label: str, text: str) -> list[str]:
     """One row; what is proven and the task, which may be as long as they like, are wrapped."""
     long = label in ("task", "obstacles", "zones", "proven", "errors", "terrain")
     texts = wrap(text, WIDTH - 13, break_long_words=False) if long else [text]

@@ -36,7 +36,11 @@ def _hold(value: Any) -> float | None:
     """True for a loop as robots have it, or its time constant."""
     if isinstance(value, bool):
         return HELD if value else None
-    return quantity("time", above=0)(value)
+    try:
+        return quantity("time", above=0)(value)
+    except FieldError:
+        wanted = "expected true, false, or a time above 0 in s, ms, min or h"
+        raise FieldError(f"{wanted}, got {show(value)}") from None
 
 
 Time = Annotated[float, BeforeValidator(quantity("time", 0)), f.numeric("time", minimum=0)]

@@ -125,15 +125,19 @@ class _Search:
         if self.best is None and guess is not None and not self._over():  # it may be a plan as it is
             last = self._tried(self.goal.most, guess, self.goal.most)
         if self.best is None:
-            return last, None
-        best = replace(
-            self.best,
-            iterations=self.best.iterations + sum(a.iterations for a in self.work),
-            build_seconds=self.best.build_seconds + sum(a.build_seconds for a in self.work),
-            solve_seconds=self.best.solve_seconds + sum(a.solve_seconds for a in self.work),
-            seconds={"search": self.seconds, **self.best.seconds},
+            return self._summed(last), None
+        found = MinimumTime(self.goal.of, self.value, lowest, self.missed, self.tried)
+        return self._summed(self.best), found
+
+    def _summed(self, solution: Solution) -> Solution:
+        """A solution with the work of the whole search."""
+        return replace(
+            solution,
+            iterations=solution.iterations + sum(a.iterations for a in self.work),
+            build_seconds=solution.build_seconds + sum(a.build_seconds for a in self.work),
+            solve_seconds=solution.solve_seconds + sum(a.solve_seconds for a in self.work),
+            seconds={"search": self.seconds, **solution.seconds},
         )
-        return best, MinimumTime(self.goal.of, self.value, lowest, self.missed, self.tried)
 
     # --- on the coarse grid
 

@@ -65,6 +65,26 @@ class Tolerated:
     parameters: Member
     broken: float | None = None
 
+    def amount(self, value: float) -> str:
+        """A bound in the unit that reads best: mm/s, mrad/s, ms, a percentage, or as it is."""
+        if self.unit in ("m/s", "rad/s", "s"):
+            return f"{1000 * value:.3g} m{self.unit}"
+        if self.unit:
+            return f"{value:.3g} {self.unit}"
+        return f"{value:.3g}" if "times" in self.kind else f"{100 * value:.3g} %"
+
+    def __str__(self) -> str:
+        return f"{self.kind:<44}{self.amount(self.bound):>12}  {self._end()}"
+
+    def _end(self) -> str:
+        """What ends it."""
+        if self.beyond is None:
+            return "and more than that makes no sense"
+        when = "" if self.time is None else f" at t = {self.time:.2f} s"
+        who = ", ".join(f"{name} {value:.4g}" for name, value in self.parameters.items())
+        broken = "" if self.broken is None else f"; broken by an attack with {self.amount(self.broken)}"
+        return f"then {self.ends}{when}{f' ({who})' if who else ''}{broken}"
+
 
 @dataclass(frozen=True)
 class Tolerance:
@@ -81,6 +101,10 @@ class Tolerance:
 
     kinds: tuple[Tolerated, ...]
     mix: Tolerated
+
+    def __str__(self) -> str:
+        """A line for each kind, and the mix."""
+        return "\n".join(["proven with errors of the model up to", *(f"  {one}" for one in (*self.kinds, self.mix))])
 
 
 @dataclass(frozen=True)
@@ -156,7 +180,7 @@ def _mixed(problem: Problem, kinds: list[_Kind], found: list[Tolerated]) -> _Kin
     own = problem.fleet.uncertainty
     if own:
         largest = max([1e-9, *own.shares.values(), *own.varies.values()])
-        most = min(1 / largest, problem.step / 2 / max(own.jitter, 1e-9))
+        most = min(1 / largest, problem.step / 2 / max(own.jitter, 1e-9), problem.duration / max(own.delay, 1e-9))
         return _Kind("the errors of the problem, times", "", most, own.scaled)
     pairs = list(zip(kinds, found, strict=True))
     return _Kind(

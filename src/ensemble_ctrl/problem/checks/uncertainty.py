@@ -22,6 +22,9 @@ def uncertainty_findings(problem: Problem) -> Iterator[Finding]:
     if bounds.jitter > problem.step / 2:
         message = f"expected at most half a step, {problem.step / 2:g} s, got {bounds.jitter:g} s"
         yield Finding((*path, "jitter"), message)
+    if bounds.delay > problem.duration:
+        message = f"expected at most the horizon, {problem.duration:g} s, got {bounds.delay:g} s"
+        yield Finding((*path, "delay"), message)
     if not fleet.system.on_arcs or not fleet.arcs.monotone:
         return
     ends = np.stack([fleet.input_lower, fleet.input_upper])

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ensemble_ctrl.report.canvas import save
-from ensemble_ctrl.report.errors import amount
 from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
@@ -25,9 +24,9 @@ def draw_tolerance(name: str, found: Tolerance, ax: Axes) -> Axes:
         share = 1.0 if not one.broken else one.bound / one.broken
         if one.broken:
             ax.barh(k, 1.0, color=BROKEN, alpha=0.25, height=0.6)
-            ax.text(1.01, k, f"broken at {amount(one.broken, one)}", va="center", fontsize=7, color=BROKEN)
+            ax.text(1.01, k, f"broken at {one.amount(one.broken)}", va="center", fontsize=7, color=BROKEN)
         ax.barh(k, share, color=PROVEN, height=0.6)
-        words = f"{amount(one.bound, one)}" + (f", then {one.ends}" if one.ends and one.beyond is not None else "")
+        words = f"{one.amount(one.bound)}" + (f", then {one.ends}" if one.ends and one.beyond is not None else "")
         ax.text(0.01, k, literal(words), va="center", fontsize=8, color="white" if share > 0.35 else "black")
     ax.set_yticks(range(len(kinds)), [literal(one.kind) for one in kinds], fontsize=8)
     ax.set_xticks([])
