@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import PROOFS, certify
 from ensemble_ctrl.certificate.certify import ArcsProof
-from ensemble_ctrl.certificate.enclosure import Flow
+from ensemble_ctrl.certificate.enclosure import Flow, first_cells
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import parse
@@ -212,3 +212,28 @@ def test_an_enclosure_that_does_not_count_errors_proves_nothing_of_them(monkeypa
     assert certify(problem(Uncertainty()), CONTROLS).proven == "yes"
     refused = certify(problem(Uncertainty({"position": 1e-6})), CONTROLS)
     assert (refused.proven, refused.reason) == ("undecided", "this enclosure does not count errors of the model")
+
+
+@pytest.mark.parametrize("two", [False, True])
+def test_members_of_each_cell_stay_within_the_bound_of_their_cell(two: bool) -> None:
+    given = problem(Uncertainty({"heading": 0.01}), fleet=fleet(Uncertainty({"heading": 0.01}), two=two))
+    flow = Flow.of(given, CONTROLS)
+    assert flow.errors is not None
+    assert (flow.errors <= flow.error).all()
+    bent = flow.bent()
+    centres, half = first_cells(bent.lower, bent.upper, bent.grid)
+    assert len(flow.errors) == len(centres)
+    assert flow.errors[:, -1].min() < 0.95 * flow.errors[:, -1].max()
+    rng, rest = np.random.default_rng(4), given.fleet.center[bent.directions.shape[0] :]
+    ratios = []
+    for centre, width, bound in zip(centres, half, flow.errors, strict=True):
+        members = np.array([[*(centre + sign * width), *rest] for sign in rng.choice([-1.0, 1.0], (4, len(centre)))])
+        settings = np.repeat(np.array([1.0, -1.0, 1.0, -1.0])[:, None, None], STEPS, axis=2)
+        settings = settings * np.where(np.arange(STEPS) < rng.integers(0, STEPS), -1.0, 1.0)
+        settings[:2] = np.array([[[1.0]], [[-1.0]]])
+        states = disturbed(given, CONTROLS, members, settings, 4)[..., :2]
+        model = disturbed(given, CONTROLS, members, 0 * settings, 4)[..., :2]
+        away = np.linalg.norm(states - model, axis=-1)
+        assert (away[:, 1:].reshape(4, STEPS, 4).max(axis=(0, 2)) <= bound).all()
+        ratios.append(away[:, -1].max() / bound[-1])
+    assert 0.5 < max(ratios) <= 1.0

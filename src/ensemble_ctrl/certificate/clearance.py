@@ -9,7 +9,7 @@ size, until the bound is tight.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -44,9 +44,13 @@ ROUNDS = 40
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes as columns: index of the centre in the track, half widths, step, and the share of the step they cover."""
+    """Boxes as columns: index of the centre in the track, half widths, step, and the share of the step they cover.
+
+    `cell` is the first cell that each is a part of.
+    """
 
     centre: Ints
+    cell: Ints
     half: Floats
     step: Ints
     begin: Floats
@@ -57,7 +61,7 @@ class Boxes:
 
     def where(self, mask: NDArray[np.bool_]) -> Boxes:
         """Some of the boxes."""
-        return Boxes(self.centre[mask], self.half[mask], self.step[mask], self.begin[mask], self.end[mask])
+        return Boxes(*(column[mask] for column in vars(self).values()))
 
     def joined(self, other: Boxes) -> Boxes:
         """Both lists."""
@@ -117,9 +121,14 @@ class Prover:
         self.growth = self._grown(None)
 
     def _grown(self, motion: Motion | None, more: Floats | None = None) -> Floats:
-        """Metres by which robots may be away from their motion in each step, beside an obstacle that may move."""
-        late = 0.0 if self.early and motion is None else self.flow.lag
-        return np.asarray(self.flow.error + late + (0.0 if more is None else more))
+        """Metres by which robots of each first cell may be away from their motion, beside an obstacle that may move.
+
+        Shape (cells, steps).
+        """
+        flow, same = self.flow, not self.cells or self.cells == self.flow.grid
+        late = 0.0 if self.early and motion is None else flow.lag
+        away = flow.error if flow.errors is None or not same else flow.errors
+        return np.broadcast_to(away + late + (0.0 if more is None else more), (len(self.half), flow.steps))
 
     def nearness(self, obstacle: Obstacle, spans: Spans, motion: Motion | None = None) -> float:
         """Smallest distance of the first cells' middles at the beginnings of steps, metres: is the obstacle near?"""
@@ -205,10 +214,10 @@ class Prover:
         cells, steps = len(self.half), spans.step
         centre = np.repeat(np.arange(cells), len(steps))
         begin, end = np.tile(spans.begin, cells), np.tile(spans.end, cells)
-        boxes = Boxes(centre, self.half[centre], np.tile(steps, cells), begin, end)
+        boxes = Boxes(centre, centre, self.half[centre], np.tile(steps, cells), begin, end)
         distance, reach = self._middles(piece, steps, motion), self._reach[:, steps]
         # no corner is farther from the planned point than the body's reach
-        distance, reach = distance - self.growth[steps], reach + self.body.reach
+        distance, reach = distance - self.growth[:, steps], reach + self.body.reach
         if motion is not None:
             # a moving obstacle covers at most its way in the step and its bend off that chord
             first, last = self.flow.begin[steps], self.flow.begin[steps] + self.flow.step[steps]
@@ -226,7 +235,9 @@ class Prover:
         if len(some):
             coeffs = self.flow.coefficients(self.centres[some.centre])
             here = self._at(some, some.begin, coeffs)[0] - _moved(motion, self._times(some, some.begin))
-            seen[late] = self.body.distance(piece, here, some.step, some.begin, coeffs) - self.growth[some.step]
+            seen[late] = (
+                self.body.distance(piece, here, some.step, some.begin, coeffs) - self.growth[some.cell, some.step]
+            )
         return seen
 
     def _best(self, boxes: Boxes, distance: Floats, best: Sample) -> Sample:
@@ -272,7 +283,7 @@ class Prover:
         begin, end = (self._times(boxes, share) for share in (boxes.begin, boxes.end))
         here, there = here - _moved(motion, begin), there - _moved(motion, end)
         distance = self.body.distance(piece, here, boxes.step, boxes.begin, coeffs)
-        grown = self.growth[boxes.step]
+        grown = self.growth[boxes.cell, boxes.step]
         best = self._best(boxes, distance - grown, best)
         # all that is not in the hull: growth, remainder, the chords of the curve and of the obstacle's way
         curvature = self._curvature(boxes, boxes.half)
@@ -329,8 +340,7 @@ class Prover:
         """Each box in two: side 0 is time, side k + 1 the parameter k."""
         along = boxes.where(side == 0)
         middle = (along.begin + along.end) / 2
-        early = Boxes(along.centre, along.half, along.step, along.begin, middle)
-        late = Boxes(along.centre, along.half, along.step, middle, along.end)
+        early, late = replace(along, end=middle), replace(along, begin=middle)
         halves = early.joined(late)
         across = side > 0
         return halves.joined(self._narrowed(boxes.where(across), side[across] - 1)) if across.any() else halves
@@ -346,7 +356,8 @@ class Prover:
         half[rows, k] = half[rows, k] * (1 + 1e-12) + UNIT * np.abs(c[rows, k])
         new, index = np.unique(np.concatenate([c - move, c + move]), axis=0, return_inverse=True)
         index = self._tracked(new)[index.ravel()]
-        twice = [np.concatenate([part, part]) for part in (half, boxes.step, boxes.begin, boxes.end)]
+        columns = boxes.cell, half, boxes.step, boxes.begin, boxes.end
+        twice = [np.concatenate([part, part]) for part in columns]
         return Boxes(index, *twice)
 
     def _tracked(self, centres: Floats) -> Ints:

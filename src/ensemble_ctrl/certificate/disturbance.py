@@ -64,12 +64,15 @@ class Errors:
         Seconds.
     strays : ndarray, shape (2, steps), optional
         By how much terrain may change the factors on speed and turn rate.
+    cells : ndarray, shape (cells, steps), optional
+        `place` for the members of each cell of those that the chords are of.
     """
 
     place: Floats
     lag: Floats
     delay: float
     strays: Floats | None = None
+    cells: Floats | None = None
 
 
 def arc_errors(
@@ -106,17 +109,19 @@ def arc_errors(
         return Errors(np.full(len(controls), np.inf), _lags(rates, step), bounds.delay, strays)
     turn, count = _turns(rates, step), len(controls)
     by_way = np.concatenate([[0.0], np.cumsum(step * rates.way * np.minimum(turn, 2.0))])
-    within = by_way[1:]
+    within = by_way[None, 1:]
     if bounds.heading_hold is None and rates.turns and count <= MOST_CHORDS:
         ends = np.minimum(by_way, _by_chords(rates, step, chords))
         # H is Lipschitz within a step, from both of its ends
         slope = step * rates.way * np.minimum(turn, 2.0)
-        within = np.minimum(ends[:-1] + slope, (ends[:-1] + ends[1:] + slope) / 2)
+        within = np.minimum(ends[:, :-1] + slope, (ends[:, :-1] + ends[:, 1:] + slope) / 2)
     # int V + W, the wait before the start, and all commands that began early or late so far
     driven = rates.drift * bounds.delay + np.cumsum(step * (rates.drift + rates.speed))
     place = within + driven + _counted(rates.speed_jumps)
     up = 1 + 64 * UNIT * (count + 8)
-    return Errors(np.where(np.isnan(place), np.inf, place * up), _lags(rates, step) * up, bounds.delay, strays)
+    cells = np.where(np.isnan(place), np.inf, place * up)
+    each = cells if len(cells) > 1 else None
+    return Errors(cells.max(axis=0), _lags(rates, step) * up, bounds.delay, strays, each)
 
 
 def signal_errors(
@@ -155,10 +160,12 @@ def signal_errors(
 class _Rates:
     """Bounds by step: `way` is ``a |v|``, `speed` V, `turn` D; `drift` W; jumps are of early and late commands.
 
-    `most` is what a change of each factor by one changes its rate by, shape (2, steps).
+    `bend` is ``a |v| b |omega|``, a bound of ``|p''|``; `most` is what a change of each factor by one changes its rate
+    by, shape (2, steps).
     """
 
     way: Floats
+    bend: Floats
     speed: Floats
     turn: Floats
     speed_jumps: Floats
@@ -190,7 +197,8 @@ class _Rates:
         if bounds.jitter:
             wide = np.pad(most, ((0, 0), (1, 1)))
             most = np.maximum(most, np.maximum(wide[:, :-2], wide[:, 2:]))
-        return cls(way, speed, turn, jumps, jumps_of_turn, drift, wait, *times, most)
+        bend = way * sharpest * np.abs(omega)
+        return cls(way, bend, speed, turn, jumps, jumps_of_turn, drift, wait, *times, most)
 
     def straying(self, strays: Floats) -> _Rates:
         """The same where the factors may be off by more, by `strays` of shape (2, steps)."""
@@ -280,20 +288,21 @@ def _counted(jumps: Floats) -> Floats:
 
 
 def _by_chords(rates: _Rates, step: float, chords: Chords) -> Floats:
-    """The second bound of `H` at all grid times, for all members, shape (steps + 1,)."""
+    """The second bound of `H` at all grid times, for the members of each cell, shape (cells, steps + 1)."""
     count = len(rates.turn)
     before = np.tri(count + 1, count, -1)  # steps k < n
     # masses of |e'|: D in each step, e(0) at the start, jumps near their grid times
     late = np.tri(count + 1, count, 1) * rates.turn_jumps
     near = rates.jitter * float(rates.way.max(initial=0.0))
-    found = np.zeros(count + 1)
+    found = []
     for away in chords():
-        # the trapezoid of a function whose slope is at most a |v| is off by at most a |v| h^2 / 4
-        mean = (away[:, :-1] + away[:, 1:]) / 2 + rates.way * step / 4
+        # a place in a step is off by at most |p''| h^2 / 8 from the one between its ends, whose distance is convex
+        mean = (away[:, :-1] + away[:, 1:]) / 2 + rates.bend * step**2 / 8
         total = (before * mean) @ (step * rates.turn) + rates.wait * rates.delay * away[:, 0]
-        total += (late * (away[:, :-1] + near)).sum(axis=1)
-        found = np.maximum(found, total)
-    return found
+        if rates.turn_jumps.any():
+            total += (late * (away[:, :-1] + near)).sum(axis=1)
+        found.append(total)
+    return np.array(found)
 
 
 def _lags(rates: _Rates, step: float) -> Floats:

@@ -87,6 +87,8 @@ class Flow:
         Seconds by which a robot may be late.
     strays : ndarray, shape (2, steps), optional
         By how much terrain may change the factors on speed and turn rate in each step of the controls.
+    errors : ndarray, shape (cells, steps), optional
+        `error` for the members of each cell of `grid`, which is nowhere above `error`; none if that is not known.
     """
 
     lower: Floats
@@ -104,6 +106,7 @@ class Flow:
     lag: Floats
     delay: float = 0.0
     strays: Floats | None = None
+    errors: Floats | None = None
 
     @classmethod
     def of(
@@ -131,21 +134,27 @@ class Flow:
         from ensemble_ctrl.certificate.terrain import errors_of
 
         found = errors_of(self, problem, controls)
-        return replace(self, error=found.place, lag=found.lag, delay=found.delay, strays=found.strays)
+        times = replace(self, error=found.place, lag=found.lag, delay=found.delay)
+        return replace(times, strays=found.strays, errors=found.cells)
+
+    @property
+    def grid(self) -> int:
+        """Cells of each parameter to begin with."""
+        return CELLS.get(len(self.lower), 2)
 
     def chords(self) -> Iterator[Floats]:
-        """Upper bounds of ``|p(t_n) - p(t_k)|`` for each of some cells that hold all members, in turn."""
-        centres, half = first_cells(self.lower, self.upper, 4 if len(self.lower) == 1 else 2)
+        """Upper bounds of ``|p(t_n) - p(t_k)|`` for each cell of `grid`, in turn, and for a little beyond its ends."""
+        centres, half = first_cells(self.lower, self.upper, self.grid)
         track = Track.of(self, centres)
-        yield from map(self.chords_of, track.position, track.slope, half)
+        yield from map(self.chords_of, track.position, track.slope, half * (1 + 1e-9) + 1e-12 * np.abs(centres))
 
     def chords_of(self, place: Floats, slope: Floats, half: Floats) -> Floats:
         """The same of one cell with this track of its centre and these half widths, shape (steps + 1, steps + 1)."""
         # |p_c(t) - p_c(s)| + sum_k half_k |dp/dq_k (t) - dp/dq_k (s)| + R(max(t, s))
         rest = self.remainder(half[None])[0]
-        away = np.linalg.norm(place[:, None] - place, axis=-1) + np.maximum(rest[:, None], rest)
+        away = _distances(place) + np.maximum(rest[:, None], rest)
         for j, width in enumerate(half):
-            away += width * np.linalg.norm(slope[:, None, j] - slope[:, j], axis=-1)
+            away += width * _distances(slope[:, j])
         return np.asarray(away + 2 * self.rounding())
 
     def on(self, mesh: Mesh) -> Flow:
@@ -155,7 +164,8 @@ class Flow:
         # after the end, for an instant of rounding, the last step's error again: more than it gains in that instant
         error, lag = np.where(moving, 1.0, 2.0) * self.error[some], self.lag[some]
         turned = _turned(mesh.length, omega)
-        times = replace(self, step=mesh.length, begin=mesh.begin, error=error, lag=lag)
+        errors = None if self.errors is None else np.where(moving, 1.0, 2.0) * self.errors[:, some]
+        times = replace(self, step=mesh.length, begin=mesh.begin, error=error, lag=lag, errors=errors)
         return replace(times, v=v, omega=omega, turned=turned)
 
     def bent(self) -> Flow:
@@ -306,6 +316,12 @@ class Flow:
         if self.swapped:
             return np.stack([s, c], axis=-1), np.stack([c, -s], axis=-1)
         return np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)
+
+
+def _distances(places: Floats) -> Floats:
+    """Of places from each other."""
+    x, y = (places[:, None, k] - places[:, k] for k in (0, 1))
+    return np.asarray(np.sqrt(x * x + y * y))
 
 
 @dataclass(frozen=True, eq=False)
