@@ -28,7 +28,18 @@ TRUSTED = tuple(
     f"ensemble_ctrl.{room}{module}"
     for room, modules in {
         "certificate.": (
-            *("apart", "bodies", "bound", "certify", "clearance", "commands", "disturbance", "enclosure"),
+            *(
+                "apart",
+                "bodies",
+                "bound",
+                "boxes",
+                "certify",
+                "chords",
+                "clearance",
+                "commands",
+                "disturbance",
+                "enclosure",
+            ),
             *(
                 "errors",
                 "fingerprint",

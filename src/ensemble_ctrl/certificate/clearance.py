@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.bodies import Body
 from ensemble_ctrl.certificate.bound import Bound
+from ensemble_ctrl.certificate.boxes import Boxes
 from ensemble_ctrl.certificate.disturbance import UNIT
 from ensemble_ctrl.certificate.enclosure import CELLS, START, Flow, Track, first_cells, lowered, signs_of
 from ensemble_ctrl.certificate.instants import Spans
@@ -40,33 +41,6 @@ SHIFTS = 41
 """Starts tried along each side of their box for the closest one."""
 ROUNDS = 40
 """Largest number of halvings of one box."""
-
-
-@dataclass(frozen=True, eq=False)
-class Boxes:
-    """Boxes as columns: index of the centre in the track, half widths, step, and the share of the step they cover.
-
-    `cell` is the first cell that each is a part of.
-    """
-
-    centre: Ints
-    cell: Ints
-    half: Floats
-    step: Ints
-    begin: Floats
-    end: Floats
-
-    def __len__(self) -> int:
-        return len(self.centre)
-
-    def where(self, mask: NDArray[np.bool_]) -> Boxes:
-        """Some of the boxes."""
-        return Boxes(*(column[mask] for column in vars(self).values()))
-
-    def joined(self, other: Boxes) -> Boxes:
-        """Both lists."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Boxes(*(np.concatenate(pair) for pair in pairs))
 
 
 @dataclass(eq=False)

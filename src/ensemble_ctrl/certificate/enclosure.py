@@ -20,7 +20,7 @@ two ends, grown by a radius that adds these bounds and one for rounding.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -141,21 +141,6 @@ class Flow:
     def grid(self) -> int:
         """Cells of each parameter to begin with."""
         return CELLS.get(len(self.lower), 2)
-
-    def chords(self) -> Iterator[Floats]:
-        """Upper bounds of ``|p(t_n) - p(t_k)|`` for each cell of `grid`, in turn, and for a little beyond its ends."""
-        centres, half = first_cells(self.lower, self.upper, self.grid)
-        track = Track.of(self, centres)
-        yield from map(self.chords_of, track.position, track.slope, half * (1 + 1e-9) + 1e-12 * np.abs(centres))
-
-    def chords_of(self, place: Floats, slope: Floats, half: Floats) -> Floats:
-        """The same of one cell with this track of its centre and these half widths, shape (steps + 1, steps + 1)."""
-        # |p_c(t) - p_c(s)| + sum_k half_k |dp/dq_k (t) - dp/dq_k (s)| + R(max(t, s))
-        rest = self.remainder(half[None])[0]
-        away = _distances(place) + np.maximum(rest[:, None], rest)
-        for j, width in enumerate(half):
-            away += width * _distances(slope[:, j])
-        return np.asarray(away + 2 * self.rounding())
 
     def on(self, mesh: Mesh) -> Flow:
         """The same motion on the pieces of a mesh of its steps; after the last one robots stand."""
@@ -316,12 +301,6 @@ class Flow:
         if self.swapped:
             return np.stack([s, c], axis=-1), np.stack([c, -s], axis=-1)
         return np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)
-
-
-def _distances(places: Floats) -> Floats:
-    """Of places from each other."""
-    x, y = (places[:, None, k] - places[:, k] for k in (0, 1))
-    return np.asarray(np.sqrt(x * x + y * y))
 
 
 @dataclass(frozen=True, eq=False)

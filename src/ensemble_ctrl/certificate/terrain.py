@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.certificate.chords import chords, chords_of
 from ensemble_ctrl.certificate.clearance import separation
 from ensemble_ctrl.certificate.disturbance import UNIT, Errors, arc_errors
 from ensemble_ctrl.certificate.enclosure import Flow, Track, first_cells, lowered, signs_of
@@ -55,7 +56,7 @@ def errors_of(flow: Flow, problem: Problem, controls: Floats) -> Errors:
     """
     rates = problem, controls, float(flow.step.max()), flow.fastest, flow.sharpest
     if not problem.terrain:
-        return arc_errors(*rates, flow.bent().chords)
+        return arc_errors(*rates, lambda: chords(flow.bent()))
     places, changes = list[Floats](), list[Floats]()
     for cell in _cells(flow, problem):
         marks = np.zeros(cell.gap.shape, dtype=bool)
@@ -128,7 +129,7 @@ def _cells(flow: Flow, problem: Problem) -> Iterator[_Cell]:
         ranges = np.array([own.get(name, (1.0, 1.0)) for name in arcs.factors])
         size = np.abs(ranges).max(axis=1) * (1 + 4 * UNIT)
         change = np.stack([_changes(patch, arcs.factors, ranges) for patch in patches])
-        yield _Cell(flow.chords_of(place, slope, width), lowered(gap), size, change, directions)
+        yield _Cell(chords_of(flow, place, slope, width), lowered(gap), size, change, directions)
 
 
 def _gap(hulls: Floats, patch: Patch) -> Floats:
