@@ -206,8 +206,7 @@ def draw_trajectories(
     lines = LineCollection(list(paths), array=shade, cmap="viridis", linewidths=0.9, alpha=0.9, zorder=2)
     lines.set_clim(0.0, 1.0)
     ax.add_collection(lines)
-    for one in by_start(problem).values():
-        draw_bodies(one, controls, ax)
+    draw_bodies(problem, controls, ax)
     ax.scatter(paths[:, -1, 0], paths[:, -1, 1], c=shade, cmap="viridis", vmin=0, vmax=1, s=9, zorder=4)
     ax.autoscale_view()
     draw_scale(problem, ax)
