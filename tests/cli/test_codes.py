@@ -35,7 +35,9 @@ def test_a_walled_in_goal_names_what_conflicts(command: Command, place: Path) ->
     assert again.out.startswith("walled: NO PLAN FOUND")
     assert re.search(rf"\n  violated +.*{conflict}\n", again.out), again.out
     assert "\n  it works   with no obstacle west: planned and proven\n" in again.out
-    assert re.search("no plan even with a horizon of .*; traction .*; nothing kept", " ".join(again.out.split()))
+    assert re.search(
+        "no plan was found even with a horizon of .*; traction .*; nothing kept", " ".join(again.out.split())
+    )
     assert max(map(len, again.out.splitlines())) <= 120
     tried = done.data["details"]["suggestions"]
     assert [(found["change"], found["set"]) for found in tried["helps"]] == [("no obstacle west", [])]

@@ -28,7 +28,7 @@ verify: {members: 200}
 """
 
 WALLED = """\
-# The goal is walled in on every side.
+# The goal is walled in on every side, by walls that touch: no proof that there is no plan.
 name: walled
 fleet:
   model: unicycle
@@ -39,8 +39,8 @@ regions:
 obstacles:
   west: {box: [[1.5, 1.8], [-0.9, 0.9]]}
   east: {box: [[2.8, 3.1], [-0.9, 0.9]]}
-  south: {box: [[1.5, 3.1], [-0.9, -0.6]]}
-  north: {box: [[1.5, 3.1], [0.6, 0.9]]}
+  south: {box: [[1.8, 2.8], [-0.9, -0.6]]}
+  north: {box: [[1.8, 2.8], [0.6, 0.9]]}
 task: "F[3, 4] in(goal) and G avoid(obstacles)"
 verify: {members: 200}
 """

@@ -178,7 +178,8 @@ def test_a_task_without_a_robustness_only_keeps_clear() -> None:
 
 
 def walled() -> Problem:
-    ring = np.array([[[2, 5], [-2, -1]], [[2, 5], [1, 2]], [[2, 2.6], [-2, 2]], [[4.4, 5], [-2, 2]]])
+    # walls that only touch, which is no proof that there is no plan
+    ring = np.array([[[2.6, 4.4], [-2, -1]], [[2.6, 4.4], [1, 2]], [[2, 2.6], [-2, 2]], [[4.4, 5], [-2, 2]]])
     return small().with_(
         obstacles={"wall": tuple(Obstacle.box(box) for box in ring)},
         task=parse("F[6,8] in(goal) and G avoid(wall)"),

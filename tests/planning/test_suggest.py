@@ -257,7 +257,7 @@ def test_the_summary_says_it() -> None:
         "  it works   with a horizon of 5 s in place of 4 s: planned and proven",
         "             --set horizon.duration=5.0 --set 'task=F in(goal)'",
         "             or with faster robots: planned and proven",
-        "             no plan even with equal members",
+        "             no plan was found even with equal members",
     ]
     assert isinstance(Suggestions().helps, tuple)
     late = replace(plan, details={"suggestions": {"failed": ["equal members"], "seconds": 30.0, "limited": True}})

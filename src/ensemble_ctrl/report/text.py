@@ -150,7 +150,7 @@ def _suggested(suggestions: dict[str, Any], problem: Problem) -> Iterator[tuple[
         if found["set"]:
             yield "", " ".join(f"--set {quote(change)}" for change in found["set"])
     if failed:
-        yield from (("", line) for line in wrap(f"no plan even with {'; '.join(failed)}", WIDTH - 13))
+        yield from (("", line) for line in wrap(f"no plan was found even with {'; '.join(failed)}", WIDTH - 13))
     if suggestions.get("limited"):
         yield "", f"the {suggestions['seconds']:.0f} s for this were up: other changes were not tried"
     if not helps:

@@ -22,7 +22,9 @@ KINDS = {
 """Words for one guess of a kind, and for several."""
 RUNAWAY = 1e5
 """A guess under which states leave all bounds falls short by more, and no figure describes it."""
-MISSING = {"ompl": "OMPL is not installed: with it, curves that reverse are tried too (pip install ompl)"}
+MISSING = {
+    "ompl": "OMPL is not installed: with it, curves that reverse and trees of commands are tried too (pip install ompl)"
+}
 """The remark on an optional library that would have been used."""
 
 
