@@ -22,7 +22,7 @@ def test_a_walled_in_goal_names_what_conflicts(command: Command, place: Path) ->
     assert (done.code, done.data["exit_code"]) == (3, 3)
     assert (done.data["status"], done.data["verified"]) == ("infeasible", False)
     worst = done.data["conflicts"][0]
-    assert set(worst) == {"what", "amount", "unit", "parameters", "time"}
+    assert set(worst) == {"what", "amount", "unit", "parameters", "time", "start"}
     assert worst["amount"] > 0
     assert 0.9 <= worst["parameters"]["traction"] <= 1.1
     assert 0 <= worst["time"] <= 4
