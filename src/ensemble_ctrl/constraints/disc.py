@@ -138,6 +138,12 @@ def obstacle_of(region: Polyhedron) -> Obstacle:
     return (Solid.hull if region.A.shape[1] == 3 else Obstacle.polygon)(region.vertices)
 
 
+def corners_around(region: Polyhedron) -> Array:
+    """Corners of a bounded polygon that contains a region: its own, or those of the polygon around a disc."""
+    disc = disc_of(region)
+    return region.vertices if disc is None else disc.vertices
+
+
 def disc_of(shape: Any) -> Disc | None:
     """The disc that an obstacle's piece or a region is, if it is one."""
     return getattr(shape, "disc", shape if isinstance(shape, Disc) else None)

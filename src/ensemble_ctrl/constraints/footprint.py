@@ -90,6 +90,11 @@ class Footprint(ReadOnlyArrays):
         """Metres from the planned point to the nearest side; 0 if it is outside."""
         return max(0.0, -float(self.shape.distance(np.zeros(2))))
 
+    @cached_property
+    def holds_point(self) -> bool:
+        """Whether the planned point is part of the body, the border included; else it may be inside of obstacles."""
+        return bool(self.shape.distance(np.zeros(2)) <= 0)
+
     def __str__(self) -> str:
         """Length and width, or the number of corners of another polygon."""
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)

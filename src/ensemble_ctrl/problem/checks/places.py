@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.disc import corners_around
 from ensemble_ctrl.constraints.stl import Share, conjuncts
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding, Severity
 from ensemble_ctrl.problem.checks.presence import alternatives
@@ -53,7 +54,8 @@ def _near(region: Polyhedron, problem: Problem) -> list[str]:
 
 def _is_covered(region: Polyhedron, problem: Problem) -> bool:
     """Whether no point of a region is clear of the obstacles, grown by the radius."""
-    if len(region.vertices) < 3:
+    body = problem.fleet.footprint
+    if len(region.vertices) < 3 or not (body is None or body.holds_point):
         return False
     still = [name for name in _near(region, problem) if name not in problem.motions]
     near = [piece for name in still for piece in problem.obstacles[name]]
@@ -61,9 +63,9 @@ def _is_covered(region: Polyhedron, problem: Problem) -> bool:
         return False
     from shapely import Polygon, union_all
 
-    # covered: the region less the obstacles, grown by the radius, has no area
+    # covered: the region, or the polygon around a disc, less the obstacles, grown by the radius, has no area
     grown = union_all([_shape(piece, problem.fleet.radius) for piece in near])
-    area = Polygon(region.vertices)
+    area = Polygon(corners_around(region))
     return bool(area.difference(grown).area <= SLACK * area.area)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ensemble_ctrl.constraints.disc import corners_around
 from ensemble_ctrl.constraints.stl import Always, Inside, conjuncts
 from ensemble_ctrl.constraints.stl.rewrite import reads_fleet
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding
@@ -59,7 +60,7 @@ def _gathered(problem: Problem) -> Iterator[Finding]:
                 continue
             # along each side's normal: how far the starts are apart, and how wide the region is, metres
             normals = region.A / np.linalg.norm(region.A, axis=1, keepdims=True)
-            spread, width = (np.ptp(points @ normals.T, axis=0) for points in (offsets, region.vertices))
+            spread, width = (np.ptp(points @ normals.T, axis=0) for points in (offsets, corners_around(region)))
             k = int((spread - width).argmax())
             if spread[k] - width[k] > SLACK:
                 message = (

@@ -90,7 +90,10 @@ def pieces(problem: Problem, way: Sequence[Presence], until: float) -> list[Piec
     found = [
         Piece(repr(avoid.name), piece.core - origin, piece.rounding + kept_clear(avoid))
         for avoid in problem.specification.avoid
-        if avoid.motion is None and avoid.begin <= 0 and avoid.end >= until
+        if avoid.motion is None
+        and (avoid.footprint is None or avoid.footprint.holds_point)
+        and avoid.begin <= 0
+        and avoid.end >= until
         for piece in avoid.pieces
     ]
     size = 1.0 + max((float(np.abs(piece.corners).max()) for piece in found), default=0.0)

@@ -29,6 +29,8 @@ def zone_findings(problem: Problem) -> Iterator[Finding]:
         if zone.speed is not None:
             yield from _of_limits(problem, name)
             continue
+        if fleet.footprint is not None and not fleet.footprint.holds_point:
+            continue  # of bodies: `ensemble_ctrl.problem.checks.bodies`
         depth = fleet.radius - min(float(piece.distance(fleet.start_place)) for piece in zone.pieces)
         if depth > SLACK:
             place = ", ".join(f"{x:g}" for x in fleet.start_place)
@@ -49,7 +51,10 @@ def _of_limits(problem: Problem, name: str) -> Iterator[Finding]:
         yield Finding(("moments", "coordinates"), message, "use nodal")
     zone, fleet = problem.zones[name], problem.fleet
     lowest = max(float(fleet.input_lower[0]), 0.0) if SPEED in fleet.system.controls else 0.0
+    # the limit is on a member's own speed, of which the largest factor makes most
+    if fleet.system.on_arcs:
+        lowest *= float(fleet.coefficients(fleet.corners)[:, 0].max())
     depth = fleet.radius - min(float(piece.distance(fleet.start_place)) for piece in zone.pieces)
-    if zone.speed is not None and lowest > zone.speed and depth >= 0 and np.isfinite(depth):
+    if zone.speed is not None and lowest > zone.speed + SLACK and depth >= 0 and np.isfinite(depth):
         message = f"robots start in it and drive at least {lowest:g} m/s, faster than its limit of {zone.speed:g} m/s"
         yield Finding(path, message, "raise the limit or lower fleet.input_bounds.v", on_key=True)
