@@ -144,10 +144,10 @@ def test_no_robot_within_the_bounds_of_its_errors_breaks_a_proof(name: str, head
             one = problem(f"G {sign}*{signal} >= -20", system, bounds)
             (part,) = certify(one, CONTROLS).parts
             members = np.concatenate([one.fleet.corners, one.fleet.sample(40, 1)])
-            settings = drawn(one.fleet, len(members), STEPS, 3)
+            settings = drawn(one, len(members), STEPS, 3)
             settings[:8] = -1.0
             settings[8:16] = 1.0
-            assert settings.shape[1] == len(channels(one.fleet))
+            assert settings.shape[1] == len(channels(one))
             seen = sign * disturbed(one, CONTROLS, members, settings, 4)[..., 2]
             assert part.proven <= seen.min() + 20 + 1e-9, signal
             (exact,) = certify(problem(f"G {sign}*{signal} >= -20", system), CONTROLS).parts

@@ -66,7 +66,7 @@ class CellSignals:
     def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
         """Bounds of a predicate, shape (cells, last - first + 1)."""
         coefficients, offset = predicate.normalised()
-        by_name = dict(coefficients)
+        by_name, offset = dict(coefficients), offset + (predicate.slack if self.upper else 0.0)
         if by_name.keys() - {"x", "y"}:
             return self._commanded(by_name, offset, first, last)
         row = np.array([by_name.get("x", 0.0), by_name.get("y", 0.0)])

@@ -119,7 +119,7 @@ class Signals:
     def leaf(self, predicate: Predicate, first: int, last: int) -> Floats:
         """Bounds of a predicate, shape (cells, last - first + 1)."""
         coefficients, offset = predicate.normalised()
-        by_name = dict(coefficients)
+        by_name, offset = dict(coefficients), offset + (predicate.slack if self.upper else 0.0)
         row = np.array([by_name.get(name, 0.0) for name in self.states])
         # mu(x~) as one polynomial; slack: |n| pad, 64 u of all numbers, and the cut in time
         c = np.einsum("q,ckqtp->cktp", row, self.c)

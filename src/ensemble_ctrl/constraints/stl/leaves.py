@@ -29,12 +29,16 @@ class Predicate(Formula):
         Text for figures; not compared.
     column : int
         1-based place in the text it came from, 0 if none; not compared.
+    slack : float
+        What an upper bound adds: by how much, in metres, the side of a polygon may be violated where the round shape
+        that it stands for, on the safe side, is not.
     """
 
     coefficients: tuple[tuple[str, float], ...]
     offset: float = 0.0
     label: str = field(default="", compare=False)
     column: int = field(default=0, compare=False, repr=False)
+    slack: float = field(default=0.0, repr=False)
 
     def __post_init__(self) -> None:
         total: dict[str, float] = {}
@@ -54,7 +58,7 @@ class Predicate(Formula):
     def negated(self) -> Predicate:
         """The predicate whose robustness is minus this one's."""
         opposite = tuple((name, -value) for name, value in self.coefficients)
-        return Predicate(opposite, -self.offset, f"not {self.label}" if self.label else "", self.column)
+        return Predicate(opposite, -self.offset, f"not {self.label}" if self.label else "", self.column, self.slack)
 
     def normalised(self) -> tuple[tuple[tuple[str, float], ...], float]:
         """Coefficients and offset divided by the norm of the coefficients."""

@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.constraints.disc import disc_of
 from ensemble_ctrl.constraints.obstacle import Obstacle
 from ensemble_ctrl.constraints.polyhedron import Polyhedron
 from ensemble_ctrl.constraints.stl._text import resolved_time
@@ -188,7 +189,7 @@ def ground(
     Formula
         ``in(r)`` as the conjunction of the faces of `r`, with robustness `Polyhedron.margin`; ``avoid(o)`` as
         a disjunction over the facets of every piece, with robustness `Obstacle.facet_clearance` minus
-        `radius`; ``angle within a of b`` as a disjunction over whole turns.
+        `radius`, or, under a negation, minus so much that all within it is closer than `radius`; ``angle within a of b`` as a disjunction over whole turns.
 
     Raises
     ------
@@ -202,11 +203,14 @@ def ground(
                 # inside of G x <= h: min_i (h_i - g_i x); outside of a disc: that of the rows around it
                 region = _place(regions, name, "region")
                 G, h = region.outer_rows() if negated else region.inner_rows()
-                return _joined(And, [_face(-g, bound, leaf, position) for g, bound in zip(G, h, strict=True)])
+                _, slack = _sharp(region, 0.0)
+                return _joined(And, [_face(-g, bound, leaf, position, slack) for g, bound in zip(G, h, strict=True)])
             case Avoid():
-                found = _avoided(leaf, regions, obstacles, zones)
-                rows = [p.inner_rows() if negated else p.outer_rows() for p in found]
-                return _joined(And, [_outside(*each, leaf, position, radius) for each in rows])
+                parts = []
+                for piece in _avoided(leaf, regions, obstacles, zones):
+                    rows, (within, slack) = piece.inner_rows() if negated else piece.outer_rows(), _sharp(piece, radius)
+                    parts.append(_outside(*rows, leaf, position, within if negated else radius, slack))
+                return _joined(And, parts)
             case Within():
                 return _joined(Or, [And(pair) for pair in leaf.turns(*angles(leaf.state))])
         return leaf
@@ -246,20 +250,49 @@ def _place(regions: Mapping[str, Polyhedron], name: str, kind: str) -> Polyhedro
     return regions[name]
 
 
+def _sharp(place: Obstacle | Polyhedron, radius: float) -> tuple[float, float]:
+    """What sharp corners change of a place grown by a radius, or of a disc: two numbers of metres.
+
+    The first is a radius by which sides may move outwards and stay in the place grown with round corners. The second
+    is by how much a side may be violated where the round shape is not.
+    """
+    disc = disc_of(place)
+    size = radius + (0.0 if disc is None else disc.radius)
+    if size == 0.0 or place.A.shape[1] == 1:
+        return radius, 0.0
+    # sides moved by s meet s / sin(alpha / 2) from a corner of angle alpha; 0 where corners are not known
+    share = 0.0
+    if place.A.shape[1] == 2 and (isinstance(place, Obstacle) or place.is_bounded) and len(place.vertices) > 2:
+        along = np.diff(place.vertices, axis=0, append=place.vertices[:1])
+        long = np.hypot(*along.T)
+        along = along / long[:, None]
+        # half the turn from one side to the next, pi / 2 - alpha / 2, less the rounding of corners
+        cosine = (along * np.roll(along, 1, axis=0)).sum(axis=1).min()
+        wrong = 1e-9 + 1e-15 * float(np.abs(place.vertices).max() / long.min())
+        share = max(0.0, float(np.sqrt(max(0.0, (1.0 + cosine) / 2))) - wrong)
+    spare = 1e-12 * float(np.abs(place.vertices).max()) if share else 0.0
+    return radius * share, size * (1.0 - share) + spare
+
+
 def _outside(
-    G: NDArray[np.float64], h: NDArray[np.float64], leaf: Avoid, position: Sequence[str], radius: float
+    G: NDArray[np.float64],
+    h: NDArray[np.float64],
+    leaf: Avoid,
+    position: Sequence[str],
+    radius: float,
+    slack: float,
 ) -> Formula:
     """On the free side of some facet, a radius away from its line."""
     # outside of G x <= h: max_i (g_i x - h_i - radius)
-    return _joined(Or, [_face(g, -bound - radius, leaf, position) for g, bound in zip(G, h, strict=True)])
+    return _joined(Or, [_face(g, -bound - radius, leaf, position, slack) for g, bound in zip(G, h, strict=True)])
 
 
-def _face(g: Iterable[float], offset: float, leaf: Inside | Avoid, position: Sequence[str]) -> Formula:
+def _face(g: Iterable[float], offset: float, leaf: Inside | Avoid, position: Sequence[str], slack: float) -> Formula:
     """``g x + offset >= 0``."""
     row = [float(value) for value in g]
     if len(row) != len(position):
         raise ProblemError(f"{leaf}: expected a place in {len(position)} dimensions, got one in {len(row)}")
-    return Predicate(tuple(zip(position, row, strict=True)), float(offset), str(leaf), leaf.column)
+    return Predicate(tuple(zip(position, row, strict=True)), float(offset), str(leaf), leaf.column, slack)
 
 
 def _joined(kind: type[And] | type[Or], parts: list[Formula]) -> Formula:
