@@ -189,7 +189,8 @@ def ground(
     Formula
         ``in(r)`` as the conjunction of the faces of `r`, with robustness `Polyhedron.margin`; ``avoid(o)`` as
         a disjunction over the facets of every piece, with robustness `Obstacle.facet_clearance` minus
-        `radius`, or, under a negation, minus so much that all within it is closer than `radius`; ``angle within a of b`` as a disjunction over whole turns.
+        `radius`, or, under a negation, minus so much that all within
+        it is closer than `radius`; ``angle within a of b`` as a disjunction over whole turns.
 
     Raises
     ------
