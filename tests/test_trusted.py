@@ -14,7 +14,7 @@ from tests.paths import ROOT as REPOSITORY
 from tests.test_architecture import imports
 
 ROOT = Path(ensemble_ctrl.__file__).parents[1]
-LINES = 4_240
+LINES = 4_250
 """Lines of code that have to be right: neither blank, nor comments, nor docstrings."""
 OF_PROOF = 2_110
 """Those of them in `ensemble_ctrl.certificate`."""

@@ -13,10 +13,13 @@ from scipy.optimize import minimize
 import ensemble_ctrl as ec
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.__main__ import main as prove_again
+from ensemble_ctrl.certificate.general.proof import GeneralProof
 from ensemble_ctrl.cli.app import invoke
 from ensemble_ctrl.constraints.stl import Apart, parse
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.planning.planner.one_frame import in_one_frame
+from ensemble_ctrl.problem.starts import by_start
+from ensemble_ctrl.systems import Mecanum
 from tests.paths import ROOT
 
 Floats = NDArray[np.float64]
@@ -181,6 +184,43 @@ def test_states_are_planned_apart() -> None:
     assert plan.certificate.proven == "yes"
     assert plan.replayed is not None
     assert plan.replayed.satisfied == 1.0
+
+
+def test_starts_whose_enclosures_cut_time_differently() -> None:
+    # relative to its coordinates, the polynomial of who starts further away is good enough on longer pieces
+    text = """\
+fleet:
+  model: mecanum
+  parameters: {vx_factor: {range: [0.97, 1.03]}}
+  start: {position: [0, 0]}
+  starts: {far: [30, 30], near: [0, 0]}
+  input_bounds: {vx: [-5, 5], vy: [-5, 5], omega: [-3, 3]}
+horizon: {duration: 10 s, steps: 4}
+regions: {all: {box: [[-99, 99], [-99, 99]]}}
+task: "G apart(42 m) and G in(all)"
+verify: {members: 60}
+"""
+    problem = ec.load_text(text)
+    controls = np.array([[2.0, 0.0, 1.0], [2.0, 0.0, -1.0], [3.0, 3.0, 0.0], [3.0, 3.0, 0.0]])
+    parts = [GeneralProof(one, controls, one.fleet.parameters).enclosure.parts for one in by_start(problem).values()]
+    assert parts == [1, 2]
+    # far and slow against near and fast: at the end they are at most this far from each other
+    system = Mecanum()
+
+    def end(factor: float) -> Floats:
+        x, psi = [0.0, 0.0, 0.0], {"vx_factor": factor, "vy_factor": 1.0, "omega_factor": 1.0}
+        for command in controls:
+            x = list(system.exact(x, command, psi, 2.5))
+        return np.array(x[:2])
+
+    least = float(np.linalg.norm(end(0.97) + 30.0 - end(1.03)))
+    assert least < 41.8
+    certificate = certify(problem, controls)
+    assert certificate.proven == "no"
+    assert certificate.clearances[-1].proven <= least - 42.0
+    near = ec.load_text(text.replace("42 m", f"{least - 0.5} m"))
+    bound = certify(near, controls).clearances[-1]
+    assert 0 <= bound.proven <= 0.5
 
 
 def test_nothing_is_proven_of_the_common_frame() -> None:

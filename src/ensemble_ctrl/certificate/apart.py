@@ -72,6 +72,23 @@ class Lines:
     begin: Floats
     end: Floats
 
+    def cut(self, parts: int) -> Lines:
+        """The same with each piece in so many equal parts: the lines are straight, and the radius holds on all of one.
+
+        Members are near the ends of the parts as they are near the line.
+        """
+        if parts == 1:
+            return self
+        share = np.linspace(0.0, 1.0, parts + 1)
+        count, way, span = len(self.begin), self.last - self.first, self.end - self.begin
+        # points at all shares, rounded, shape (pieces, parts + 1, cells, d)
+        points = self.first[:, None] + share[:, None, None] * way[:, None]
+        times = self.begin[:, None] + share * span[:, None]
+        size = np.abs(self.first).max(initial=0.0) + np.abs(way).max(initial=0.0)
+        radius = np.repeat(self.radius + 16 * UNIT * size, parts, axis=0)
+        first, last = (ends.reshape(count * parts, *way.shape[1:]) for ends in (points[:, :-1], points[:, 1:]))
+        return Lines(first, last, radius, radius, self.members, times[:, :-1].ravel(), times[:, 1:].ravel())
+
 
 Enclosed = Callable[[int, int], Lines]
 """The lines of one start's members, with at least so many cells of each parameter and parts of each piece of time."""
@@ -105,7 +122,7 @@ def _bound(
     """The bound of one pair of starts, with finer cells until it is decided."""
     proven, sampled, seen, time = -np.inf, np.inf, dict[str, float](), np.nan
     for level, (each, cut) in enumerate(LEVELS):
-        here, there = (lines(each, cut) for lines in pair)
+        here, there = _matched(*(lines(each, cut) for lines in pair))
         # pieces that touch the window, or miss it by rounding: looking at more can only take from the distance
         during = np.flatnonzero((here.end >= wanted.begin - INSTANT) & (here.begin <= wanted.end + INSTANT)).tolist()
         proven = max(proven, min(_least(here, there, n) for n in during) - wanted.distance)
@@ -121,6 +138,13 @@ def _bound(
         if sampled < 0 or sampled - proven < TIGHT or (proven >= 0 and level >= WELL) or finer > MOST:
             break
     return Bound(name, proven, sampled, seen, time)
+
+
+def _matched(here: Lines, there: Lines) -> tuple[Lines, Lines]:
+    """Both on the same pieces of time: an enclosure may need shorter ones at one start than at another."""
+    count = max(len(here.begin), len(there.begin))
+    # each has a power of two of equal pieces in each step
+    return here.cut(count // len(here.begin)), there.cut(count // len(there.begin))
 
 
 def _seen(
