@@ -14,9 +14,9 @@ from tests.paths import ROOT as REPOSITORY
 from tests.test_architecture import imports
 
 ROOT = Path(ensemble_ctrl.__file__).parents[1]
-LINES = 4_250
+LINES = 4_260
 """Lines of code that have to be right: neither blank, nor comments, nor docstrings."""
-OF_PROOF = 2_110
+OF_PROOF = 2_125
 """Those of them in `ensemble_ctrl.certificate`."""
 OF_GENERAL = 1_650
 """Lines of code that have to be right in addition, for systems that are not robots on arcs."""
