@@ -170,10 +170,11 @@ def test_a_file_is_run_with_consent_only(tmp_path: Path, capsys: pytest.CaptureF
         ("cart.txt:Cart", "expected FILE.py:CLASS"),
         ("cart.py:Car", "cart.py: expected a child of OdeSystem called Car, there is no such name"),
         ("cart.py:OTHER", "cart.py: expected a child of OdeSystem called OTHER, got int"),
+        ("cart.py:Load", "cart.py: expected a child of OdeSystem called Load, got a class that is none"),
     ],
 )
 def test_files_that_are_not_run(tmp_path: Path, name: str, message: str) -> None:
-    path = write(tmp_path, SYSTEM + "OTHER = 1\n", CART.replace("cart.py:Cart", f"'{name}'"))
+    path = write(tmp_path, SYSTEM + "OTHER = 1\nclass Load:\n    pass\n", CART.replace("cart.py:Cart", f"'{name}'"))
     with pytest.raises(ec.ConfigError) as caught:
         ec.load(path, trust=True)
     assert message in str(caught.value)

@@ -190,7 +190,7 @@ def test_a_run_writes_what_is_proven_again_without_the_package(
     (folder / "proof_input.json").write_text(json.dumps(data), encoding="utf-8")
     assert prove_again([str(folder)]) == 4
     assert invoke(["export", str(folder), "-o", str(tmp_path / "x.geojson")]) == 2
-    assert "this is for members with one start, and fleet.starts has several: ann, bob" in capsys.readouterr().err
+    assert "this is for one start, and fleet.starts has several: ann, bob; for one of them" in capsys.readouterr().err
 
 
 def test_a_plan_that_falls_short_says_so_and_tries_no_changes() -> None:

@@ -189,7 +189,8 @@ class Fleet(ArcMembers):
         """Refuse to say where members start that start at different places."""
         if self.starts:
             names = ", ".join(self.starts)
-            raise UnsupportedError(f"this is for members with one start, and fleet.starts has several: {names}")
+            several = f"this is for one start, and fleet.starts has several: {names}"
+            raise UnsupportedError(f"{several}; for one of them give its place as fleet.start alone")
 
     @property
     def size_text(self) -> str:

@@ -87,7 +87,8 @@ def _class(path: Path, kind: str) -> type[System]:
     status = path.stat()
     found = getattr(_module(path, status.st_mtime_ns, status.st_size), kind, None)
     if not (isinstance(found, type) and issubclass(found, System)):
-        came = "there is no such name" if found is None else f"got {type(found).__name__}"
+        got = "a class that is none" if isinstance(found, type) else type(found).__name__
+        came = "there is no such name" if found is None else f"got {got}"
         raise FieldError(f"{path.name}: expected a child of OdeSystem called {kind}, {came}", path=("python",))
     return found
 
