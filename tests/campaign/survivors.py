@@ -63,8 +63,6 @@ REASONS: dict[str, str] = {
     "certificate/certify.py:_share: found.proven >= 0 ->": CHOICE,
     "certificate/enclosure.py:Flow.remainder_at: (A * (B * I1 + G * I0) + self.fastest / 2 * quadratic) * (1 +": SPARE,
     "certificate/enclosure.py:Flow.growth: span ** 2 / 8 * np.abs(self.v[n] * self.omega[n]) * size * (1 +": SPARE,
-    "certificate/enclosure.py:Flow._ends: self.upper -> self.lower": HIDDEN,
-    "certificate/enclosure.py:Flow._ends: self.lower -> self.upper": HIDDEN,
     "certificate/enclosure.py:Flow.shift: (self.upper - self.lower) / 2 + UNIT * np.maximum(np.abs(self.lower), "
     "np.abs(self.upper)) -> (self.upper": SPARE,
     "certificate/enclosure.py:Flow.shift: np.maximum(": SPARE,
@@ -100,7 +98,7 @@ REASONS: dict[str, str] = {
     "certificate/clearance.py:Prover.bound: min(best[0] - TIGHT, enough)": FINER,
     "problem/specification.py:Specification.rest": ELSEWHERE,
     "problem/specification.py:Specification.is_of": CHANGED,
-    "certificate/task.py:CellSignals.mean: 1 + len(self.centres) -> 1": FEW,
+    "certificate/signals.py:CellSignals.mean: 1 + len(self.centres) -> 1": FEW,
     "constraints/stl/rewrite.py:leaves": ELSEWHERE,
     "constraints/polyhedron.py:Polyhedron.polygon": DRAWN,
     "constraints/polyhedron.py:Polyhedron.__init__: lower -> upper #2": INPUT,

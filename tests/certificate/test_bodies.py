@@ -93,7 +93,7 @@ def test_distances_are_those_of_shapely(seed: int, kind: str, heading: float, si
     body = Footprint(np.stack([np.cos(angles) * 2 * size, np.sin(angles)], axis=1)) if _fat(angles) else Footprint(BOX)
     piece: Obstacle = {
         "box": Obstacle.box([[-size, size], [-0.3, 0.4]]),
-        "triangle": Obstacle.polygon([[0, 0], [size, 0.2], [0.3, 1.0]]),
+        "triangle": Obstacle.polygon(np.array([[0, 0], [size, 0.2], [0.3, 1.0]])),
         "disc": Disc([0.1, 0.2], size / 2),
     }[kind]
     places = rng.uniform(-5, 5, (30, 2))

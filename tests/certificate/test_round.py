@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
@@ -18,11 +20,16 @@ AWAY = Polyhedron.box([[90, 91], [90, 91]])
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.2, 0.7], [0.1, 1.0]])
 
 
+def posed(*given: Any, **more: Any) -> Problem:
+    """A problem; it is given texts and lists, too, which it reads."""
+    return Problem(*given, **more)
+
+
 def _verdict(task: str, place: np.ndarray, shape: Polyhedron, radius: float = 0.0, still: bool = True) -> str:
     """What is proven of a robot that stands somewhere."""
     robot = Unicycle() if still else SingleIntegrator()
     fleet = Fleet(robot, {}, position=place, radius=radius)
-    return certify(Problem("round", fleet, 1, 2, task, {"shape": shape, "away": AWAY}), STILL).proven
+    return certify(posed("round", fleet, 1, 2, task, {"shape": shape, "away": AWAY}), STILL).proven
 
 
 @pytest.mark.parametrize("still", [True, False], ids=["arcs", "states"])
@@ -64,7 +71,7 @@ def test_limits_at_a_sharp_corner_of_a_zone_are_not_refuted() -> None:
 
     def verdict(place: float) -> str:
         fleet = Fleet(Unicycle(), {}, position=[place, place], heading=0.0, radius=0.5)
-        problem = Problem("corner", fleet, 1e-3, 2, "F not in(away)", {"away": AWAY}, zones=zones)
+        problem = posed("corner", fleet, 1e-3, 2, "F not in(away)", {"away": AWAY}, zones=zones)
         return certify(problem, np.array([[1.0, 0.0]] * 2)).proven
 
     # (1.36, 1.36) is 0.509 m from the corner, and (1.3, 1.3) 0.424 m

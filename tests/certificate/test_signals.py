@@ -77,8 +77,8 @@ def test_a_bound_is_the_least_of_all_members_by_scipy(system: Any, signal: str) 
     for signs in np.ndindex(2, 2, 2):
         member = np.array([r.upper if s else r.lower for r, s in zip(RANGES.values(), signs, strict=True)])
         seen = integrated(system, member, times)
-        value = {"2*heading - v": 2 * seen["heading"] - seen["v"]}.get(signal, seen.get(signal.split()[0]))
-        least = min(least, float(((value + 20) / (np.sqrt(5) if " " in signal else 1)).min()))
+        value = 2 * seen["heading"] - seen["v"] if signal == "2*heading - v" else seen[signal.split()[0]]
+        least = min(least, float(np.min((value + 20) / (np.sqrt(5) if " " in signal else 1))))
     # corners attain the bound, but for headings near the ends of the window, which are not among the times
     assert least - 0.15 <= part.proven <= least + 1e-9
     # upper bounds count the commands of either step where two meet

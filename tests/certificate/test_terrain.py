@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,18 +37,25 @@ Floats = NDArray[np.float64]
 
 STEPS = 30
 CONTROLS = np.column_stack([np.full(STEPS, 0.6), 0.5 * np.cos(np.arange(STEPS) / 5)])
+
+
+def ground(area: Any, parameters: dict[str, tuple[float, float]]) -> Patch:
+    """A patch; its area may be written as a box or a list, too."""
+    return Patch(area, parameters)
+
+
 MUD = Obstacle.polygon(np.array([[0.5, -0.4], [1.1, -0.2], [1.0, 1.0], [0.4, 0.9]]))
 ICE = Obstacle.box([[1.3, 1.9], [-0.5, 2.0]])
 PATCHES = {
-    "slow": {"mud": Patch(MUD, {"linear_traction": (0.6, 0.8)})},
-    "turning": {"mud": Patch(MUD, {"angular_traction": (0.7, 1.2)})},
-    "both": {"mud": Patch(MUD, {"traction": (0.6, 0.8)})},
-    "two": {"mud": Patch(MUD, {"traction": (0.7, 0.8)}), "ice": Patch(ICE, {"linear_traction": (1.1, 1.4)})},
+    "slow": {"mud": ground(MUD, {"linear_traction": (0.6, 0.8)})},
+    "turning": {"mud": ground(MUD, {"angular_traction": (0.7, 1.2)})},
+    "both": {"mud": ground(MUD, {"traction": (0.6, 0.8)})},
+    "two": {"mud": ground(MUD, {"traction": (0.7, 0.8)}), "ice": ground(ICE, {"linear_traction": (1.1, 1.4)})},
     "overlapping": {
-        "mud": Patch(MUD, {"linear_traction": (0.7, 0.8)}),
-        "ice": Patch([[[0.8, 1.4], [-0.5, 0.8]]], {"linear_traction": (1.1, 1.3)}),
+        "mud": ground(MUD, {"linear_traction": (0.7, 0.8)}),
+        "ice": ground([[[0.8, 1.4], [-0.5, 0.8]]], {"linear_traction": (1.1, 1.3)}),
     },
-    "one of two pieces": {"mud": Patch([MUD, [[1.0, 1.5], [-0.2, 0.6]]], {"linear_traction": (0.5, 0.9)})},
+    "one of two pieces": {"mud": ground([MUD, [[1.0, 1.5], [-0.2, 0.6]]], {"linear_traction": (0.5, 0.9)})},
 }
 FLEETS = {
     "one": {"linear_traction": Interval(0.9, 1.1)},
@@ -199,37 +207,37 @@ def test_no_run_of_the_replay_leaves_the_tube(patches: str, errors: str, seed: i
 
 
 def test_a_strip_across_the_way_costs_what_the_slowest_robot_loses() -> None:
-    strip = {"strip": Patch([[1.0, 2.0], [-1.0, 1.0]], {"linear_traction": (0.5, 0.9)})}
+    strip = {"strip": ground([[1.0, 2.0], [-1.0, 1.0]], {"linear_traction": (0.5, 0.9)})}
     whole = problem(fleet="none", terrain=strip, duration=8.0, steps=160, task="G avoid(post)")
     straight = np.column_stack([np.full(160, 0.5), np.zeros(160)])
     error = Flow.of(whole, straight).error
     # 1 m at half the speed: 2 s late at 0.5 m/s; contact is counted in whole steps
     assert 1.0 <= error[-1] <= 1.05
     assert error[38] < 1e-9 < error[39]  # the step that ends on the border, at 2 s
-    shifted = whole.with_(terrain={"strip": Patch([[1.005, 2.005], [-1.0, 1.0]], {"linear_traction": (0.5, 0.9)})})
+    shifted = whole.with_(terrain={"strip": ground([[1.005, 2.005], [-1.0, 1.0]], {"linear_traction": (0.5, 0.9)})})
     assert driven(shifted, straight, np.zeros(0), choices(0)["low"], 1)[-1, 0] == pytest.approx(3.0, abs=1e-6)
     about = growth(whole, straight)
     assert about is not None
     assert about.within[-1] == pytest.approx(error[-1], rel=0.05)
     assert crossed(whole, straight)["strip"].begin == pytest.approx(2.0, abs=0.11)
-    stuck = whole.with_(terrain={"strip": Patch([[1.0, 2.0], [-1.0, 1.0]], {"linear_traction": (1e-3, 1.0)})})
+    stuck = whole.with_(terrain={"strip": ground([[1.0, 2.0], [-1.0, 1.0]], {"linear_traction": (1e-3, 1.0)})})
     assert Flow.of(stuck, straight).error[-1] == pytest.approx(3.0 * 0.999, rel=0.01)  # perhaps never out again
 
 
 def test_what_nobody_touches_changes_no_bound() -> None:
-    far = {"mud": Patch([[0.0, 3.0], [3.5, 4.0]], {"traction": (0.1, 2.0)})}
+    far = {"mud": ground([[0.0, 3.0], [3.5, 4.0]], {"traction": (0.1, 2.0)})}
     with_, without = (certify(problem(terrain=one), CONTROLS) for one in (far, {}))
     assert with_.clearance == pytest.approx(without.clearance, abs=1e-9)
     assert with_.uncertainty == {"terrain": {"mud": far["mud"].data()}}
     assert without.uncertainty == {}
     assert with_.inputs != without.inputs
-    other = {"mud": Patch([[0.0, 3.0], [3.5, 4.0]], {"traction": (0.1, 2.5)})}
+    other = {"mud": ground([[0.0, 3.0], [3.5, 4.0]], {"traction": (0.1, 2.5)})}
     assert certify(problem(terrain=other), CONTROLS).inputs != with_.inputs
 
 
 def test_the_border_is_inside() -> None:
     # a way along the border of a patch, at no distance
-    beside = {"mud": Patch([[0.5, 1.5], [0.0, 1.0]], {"linear_traction": (0.5, 0.9)})}
+    beside = {"mud": ground([[0.5, 1.5], [0.0, 1.0]], {"linear_traction": (0.5, 0.9)})}
     straight = np.column_stack([np.full(STEPS, 0.5), np.zeros(STEPS)])
     whole = problem(fleet="none", terrain=beside, task="G avoid(post)")
     assert Flow.of(whole, straight).error[-1] > 0.4
@@ -260,7 +268,7 @@ def test_who_touches_a_patch_a_moment_too_late_would_be_seen(monkeypatch: pytest
 
 
 def test_nothing_is_proven_of_a_set_of_states_on_terrain() -> None:
-    far = {"mud": Patch([[0.0, 3.0], [3.5, 4.0]], {"traction": (0.1, 2.0)})}
+    far = {"mud": ground([[0.0, 3.0], [3.5, 4.0]], {"traction": (0.1, 2.0)})}
     assert certify_set(problem(terrain={}), CONTROLS, 0.01, 0.01).proven
     found = certify_set(problem(terrain=far), CONTROLS, 0.01, 0.01)
     assert not found.proven

@@ -78,6 +78,6 @@ def test_what_is_wrong_is_said_at_its_place(
 
 def test_a_pose_from_python_is_checked() -> None:
     with pytest.raises(ProblemError, match="above 0 m, got -1"):
-        ec.Pose([0.0, 0.0], 0.0, -1.0, 0.1)
+        ec.Pose(np.zeros(2), 0.0, -1.0, 0.1)
     with pytest.raises(ProblemError, match="below 180 deg, got 200 deg"):
-        ec.Pose([0.0, 0.0], 0.0, 1.0, np.radians(200))
+        ec.Pose(np.zeros(2), 0.0, 1.0, np.radians(200))

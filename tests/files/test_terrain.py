@@ -129,13 +129,14 @@ def test_a_patch_that_makes_the_task_unprovable_is_named() -> None:
     with pytest.raises(ec.SolveError, match="members may be in terrain mud from") as raised:
         ec.plan(problem.with_(solve=ec.SolveOptions(time_limit=0.1)))
     plan = raised.value.plan
+    assert isinstance(plan, ec.Plan)
     assert "members may be in terrain mud" in failure_message(plan)
     found = suggest(problem, STRAIGHT)
     assert [one.change for one in found.helps] == ["no terrain mud"]
 
 
 def test_speeds_and_headings_of_the_task_count_terrain() -> None:
-    patch = {"mud": ec.Patch([[1.0, 1.8], [-0.6, 0.6]], {"traction": (0.5, 1.5)})}
+    patch = {"mud": ec.Patch((ec.Obstacle.box([[1.0, 1.8], [-0.6, 0.6]]),), {"traction": (0.5, 1.5)})}
     turning = np.column_stack([np.full(40, 0.375), np.full(40, 0.05)])
     for task, off in (("G v <= 1", 0.375 * 0.52), ("G omega <= 1", 0.05 * 0.5), ("G heading <= 3", 0.05)):
         problem = ec.load_text(TEXT).with_(task=task, obstacles={})

@@ -111,6 +111,18 @@ MADE: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
         lambda **given: ec.SpreadTarget(**{"mean": [0, 0], "covariance": np.eye(2), **given}),
         {"mean": "", "covariance": ""},
     ),
+    "Zone": (
+        lambda **given: ec.Zone(**{"pieces": ec.Obstacle.box([[0, 1], [0, 1]]), "speed": 0.5, **given}),
+        {"pieces": "", "speed": "None number"},
+    ),
+    "Patch": (
+        lambda **given: ec.Patch(**{"pieces": [[0, 1], [0, 1]], "parameters": {"traction": (0.6, 0.8)}, **given}),
+        {"pieces": "", "parameters": ""},
+    ),
+    "Pose": (
+        lambda **given: ec.Pose(**{"position": [0, 0], "heading": 0.0, "within": 0.1, "turn": 0.1, **given}),
+        {"position": "", "heading": "number", "within": "number", "turn": "number"},
+    ),
     "Disc": (
         lambda **given: ec.Disc(**{"center": [0, 0], "radius": 1.0, **given}),
         {"center": "", "radius": "number"},

@@ -33,6 +33,11 @@ POINT = Fleet(Unicycle(), {}, position=[0, 0], heading=0.0)
 GOAL = {"goal": [[2.0, 4.5], [-1.0, 1.0]]}
 
 
+def posed(*given: Any, **more: Any) -> Problem:
+    """A problem; it is given texts and lists, too, which it reads."""
+    return Problem(*given, **more)
+
+
 @pytest.mark.parametrize(
     "case",
     [
@@ -53,7 +58,7 @@ GOAL = {"goal": [[2.0, 4.5], [-1.0, 1.0]]}
     ids=["walls", "covered", "zone"],
 )
 def test_points_outside_of_their_body_may_be_in_obstacles(case: dict[str, Any]) -> None:
-    problem = Problem("body", duration=4, steps=4, **case)
+    problem = posed("body", duration=4, steps=4, **case)
     assert certify(problem, np.array([[1.0, 0.0]] * 4)).proven == "yes"
 
 
@@ -69,7 +74,7 @@ def test_slow_members_keep_a_limit_below_the_least_command() -> None:
             input_lower=[1, -1],
             input_upper=[2, 1],
         )
-        return Problem("slow", fleet, 4, 4, "F in(goal)", {"goal": [[1, 3], [-1, 1]]}, zones=zones)
+        return posed("slow", fleet, 4, 4, "F in(goal)", {"goal": [[1, 3], [-1, 1]]}, zones=zones)
 
     assert certify(made(0.4, 0.5), np.array([[1.0, 0.0]] * 4)).proven == "yes"
     with pytest.raises(ProblemError, match=r"drive at least 0\.7 m/s"):
@@ -81,11 +86,11 @@ def test_discs_are_wider_than_the_polygon_inside_them() -> None:
     angle = np.pi / 32
     place, disc = 0.9975 * np.array([np.cos(angle), np.sin(angle)]), DiscRegion(Disc([0, 0], 1.0))
     fleet = POINT.with_(starts=[place, -place])
-    assert Problem("apart", fleet, 4, 4, "G in(disc)", {"disc": disc}).fleet.starts
+    assert posed("apart", fleet, 4, 4, "G in(disc)", {"disc": disc}).fleet.starts
     turns = 2 * angle * np.arange(32)
     inside = Obstacle.polygon(np.column_stack([np.cos(turns), np.sin(turns)]))
     away = POINT.with_(position=[3, 0])
     regions, task = {"disc": disc}, "F in(disc) and G avoid(post)"
-    assert Problem("rim", away, 4, 4, task, regions, {"post": inside}).obstacles
+    assert posed("rim", away, 4, 4, task, regions, {"post": inside}).obstacles
     with pytest.raises(ProblemError, match="obstacles cover the whole region"):
-        Problem("rim", away, 4, 4, task, regions, {"post": Disc([0, 0], 1.01)})
+        posed("rim", away, 4, 4, task, regions, {"post": Disc([0, 0], 1.01)})

@@ -280,7 +280,7 @@ def test_bodies_are_drawn_at_every_start() -> None:
     assert figure is not None
     (axes, *_) = figure.axes
     (outlines,) = [one for one in axes.collections if isinstance(one, PolyCollection)]
-    lefts = [path.vertices[:, 0].min() for path in outlines.get_paths()]
+    lefts = [np.asarray(path.vertices)[:, 0].min() for path in outlines.get_paths()]
     assert min(lefts) < -0.5 < 0.8 < np.median(lefts)
     heading = headings(problem, plan.controls, problem.fleet.corners)
     assert heading is not None

@@ -60,7 +60,7 @@ def speeding(one: Problem, controls: Floats, members: Floats, looks: int = 20) -
     speed = np.abs(members[:, :1] * np.repeat(controls[:, 0], looks))
     # a sample counts for the pieces of time before and after it
     during = inside[:, :-1] | inside[:, 1:]
-    return np.where(during, speed - LIMIT, -np.inf).max(axis=1)
+    return np.asarray(np.where(during, speed - LIMIT, -np.inf).max(axis=1))
 
 
 @pytest.mark.parametrize("early", [-4, -1, 0, 1, 3])

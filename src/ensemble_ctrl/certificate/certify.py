@@ -329,7 +329,7 @@ def part_bound(
 
 def _unit(problem: Problem, part: TaskPart) -> str:
     """What follows the robustness of a part; empty for metres."""
-    unit = problem.fleet.unit_of({name for leaf in leaves(part.formula) for name in names_in(leaf)})
+    unit = problem.fleet.unit_of({name for leaf in leaves(part.resolved) for name in names_in(leaf)})
     return "" if unit == "m" else unit
 
 

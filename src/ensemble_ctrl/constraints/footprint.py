@@ -40,7 +40,7 @@ class Footprint(ReadOnlyArrays):
     Examples
     --------
     >>> car = Footprint.rectangle(length=4.6, width=1.9, rear_overhang=1.0)
-    >>> car.corners.tolist()
+    >>> car.corners.round(9).tolist()
     [[-1.0, -0.95], [3.6, -0.95], [3.6, 0.95], [-1.0, 0.95]]
     >>> wall = Obstacle.box([[5, 6], [-9, 9]])
     >>> car.distance(wall, np.array([[0.0, 0.0], [0.0, 0.0]]), np.array([0.0, np.pi])).round(3)

@@ -33,7 +33,7 @@ class DifferentialDrive(System):
     Examples
     --------
     >>> psi = {"left_factor": 1.0, "right_factor": 1.0, "track_factor": 1.0}
-    >>> DifferentialDrive(wheel_radius=0.1).exact([0.0, 0.0, 0.0], [5.0, 5.0], psi, 2.0)
+    >>> [float(x) for x in DifferentialDrive(wheel_radius=0.1).exact([0.0, 0.0, 0.0], [5.0, 5.0], psi, 2.0)]
     [1.0, 0.0, 0.0]
     """
 

@@ -21,7 +21,7 @@ class Mecanum(System):
     Examples
     --------
     >>> psi = {"vx_factor": 1.0, "vy_factor": 0.5, "omega_factor": 1.0}
-    >>> Mecanum().exact([0.0, 0.0, 0.0], [1.0, 1.0, 0.0], psi, 2.0)
+    >>> [float(x) for x in Mecanum().exact([0.0, 0.0, 0.0], [1.0, 1.0, 0.0], psi, 2.0)]
     [2.0, 1.0, 0.0]
     """
 

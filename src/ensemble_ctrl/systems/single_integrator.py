@@ -18,7 +18,7 @@ class SingleIntegrator(System):
 
     Examples
     --------
-    >>> SingleIntegrator().exact([0.0, 1.0], [1.0, 0.0], {"gain": 0.5, "angle": 0.0}, 2.0)
+    >>> [float(x) for x in SingleIntegrator().exact([0.0, 1.0], [1.0, 0.0], {"gain": 0.5, "angle": 0.0}, 2.0)]
     [1.0, 1.0]
     """
 

@@ -36,7 +36,8 @@ class Trailer(System):
 
     Examples
     --------
-    >>> Trailer(axle="car").xdot([0.0, 0.0, 0.0, 0.0], [1.0, 0.0], {"traction": 1.0, "trailer_length": 4.0})
+    >>> psi = {"traction": 1.0, "trailer_length": 4.0}
+    >>> [float(x) for x in Trailer(axle="car").xdot([0.0, 0.0, 0.0, 0.0], [1.0, 0.0], psi)]
     [1.0, 0.0, 0.0, 0.0]
     """
 

@@ -50,7 +50,7 @@ def task_of(parts: list[dict[str, Any]]) -> str:
     Examples
     --------
     >>> task_of([{"kind": "visit", "place": "goal", "window": ["2", "4 s"]}, {"kind": "other", "text": "x <= 3"}])
-    'F[2, 4 s] in(goal) and x <= 3'
+    'F[2, 4 s] in(goal) and (x <= 3)'
     """
     return " and ".join(_text(part) for part in parts)
 
