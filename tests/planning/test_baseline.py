@@ -38,7 +38,7 @@ def problem(task: str) -> Problem:
         ("F[8, 10] in(goal) and G avoid(obstacles)", "F[8,10] in(goal)"),
         ("F[8, 10] in(goal) and G[2, 3] avoid(rock)", "F[8,10] in(goal)"),
         ("F[8, 10] in(goal) and G (in(room) or in(hall))", "F[8,10] in(goal)"),
-        ("F[8, 10] in(goal) and G[0, T] (in(hall) and avoid(rock))", "F[8,10] in(goal)"),
+        ("F[8, 10] in(hall) and G[0, T] (in(room) and avoid(rock))", "F[8,10] in(hall)"),
         ("G not in(goal) and F in(room) and F in(hall)", "F in(room) and F in(hall)"),
     ],
 )

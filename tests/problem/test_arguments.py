@@ -121,7 +121,7 @@ MADE: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
     ),
     "Pose": (
         lambda **given: ec.Pose(**{"position": [0, 0], "heading": 0.0, "within": 0.1, "turn": 0.1, **given}),
-        {"position": "", "heading": "number", "within": "number", "turn": "number"},
+        {"position": "number true"} | {name: "number true" for name in ("heading", "within", "turn")},
     ),
     "Disc": (
         lambda **given: ec.Disc(**{"center": [0, 0], "radius": 1.0, **given}),

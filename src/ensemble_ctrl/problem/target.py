@@ -179,7 +179,10 @@ class Pose(ReadOnlyArrays):
             raise ProblemError(f"target: expected a position of one to three numbers, got shape {position.shape}")
         object.__setattr__(self, "position", position)
         for name in ("heading", "within", "turn"):
-            object.__setattr__(self, name, float(_numbers(name, getattr(self, name))))
+            value = _numbers(name, getattr(self, name))
+            if value.size != 1:
+                raise ProblemError(f"target: {name}: expected a number, got shape {value.shape}")
+            object.__setattr__(self, name, float(value.item()))
         if not self.within > 0:
             raise ProblemError(f"target: expected a tolerance of the position above 0 m, got {self.within:g}")
         if not 0 < self.turn < np.pi:

@@ -49,9 +49,10 @@ def edge_findings(file: ProblemFile, problem: Problem) -> Iterator[Finding]:
 
 def _starts(problem: Problem) -> NDArray[np.float64]:
     """Where the extreme members start, shape (members, 2), metres."""
-    fleet = problem.fleet
-    none = np.zeros((0, len(fleet.system.controls)))
-    return np.asarray(fleet.trajectories(none, fleet.corners, problem.step)[:, 0][:, fleet.place_columns])
+    none = np.zeros((0, len(problem.fleet.system.controls)))
+    fleets = [problem.fleet.at_start(name) for name in problem.fleet.starts] or [problem.fleet]
+    begins = [fleet.trajectories(none, fleet.corners, problem.step)[:, 0][:, fleet.place_columns] for fleet in fleets]
+    return np.concatenate(begins)
 
 
 def _beyond(far: float) -> str:

@@ -9,6 +9,7 @@ from ensemble_ctrl.problem.checks.apart import apart_findings
 from ensemble_ctrl.problem.checks.finding import Finding
 from ensemble_ctrl.problem.checks.presence import Presence, alternatives
 from ensemble_ctrl.problem.checks.reach import reach_findings
+from ensemble_ctrl.problem.checks.task import are_known
 from ensemble_ctrl.problem.checks.walls import wall_findings
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ def impossible_findings(problem: Problem) -> Iterator[Finding]:
     -----
     *Guarantee*: where there is a finding, no plan does the task for every member. The converse does not hold.
     """
+    if not are_known(problem):
+        return  # an unknown name is a finding of its own
     found: dict[tuple[str, int | None], Finding] = {}
     for way in alternatives(problem):
         reasons = list(_reasons(problem, way))

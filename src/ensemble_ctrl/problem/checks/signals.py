@@ -20,10 +20,9 @@ from ensemble_ctrl.constraints.stl import (
     negation_normal_form,
 )
 from ensemble_ctrl.constraints.stl.formula import Not
-from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding
-from ensemble_ctrl.problem.checks.task import mentioned
+from ensemble_ctrl.problem.checks.task import are_known
 from ensemble_ctrl.problem.signals import angle_range, names_in
 
 if TYPE_CHECKING:
@@ -36,11 +35,8 @@ def signal_findings(problem: Problem) -> Iterator[Finding]:
     """Angles that are none, signals where they are not read, and windows of angles that exclude each other."""
     known = (*problem.fleet.states, *problem.fleet.system.signals)
     named = {name for leaf in leaves(problem.task) for name in names_in(leaf)}
-    if not named <= {*known}:
+    if not (named <= {*known} and are_known(problem)):
         return  # an unknown name is a finding of its own, of a place as well
-    inside, avoided = mentioned(problem)
-    if not (inside | avoided) - {"", ALL_OBSTACLES} <= {*problem.regions, *problem.obstacles, *problem.zones}:
-        return
     wrong = [*_angles(problem), *_together(problem), *_elsewhere(problem), *_untimely(problem)]
     yield from wrong or _excluded(problem)
 

@@ -76,6 +76,12 @@ def mentioned(problem: Problem) -> tuple[set[str], set[str]]:
     return inside, {leaf.name for leaf in found if isinstance(leaf, Avoid)}
 
 
+def are_known(problem: Problem) -> bool:
+    """Whether every place that the task names is there."""
+    inside, avoided = mentioned(problem)
+    return (inside | avoided) - {"", ALL_OBSTACLES} <= {*problem.regions, *problem.obstacles, *problem.zones}
+
+
 def unused_findings(problem: Problem) -> Iterator[Finding]:
     """Regions and obstacles that the task does not mention."""
     inside, avoided = mentioned(problem)
