@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
-from tests.examples import quick
 
 from .conftest import Command
 from .tools import FAST
@@ -43,7 +42,8 @@ def test_a_walled_in_goal_names_what_conflicts(command: Command, place: Path) ->
     assert [(found["change"], found["set"]) for found in tried["helps"]] == [("no obstacle west", [])]
 
 
-@pytest.mark.parametrize("arguments", quick(["--no-suggest", "--set=report.suggest=false"], "--no-suggest"))
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", ["--no-suggest", "--set=report.suggest=false"])
 def test_without_suggestions(arguments: str, command: Command, place: Path) -> None:
     done = command("walled.yaml", *QUICK, *FAST, arguments)
     assert done.code == 3

@@ -137,7 +137,7 @@ def test_what_is_not_for_a_loop_is_told_with_its_place(command: Command, place: 
 
 
 def test_without_a_plan_nothing_is_driven(command: Command, place: Path) -> None:
-    done = command("online", "walled.yaml", *FAST)
+    done = command("online", "walled.yaml", *FAST, "--set=solve.time_limit=4")
     assert done.code == 3
     assert "walled: no plan was found to begin with" in done.err
     assert not (place / "plans").exists()
