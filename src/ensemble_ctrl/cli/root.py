@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -48,35 +48,21 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+
+def _folder(text: str) -> Any:
+    """The option that names a folder for what is written."""
+    return typer.Option("-o", "--output", help=text, metavar="DIR")
+
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 Config = Annotated[str, typer.Argument(help="Problem file (YAML); - reads stdin.", metavar="CONFIG")]
-Output = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", help="Results folder [default: plans/<name>].", metavar="DIR"),
-]
-ComparedIn = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", help="Results folder [default: plans/<name>-compare].", metavar="DIR"),
-]
-LoggedIn = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", help="Results folder [default: plans/<name>-online].", metavar="DIR"),
-]
-GroupedIn = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", help="Folder for the plans [default: plans/<name>-channels].", metavar="DIR"),
-]
-SweptIn = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", help="Results folder [default: plans/<name>-sweep].", metavar="DIR"),
-]
-ReproducedIn = Annotated[
-    Path | None, typer.Option("-o", "--output", help="Results folder [default: plans/paper].", metavar="DIR")
-]
-WidestIn = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", help="Write the plan of the widest range here, as run does.", metavar="DIR"),
-]
+Output = Annotated[Path | None, _folder("Results folder [default: plans/<name>].")]
+ComparedIn = Annotated[Path | None, _folder("Results folder [default: plans/<name>-compare].")]
+LoggedIn = Annotated[Path | None, _folder("Results folder [default: plans/<name>-online].")]
+GroupedIn = Annotated[Path | None, _folder("Folder for the plans [default: plans/<name>-channels].")]
+SweptIn = Annotated[Path | None, _folder("Results folder [default: plans/<name>-sweep].")]
+ReproducedIn = Annotated[Path | None, _folder("Results folder [default: plans/paper].")]
+WidestIn = Annotated[Path | None, _folder("Write the plan of the widest range here, as run does.")]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Draw no figures.")]
 Overrides = Annotated[
     list[str] | None,

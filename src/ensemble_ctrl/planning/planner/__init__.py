@@ -9,7 +9,7 @@
 3. The horizon's own grid and the order asked for, started from there.
 4. Where the truncated curve is too far from the true one, one more moment is carried and it is solved again.
 5. The result is certified; where the proof falls short, the margin grows by what is missing and it is solved again.
-6. Where the plan may touch patches of terrain, ways round these are tried too (`planning.planner.patches`).
+6. Where the plan may touch patches of terrain, paths around them are tried, too (`planning.planner.patches`).
 7. With ``method: minlp`` the facets of the obstacles are chosen anew (`ensemble_ctrl.ocp.mixed`); each result is
    certified in the same way, and takes the plan's place only if it costs less and no less is proven of it.
 """
