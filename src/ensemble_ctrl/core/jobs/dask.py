@@ -93,6 +93,7 @@ class Dask:
     _sent: dict[Any, tuple[Unit, int]] = field(default_factory=dict)
     _again: deque[tuple[Unit, int]] = field(default_factory=deque)
     _content: tuple[str, Any] = ("", None)
+    _order: int = 0
 
     @classmethod
     def connected(cls, address: str) -> Dask:
@@ -146,8 +147,10 @@ class Dask:
             unit, deaths = self._again.popleft() if self._again else (next(units, None), 0)
             if unit is None:
                 return
-            key = f"{unit.key}:{deaths}"
-            future = self.client.submit(compute, key, self._text(unit), asked_of(unit), versions(), key=key, pure=True)
+            key, self._order = f"{unit.key}:{deaths}", self._order + 1
+            arguments = key, self._text(unit), asked_of(unit), versions()
+            # without a priority, Dask takes units that are sent in a row in any order
+            future = self.client.submit(compute, *arguments, key=key, pure=True, priority=-self._order)
             self._sent[future] = unit, deaths
 
     def _text(self, unit: Unit) -> Any:
