@@ -38,14 +38,14 @@ def fingerprint(problem: Problem, controls: Floats, distributions: Mapping[str, 
         [(name, motion.times.tolist(), motion.offsets.tolist()) for name, motion in problem.motions.items()],
     ]
     # the rows of a disc are those of a polygon around it
-    shapes = [*problem.regions.items(), *problem.pieces]
+    zones = problem.zones.items()
+    shapes = [*problem.regions.items(), *problem.pieces, *((name, p) for name, zone in zones for p in zone.pieces)]
     discs = [
         (name, disc.center.tolist(), disc.radius) for name, shape in shapes if (disc := disc_of(shape)) is not None
     ]
     if discs:
         numbers = [*numbers, discs]
     if problem.zones:
-        zones = problem.zones.items()
         pieces = [(name, zone.speed, [(p.A.tolist(), p.b.tolist()) for p in zone.pieces]) for name, zone in zones]
         numbers = [*numbers, ["zones", *pieces]]
     if fleet.footprint is not None:
@@ -61,5 +61,11 @@ def fingerprint(problem: Problem, controls: Floats, distributions: Mapping[str, 
 
 def _spread(problem: Problem, distributions: Mapping[str, Distribution]) -> list[object]:
     """How the fleet is spread, for claims about a share or the mean of it."""
-    quantiles = [distribution.quantile(np.linspace(0.0, 1.0, 65)).tolist() for distribution in distributions.values()]
+    quantiles = [[*d.quantile(np.linspace(0.0, 1.0, 65)).tolist(), *_finer(d)] for d in distributions.values()]
     return [quantiles, [(name, column.tolist()) for name, column in (problem.fleet.samples or {}).items()]]
+
+
+def _finer(distribution: Distribution) -> list[object]:
+    """What quantiles do not tell: every measured value, and every part of a mixture."""
+    parts, values = getattr(distribution, "parts", ()), getattr(distribution, "values", np.zeros(0))
+    return [*((weight, repr(part), _finer(part)) for part, weight in parts), *values.tolist()]
