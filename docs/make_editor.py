@@ -1,4 +1,4 @@
-"""Write the pictures of ``docs/editor.md``: the editor on a wide screen, in dark colours, and on a phone.
+"""Write the pictures of ``docs/editor.md``: the editor on a wide screen, in dark colours, on a phone; what is looked at.
 
 ``python docs/make_editor.py`` needs a headless Chromium and the extra ``edit``.
 """
@@ -17,7 +17,8 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tests.edit.editor import editor  # noqa: E402
+import ensemble_ctrl as ec  # noqa: E402
+from tests.edit.editor import editor, served  # noqa: E402
 from tests.report.browser import Page, chromium, executable  # noqa: E402
 
 STATIC = ROOT / "docs" / "_static"
@@ -26,16 +27,17 @@ READY = (
     f"window.editor && {SHOWN}.fresh === 'yes' && {SHOWN}.phase === 'idle'"
     " && !editor.changes.busy && editor.map.dragged === null"
 )
+O4_AWAY = "obstacles.o4={box: [[1.0, 2.0], [3.9, 5.1]]}"
 O3 = (
     "(() => { const r = document.querySelector('[data-name=o3] polygon').getBoundingClientRect();"
     " return [r.x + r.width / 2, r.y + r.height / 2]; })()"
 )
 
 
-def wait(tab: Page) -> None:
+def wait(tab: Page, ready: str = READY) -> None:
     """Until the plan of what is shown is there."""
     end = time.monotonic() + 120
-    while not tab.run(READY):
+    while not tab.run(ready):
         if time.monotonic() > end:
             raise SystemExit("the editor has no plan after 120 s")
         time.sleep(0.1)
@@ -49,12 +51,29 @@ def keep(tab: Page, name: str) -> None:
     print(f"wrote {STATIC / name}")
 
 
+def view(browser: str, folder: Path) -> None:
+    """Two plans over each other."""
+    problem = ec.load(ROOT / "configs" / "five_obstacles.yaml")
+    wider = ec.load(ROOT / "configs" / "five_obstacles.yaml", overrides=["fleet.radius=10 cm", O4_AWAY])
+    for name, one in (("five_obstacles", problem), ("wider", wider)):
+        (folder / name).mkdir()
+        ec.plan(one).save(folder / name / "plan.npz")
+    with served("view", str(folder / "five_obstacles"), str(folder / "wider")) as one, chromium(browser) as tab:
+        tab.screen(1280, 900)
+        tab.visit(one.address)
+        wait(tab, "document.querySelectorAll('#map .path').length === 30")
+        tab.run("document.querySelector('label.note input').click()")
+        tab.run("document.getElementById('time').value = 560; document.getElementById('time').oninput()")
+        keep(tab, "editor_view.png")
+
+
 def main() -> None:
-    """Make all three."""
+    """Make all of them."""
     browser = executable()
     if browser is None:
         raise SystemExit("no headless Chromium here")
     with TemporaryDirectory() as folder:
+        view(browser, Path(folder))
         file = Path(shutil.copy(ROOT / "configs" / "five_obstacles.yaml", folder))
         with editor(file) as one, chromium(browser) as tab:
             tab.screen(1280, 900)

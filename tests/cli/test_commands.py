@@ -20,7 +20,7 @@ from .conftest import Command
 from .tools import SMALL, environment
 
 NAMES = ["run", "check", "show", "replay", "report", "plot", "animate", "verify", "compare", "widest"]
-NAMES += ["channels", "tolerance", "identify", "import", "export", "online", "sweep", "paper", "edit", "models"]
+NAMES += ["channels", "tolerance", "identify", "import", "export", "online", "sweep", "paper", "edit", "view", "models"]
 NAMES += ["examples", "init", "schema", "doctor"]
 
 

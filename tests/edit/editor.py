@@ -1,4 +1,4 @@
-"""The editor's command as a process of its own, and requests to it."""
+"""Commands that serve a page, each as a process of its own, and requests to it."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 PATIENCE = 120.0
 """Seconds in which anything has to happen, on a machine that has much else to do."""
 
 
 class Editor:
-    """A running editor."""
+    """A running command that serves a page: the editor, or another."""
 
-    def __init__(self, file: Path, *options: str) -> None:
-        command = [sys.executable, "-m", "ensemble_ctrl.cli", "edit", str(file), "--no-browser", *options]
+    def __init__(self, *arguments: str, said_in: str = "stdout") -> None:
+        command = [sys.executable, "-m", "ensemble_ctrl.cli", *arguments, "--no-browser"]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
-        line = self.process.stdout.readline()
+        stream: IO[str] = getattr(self.process, said_in)
+        line = next((line for line in stream if "http://" in line), "")
         if not line:
             assert self.process.stderr is not None
             raise AssertionError(self.process.stderr.read())
-        self.address = line.partition(": ")[2].strip()
+        self.address: str = line.partition(": ")[2].strip()
         self.origin, _, self.token = self.address.partition("/#token=")
         self.host = self.origin.removeprefix("http://")
 
@@ -103,15 +103,22 @@ class Editor:
 
 
 @contextmanager
-def editor(file: Path, *options: str) -> Iterator[Editor]:
-    """An editor that is ended afterwards, whatever happens."""
-    running = Editor(file, *options)
+def served(*arguments: str, said_in: str = "stdout") -> Iterator[Editor]:
+    """A command that serves a page, ended afterwards, whatever happens."""
+    running = Editor(*arguments, said_in=said_in)
     try:
         yield running
     finally:
         if running.process.poll() is None:
             code = running.end()
             assert code == 0, code
+
+
+@contextmanager
+def editor(file: Path, *options: str) -> Iterator[Editor]:
+    """An editor of a file."""
+    with served("edit", str(file), *options) as running:
+        yield running
 
 
 def gone(pid: int) -> bool:

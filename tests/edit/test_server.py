@@ -190,7 +190,7 @@ def test_python_of_a_problem_file_runs_with_trust_only(tmp_path: Path) -> None:
 
 def test_it_ends_with_the_last_page_and_leaves_no_process(tmp_path: Path) -> None:
     file = tmp_path / "new.yaml"
-    one = Editor(file, "--until-closed")
+    one = Editor("edit", str(file), "--until-closed")
     state = one.state()
     assert not file.exists()  # it is written when it is saved
     assert state["dirty"]

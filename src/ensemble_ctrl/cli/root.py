@@ -81,6 +81,12 @@ Files = Annotated[
 ]
 Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.", metavar="PLAN")]
 
+NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Open no browser; print the address.")]
+Port = Annotated[int, typer.Option(help="Port on 127.0.0.1 [default: a free one].", metavar="N", min=0, max=65535)]
+UntilClosed = Annotated[
+    bool, typer.Option("--until-closed", help="End when the last page is closed, not only with Ctrl-C.")
+]
+
 Cluster = Annotated[
     str,
     typer.Option(help="local, local:N for N processes, or tcp://HOST:PORT of a Dask scheduler.", metavar="WHERE"),

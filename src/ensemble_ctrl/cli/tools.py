@@ -15,15 +15,18 @@ from ensemble_ctrl.cli.root import (
     Files,
     Json,
     LoggedIn,
+    NoBrowser,
     NoPlots,
     Overrides,
     Overwrite,
+    Port,
     Quiet,
     Replace,
     ReproducedIn,
     Saved,
     SweptIn,
     Trust,
+    UntilClosed,
     app,
     examples_of,
 )
@@ -272,13 +275,9 @@ def edit(
     file: Annotated[
         Path, typer.Argument(help="Problem file (YAML); a new one is written when you save.", metavar="FILE")
     ] = Path("problem.yaml"),
-    port: Annotated[
-        int, typer.Option(help="Port on 127.0.0.1 [default: a free one].", metavar="N", min=0, max=65535)
-    ] = 0,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Open no browser; print the address.")] = False,
-    until_closed: Annotated[
-        bool, typer.Option("--until-closed", help="End when the last page is closed, not only with Ctrl-C.")
-    ] = False,
+    port: Port = 0,
+    no_browser: NoBrowser = False,
+    until_closed: UntilClosed = False,
     trust: Trust = False,
 ) -> None:
     """Edit a problem in the browser, with its plan and proof."""
@@ -286,6 +285,27 @@ def edit(
     from ensemble_ctrl.cli.edit import edit_file
 
     raise typer.Exit(edit_file(file, port, not no_browser, until_closed, trust))
+
+
+@app.command(
+    epilog=examples_of(
+        "ensemble-plan view plans/five_obstacles plans/wider",
+        "ensemble-plan view plans/* --no-browser --port 8765",
+    )
+)
+def view(
+    plans: Annotated[
+        list[Path], typer.Argument(help="Results folders or their plan.npz, six at most.", metavar="PLAN...")
+    ],
+    port: Port = 0,
+    no_browser: NoBrowser = False,
+    until_closed: UntilClosed = False,
+    trust: Trust = False,
+) -> None:
+    """Show saved plans over each other in the browser."""
+    from ensemble_ctrl.cli.view import view_plans
+
+    raise typer.Exit(view_plans(plans, port, not no_browser, until_closed))
 
 
 @app.command()

@@ -45,8 +45,6 @@ def drawing(plan: Plan) -> Data:
     counter = _counter(plan)
     views = [
         {
-            "axes": content.labels,
-            "hidden": content.hidden,
             "ways": _rounded(content.paths[:, keep]),
             "tube": [_ribbon(one) for one in ribbons.get(content.view, ())],
             "marks": [
@@ -54,7 +52,7 @@ def drawing(plan: Plan) -> Data:
                 for conflict, place in marks
             ],
             "counter": None if counter is None else _seen(counter, content),
-            **_surroundings(content, times[keep]),
+            **surroundings(content, times[keep]),
         }
         for content in map_contents(problem, paths)
     ]
@@ -105,15 +103,30 @@ def _ribbon(ribbon: Ribbon) -> Data:
     }
 
 
-def _surroundings(content: MapContent, times: Floats) -> Data:
-    """What stands and moves around the fleet in one view."""
+def surroundings(content: MapContent, times: Floats) -> Data:
+    """One view without the fleet: its axes, and what stands and moves in it.
+
+    Parameters
+    ----------
+    content : MapContent
+    times : ndarray, shape (times,)
+        At which moving obstacles are drawn, seconds.
+    """
     return {
+        "axes": content.labels,
+        "hidden": content.hidden,
+        "coordinates": content.view,
         "areas": [
             *({"kind": "region", "name": n, "corners": _rounded(c)} for n, c in content.regions.items()),
             *(
                 {"kind": "obstacle", "name": shape.name, "corners": _rounded(corners)}
                 for shape in content.obstacles
                 for corners in shape.pieces
+            ),
+            *(
+                {"kind": "patch", "name": patch.name, "corners": _rounded(corners)}
+                for patch in content.patches
+                for corners in patch.pieces
             ),
         ],
         "starts": [_rounded(place) for place in content.starts.values()],

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from typing import Any
+from collections.abc import Callable
+from contextlib import suppress
 
 from starlette.responses import JSONResponse, Response
 
+from ensemble_ctrl.api.edit.pages import Event, Pages
 from ensemble_ctrl.api.edit.planner import Planner, Wanted
 from ensemble_ctrl.api.edit.session import Session
 from ensemble_ctrl.core.errors import EnsembleError
@@ -16,12 +16,9 @@ from ensemble_ctrl.files.config.portable import problem_text
 
 LOOK = 1.0
 """Seconds between two looks at the file on disk."""
-AHEAD = 200
-"""Events that wait for one page; one that reads none of them is left behind."""
-Event = dict[str, Any]
 
 
-class Hub:
+class Hub(Pages):
     """Ties a session and a planner to the pages that are open.
 
     Parameters
@@ -32,21 +29,22 @@ class Hub:
     """
 
     def __init__(self, session: Session, until_closed: Callable[[], None] | None = None) -> None:
-        self.session, self._until_closed = session, until_closed
-        self.closing = asyncio.Event()
+        super().__init__(until_closed)
+        self.session = session
         self.latest: list[Event] = []
-        self._loop = asyncio.get_running_loop()
-        self._queues: set[asyncio.Queue[Event]] = set()
         self._order = asyncio.Lock()
         self._planner = Planner(self._from_planner)
         self._planned_text: str | None = None
         self._tasks = {self._loop.create_task(self._watch())}
-        self._alone: asyncio.TimerHandle | None = None
         self.plan()
 
     def state(self) -> Event:
         """What pages show."""
-        return self.session.state()
+        return {"mode": "edit", **self.session.state()}
+
+    def first(self) -> list[Event]:
+        """The last plan, and what came after it."""
+        return [{"kind": "plan", **what} for what in self.latest]
 
     @property
     def planner_pid(self) -> int | None:
@@ -59,7 +57,7 @@ class Hub:
             before = self.session.revision
             await asyncio.to_thread(action)
             state = self.state()
-            self._tell({"kind": "state", **state})
+            self.tell({"kind": "state", **state})
             if self.session.revision != before or not dragging:
                 self.plan(dragging)
         return JSONResponse(state)
@@ -77,39 +75,12 @@ class Hub:
         self._planned_text = None if dragging else checked.text
         self._planner.want(Wanted(self.session.revision, problem_text(checked.problem), dragging))
 
-    @contextmanager
-    def listening(self) -> Iterator[asyncio.Queue[Event]]:
-        """Within: a page that is told of everything."""
-        queue: asyncio.Queue[Event] = asyncio.Queue(AHEAD)
-        self._queues.add(queue)
-        if self._alone is not None:
-            self._alone.cancel()
-        try:
-            yield queue
-        finally:
-            self._queues.discard(queue)
-            if not self._queues and self._until_closed is not None:
-                self._alone = self._loop.call_later(3.0, self._until_closed)
-
-    def end_streams(self) -> None:
-        """Let every page know that this is the end."""
-        self.closing.set()
-        self._tell({"kind": "end"})
-
     def close(self) -> None:
         """End the planner and every stream."""
         self.end_streams()
         for task in self._tasks:
             task.cancel()
         self._planner.close()
-
-    def _tell(self, event: Event) -> None:
-        """Give an event to every page."""
-        for queue in list(self._queues):
-            if queue.full():
-                self._queues.discard(queue)
-            else:
-                queue.put_nowait(event)
 
     def _from_planner(self, event: Event) -> None:
         """An event from the planner's thread."""
@@ -121,7 +92,7 @@ class Hub:
             self.latest = []
         self.latest = [one for one in self.latest if one["phase"] in ("planned", "failed", "suggested")]
         self.latest.append(event)
-        self._tell({"kind": "plan", **event})
+        self.tell({"kind": "plan", **event})
 
     def _noticed(self) -> tuple[int, bool, bool]:
         """What a look at the file may change."""
@@ -136,5 +107,5 @@ class Hub:
                 with suppress(EnsembleError):  # it can't be read now: that it has changed is shown
                     await asyncio.to_thread(self.session.look)
                 if self._noticed() != before:
-                    self._tell({"kind": "state", **self.state()})
+                    self.tell({"kind": "state", **self.state()})
                     self.plan()

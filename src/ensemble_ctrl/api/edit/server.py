@@ -22,6 +22,7 @@ from starlette.routing import Route
 from ensemble_ctrl.api.edit.guard import Guard, TooLargeError
 from ensemble_ctrl.api.edit.hub import Hub
 from ensemble_ctrl.api.edit.importing import imported
+from ensemble_ctrl.api.edit.pages import Pages
 from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.files.config import schema
 
@@ -39,8 +40,23 @@ BEAT = 10.0
 Handler = Callable[[Request], Awaitable[Response]]
 
 
+def showing(pages: Pages, token: str, hosts: set[str]) -> Guard:
+    """A server of pages that show something and change nothing, as an ASGI application.
+
+    Parameters
+    ----------
+    pages : Pages
+        What is shown.
+    token : str
+        What requests have to bring.
+    hosts : set of str
+        ``host:port`` under which it is reached.
+    """
+    return Guard(Starlette(routes=_routes(pages)), token, hosts)
+
+
 def application(hub: Hub, token: str, hosts: set[str]) -> Guard:
-    """The whole server as an ASGI application.
+    """The editor's server as an ASGI application.
 
     Parameters
     ----------
@@ -54,14 +70,8 @@ def application(hub: Hub, token: str, hosts: set[str]) -> Guard:
     session = hub.session
     described = json.dumps(schema())
 
-    async def state(_: Request) -> Response:
-        return JSONResponse({**hub.state(), "planned": hub.latest})
-
     async def schema_of(_: Request) -> Response:
         return Response(described, media_type="application/json")
-
-    async def events(_: Request) -> Response:
-        return StreamingResponse(_stream(hub), media_type="text/event-stream")
 
     async def edit(request: Request) -> Response:
         given = await _body(request)
@@ -101,11 +111,27 @@ def application(hub: Hub, token: str, hosts: set[str]) -> Guard:
         "/api/import": add_map,
         "/api/plan": replan,
     }
-    gets: dict[str, Handler] = {"/api/state": state, "/api/schema": schema_of, "/api/events": events}
     routes = [Route(path, _safe(handler), methods=["POST"]) for path, handler in posts.items()]
-    routes += [Route(path, handler, methods=["GET"]) for path, handler in gets.items()]
-    routes += [Route(path, _page_file, methods=["GET"]) for path in ("/", "/page/{name:str}")]
+    routes += [Route("/api/schema", schema_of, methods=["GET"]), *_routes(hub)]
     return Guard(Starlette(routes=routes), token, hosts)
+
+
+def _routes(pages: Pages) -> list[Route]:
+    """What every page asks for: its files, what it shows, and the stream of what changes."""
+
+    async def state(_: Request) -> Response:
+        return JSONResponse({**pages.state(), "planned": pages.first()})
+
+    async def events(_: Request) -> Response:
+        return StreamingResponse(_stream(pages), media_type="text/event-stream")
+
+    gets: dict[str, Handler] = {
+        "/api/state": state,
+        "/api/events": events,
+        "/": _page_file,
+        "/page/{name:str}": _page_file,
+    }
+    return [Route(path, handler, methods=["GET"]) for path, handler in gets.items()]
 
 
 def _safe(handler: Handler) -> Handler:
@@ -157,13 +183,13 @@ def page_files() -> dict[str, Traversable]:
     return {name: file for name, file in found.items() if Path(name).suffix in KINDS}
 
 
-async def _stream(hub: Hub) -> AsyncIterator[str]:
+async def _stream(pages: Pages) -> AsyncIterator[str]:
     """Server-sent events: the state, then whatever changes; a comment where nothing does."""
-    with hub.listening() as queue:
-        yield _event({"kind": "state", **hub.state()})
-        for what in hub.latest:
-            yield _event({"kind": "plan", **what})
-        while not hub.closing.is_set():
+    with pages.listening() as queue:
+        yield _event({"kind": "state", **pages.state()})
+        for what in pages.first():
+            yield _event(what)
+        while not pages.closing.is_set():
             try:
                 yield _event(await asyncio.wait_for(queue.get(), BEAT))
             except TimeoutError:

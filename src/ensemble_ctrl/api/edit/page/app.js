@@ -1,9 +1,11 @@
 // The page: what is edited and what is planned, and the parts that show it.
-import { get, listen, post } from "./api.js";
+import { get, post } from "./api.js";
 import { MapView } from "./map.js";
+import { Page } from "./page.js";
 import { Player } from "./player.js";
 import { Settings } from "./settings.js";
 import { Task } from "./task.js";
+import { Tools } from "./tools.js";
 import { TextPane } from "./text.js";
 import { Proof } from "./proof.js";
 import { Selected } from "./selected.js";
@@ -38,15 +40,16 @@ class Changes {
   }
 }
 
-class App {
+export class App extends Page {
   constructor() {
+    super();
     this.state = null;
     this.plan = null;      // the last plan that was drawn
     this.phase = "";
     this.suggestions = null;
     this.changes = new Changes(this);
     this.selection = null; // {kind, name, index}
-    this.map = new MapView(this, $("map"));
+    this.map = new MapView(this, $("map"), Tools);
     this.player = new Player(this);
     this.text = new TextPane(this);
     this.task = new Task(this, $("tab-task"));
@@ -65,7 +68,6 @@ class App {
       if (this.state && this.state.dirty) event.preventDefault();
     });
     get("/api/schema").then((schema) => this.settings.describe(schema)).catch((error) => this.notice(error.message));
-    listen((event) => this.event(event), (text) => this.connection(text));
   }
 
   // changes of the file
@@ -122,6 +124,8 @@ class App {
     if (event.phase === "planned" && event.drawing.proven && this.fresh) document.documentElement.dataset.drawn = performance.now();
     this.proof.show();
   }
+  // what the map draws over the problem
+  get drawings() { return this.plan ? [{ drawing: this.plan.drawing }] : []; }
   // whether the plan that is drawn is of the text as it is
   get fresh() { return this.plan && this.state && this.plan.revision === this.state.revision && this.state.valid && !this.map.ahead(); }
 
@@ -160,27 +164,6 @@ class App {
     } else if (state.disk === "missing") {
       this.notice(`${state.file} is not on disk any more. Save writes it again.`, [], "disk");
     } else if ($("notice").dataset.kind === "disk") this.notice("");
-  }
-  connection(text) {
-    if (text) {
-      this.notice(text, [], "connection");
-      $("verdict").className = "verdict open";
-      $("verdict").textContent = "Not connected";
-    } else if ($("notice").dataset.kind === "connection") this.notice("");
-  }
-  notice(text, actions, kind) {
-    const element = $("notice");
-    if (!text && !kind && ["disk", "connection"].includes(element.dataset.kind)) return;
-    element.replaceChildren(text);
-    element.dataset.kind = kind || "";
-    for (const [label, action] of actions || []) {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.textContent = label;
-      button.onclick = () => { this.notice("", [], "done"); action(); };
-      element.append(" ", button);
-    }
-    element.hidden = !text;
   }
 
   select(selection) {
@@ -226,5 +209,3 @@ class App {
     if (!typing && !command && !event.altKey) this.map.key(event);
   }
 }
-
-window.editor = new App();

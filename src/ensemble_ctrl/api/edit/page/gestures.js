@@ -20,6 +20,7 @@ export class Gestures {
       map.zoom(Math.exp(-event.deltaY / 400), map.metres(event));
     }, { passive: false });
     svg.addEventListener("focusin", (event) => {
+      if (this.app.readonly) return;
       const group = event.target.closest(".shape");
       if (group && !this.drag) this.choose(group.dataset.key);
     });
@@ -38,7 +39,8 @@ export class Gestures {
     if (this.fingers.size === 2) { this.drag = null; this.map.dragged = null; this.spread = this.distance(); return; }
     const { tool } = this.map.tools;
     if (tool !== "select") return this.begin(tool, at, event);
-    const handle = event.target.closest("[data-handle]"), group = event.target.closest(".shape");
+    const changing = this.app.readonly ? null : event.target;
+    const handle = changing?.closest("[data-handle]"), group = changing?.closest(".shape");
     event.preventDefault();
     if (handle) {
       const shape = this.map.selectedShape();

@@ -1,7 +1,6 @@
 // The map: what the file has, editable; what the plan does, over it.
 import { area, corners, moved, puts, snapped, ticks } from "./geometry.js";
 import { Gestures } from "./gestures.js";
-import { Tools } from "./tools.js";
 
 const NS = "http://www.w3.org/2000/svg";
 const HANDLES = [[-1, -1], [0, -1], [1, -1], [1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0]];
@@ -9,7 +8,7 @@ const CURSORS = ["nesw-resize", "ns-resize", "nwse-resize", "ew-resize", "nesw-r
 export const ARROW = 46; // pixels from the start to the handle that turns it
 
 export class MapView {
-  constructor(app, svg) {
+  constructor(app, svg, Tools) {
     this.app = app;
     this.svg = svg;
     this.view = null; // {x, y, scale}: metres at the lower left corner, pixels per metre
@@ -70,8 +69,9 @@ export class MapView {
   }
   framed() {
     const points = this.all().flatMap((shape) => shape.at ? [shape.at] : shape.form === "fixed" ? (shape.pieces || []).flat() : corners(shape));
-    const drawing = this.app.plan && this.app.plan.drawing;
-    if (drawing && drawing.views[0].axes[0] !== "t [s]") points.push(...drawing.views[0].ways.flatMap((way) => way.filter((_, k) => k % 8 === 0)));
+    for (const { drawing } of this.app.drawings) {
+      if (drawing.views[0].axes[0] !== "t [s]") points.push(...drawing.views[0].ways.flatMap((way) => way.filter((_, k) => k % 8 === 0)));
+    }
     if (points.length < 2) points.push([-1, -1], [7, 6]);
     const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
     const low = [Math.min(...xs), Math.min(...ys)], high = [Math.max(...xs), Math.max(...ys)];
@@ -85,30 +85,33 @@ export class MapView {
     this.view = this.view || this.framed();
     const shapes = this.all();
     const chosen = this.app.selection;
-    const drawing = this.app.plan && this.app.plan.drawing;
-    const view = drawing && drawing.views[0];
-    document.getElementById("chart").hidden = !this.app.state.map.plane;
+    const { drawings, fresh } = this.app, { plane } = this.app.state.map;
+    const view = drawings.length ? drawings[0].drawing.views[0] : null;
+    const layer = (parts) => (plane && view ? [element("g", { class: `plan${fresh ? "" : " old"}` }, parts)] : []);
+    this.dots = [];
+    document.getElementById("chart").hidden = !plane;
     const focused = this.svg.contains(document.activeElement) ? document.activeElement.dataset.key : null;
     // the larger below the smaller; obstacles above regions, but in space, where they may be far above or below them
     const space = Boolean(view && view.hidden);
     const areas = shapes.filter((s) => s.form).sort((a, b) => area(b) - area(a));
     const below = [...this.grid(), ...areas.filter((s) => space || s.kind !== "obstacle").map((s) => this.area(s, chosen))];
     this.svg.classList.toggle("space", space);
-    const plan = view && this.app.state.map.plane ? [element("g", { class: `plan${this.app.fresh ? "" : " old"}` }, [...this.tube(view), ...this.ways(drawing, view)])] : [];
+    const plan = layer(drawings.flatMap((one) => [...this.tube(one), ...this.ways(one)]));
     const above = areas.filter((s) => !space && s.kind === "obstacle").map((s) => this.area(s, chosen));
     const moving = view ? this.moving(view, shapes) : [];
-    const others = view && view.starts.length > 1 && this.app.fresh ? view.starts.map((place) => {
+    const others = view && view.starts.length > 1 && fresh ? view.starts.map((place) => {
       const [cx, cy] = this.at(place);
       return element("circle", { class: "start", cx, cy, r: 4 });
     }) : [];
     const points = [...others, ...shapes.filter((s) => s.at).map((s) => this.point(s, chosen))];
-    const dots = view && this.app.state.map.plane ? [element("g", { class: `plan${this.app.fresh ? "" : " old"}` }, [...this.members(drawing, view), ...this.marks(view)])] : [];
+    const live = layer(this.app.live ? this.app.live(view, (point) => this.at(point), this.view.scale) : []);
+    const dots = layer(drawings.flatMap((one) => [...this.members(one), ...this.marks(one.drawing.views[0])]));
     const names = shapes.filter((s) => s.name).map((s) => this.name(s));
     const handles = shapes.filter((s) => same(s, chosen)).flatMap((s) => this.handles(s));
-    this.svg.replaceChildren(...below, ...plan, ...above, ...moving, ...points, ...names, ...dots, ...handles, ...this.drawnNow());
+    this.svg.replaceChildren(...below, ...plan, ...above, ...moving, ...points, ...names, ...live, ...dots, ...handles, ...this.drawnNow());
     this.svg.setAttribute("viewBox", `0 0 ${this.width} ${this.height}`);
     if (focused) this.svg.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
-    this.passive(drawing);
+    this.passive();
     this.move();
   }
   text(points) { return points.map((p) => this.at(p).map((v) => v.toFixed(1)).join(",")).join(" "); }
@@ -168,16 +171,22 @@ export class MapView {
     const [x, y] = this.at([0, 1].map((k) => outline.reduce((sum, p) => sum + p[k], 0) / outline.length));
     return element("text", { class: "mid on", x, y: y + 4 }, [shape.name]);
   }
-  tube(view) {
-    return view.tube.map((slice) => element("path", { class: "tube", fill: slice.colour, d: slice.rings.map((ring) => `M${this.text(ring)}Z`).join("") }));
+  tube({ drawing, colour }) {
+    return drawing.views[0].tube.map((slice) => element("path", { class: "tube", fill: colour || slice.colour, d: slice.rings.map((ring) => `M${this.text(ring)}Z`).join("") }));
   }
-  ways(drawing, view) {
-    return view.ways.map((way, i) => element("polyline", { class: "path", points: this.text(way), stroke: drawing.colours[i] }, [element("title", {}, [drawing.members[i]])]));
+  ways({ drawing, colour, dash, name }) {
+    return drawing.views[0].ways.map((way, i) => {
+      const words = [name, drawing.members[i]].filter(Boolean).join(": ");
+      return element("polyline", { class: "path", points: this.text(way), stroke: colour || drawing.colours[i], "stroke-dasharray": dash || "" }, [element("title", {}, [words])]);
+    });
   }
-  members(drawing, view) {
+  members({ drawing, colour }) {
     const r = Math.max(4, drawing.radius * this.view.scale);
-    this.dots = view.ways.map((way, i) => element("circle", { class: `member${r > 8 ? " large" : ""}`, r, fill: drawing.colours[i] }));
-    return this.dots;
+    return drawing.views[0].ways.map((way, i) => {
+      const dot = element("circle", { class: `member${r > 8 ? " large" : ""}`, r, fill: colour || drawing.colours[i] });
+      this.dots.push([dot, way, drawing]);
+      return dot;
+    });
   }
   marks(view) {
     const ring = ({ at, text }) => {
@@ -199,16 +208,14 @@ export class MapView {
   }
   // what goes with the time alone
   move() {
-    const drawing = this.app.plan && this.app.plan.drawing;
-    if (!drawing || !this.view || !this.dots) return;
-    drawing.views[0].ways.forEach((way, i) => {
-      if (!this.dots[i]) return;
-      const [cx, cy] = this.at(this.app.player.at(way));
-      this.dots[i].setAttribute("cx", cx.toFixed(1));
-      this.dots[i].setAttribute("cy", cy.toFixed(1));
-    });
+    if (!this.view || !this.app.drawings.length) return;
+    for (const [dot, way, drawing] of this.dots || []) {
+      const [cx, cy] = this.at(this.app.player.at(way, drawing));
+      dot.setAttribute("cx", cx.toFixed(1));
+      dot.setAttribute("cy", cy.toFixed(1));
+    }
     for (const [group, offsets] of this.ghosts || []) {
-      const [dx, dy] = this.app.player.at(offsets);
+      const [dx, dy] = this.app.player.at(offsets, this.app.drawings[0].drawing);
       group.setAttribute("transform", `translate(${dx * this.view.scale} ${-dy * this.view.scale})`);
     }
     for (const move of this.besides || []) move();
@@ -252,37 +259,44 @@ export class MapView {
       ...points.slice(0, this.sketch.open ? points.length : 0).map((p) => element("circle", { class: "knob", cx: this.at(p)[0], cy: this.at(p)[1], r: 4 }))];
   }
   // further views of a plan, as those of space from the side, and the only one of a line
-  passive(drawing) {
-    const place = document.getElementById("others");
-    const views = drawing ? drawing.views.filter((_, k) => k > 0 || !this.app.state.map.plane) : [];
+  passive() {
+    const { drawings } = this.app, first = drawings.length ? drawings[0].drawing.views : [];
     this.besides = [];
-    place.replaceChildren(...views.map((view) => this.beside(drawing, view)));
+    const figures = first.flatMap((_, k) => (k > 0 || !this.app.state.map.plane ? [this.beside(drawings, k)] : []));
+    document.getElementById("others").replaceChildren(...figures);
   }
-  beside(drawing, view) {
-    const width = this.app.map.svg.parentElement.parentElement.clientWidth - 24, height = width * 0.5;
-    const points = [...view.ways.flat(), ...view.areas.flatMap((area) => area.corners)];
-    const low = [0, 1].map((k) => Math.min(...points.map((p) => p[k]))), high = [0, 1].map((k) => Math.max(...points.map((p) => p[k])));
-    const timed = view.axes[0] === "t [s]";
-    const each = [0, 1].map((k) => [width - 60, height - 50][k] / Math.max(high[k] - low[k], 1e-6));
+  beside(drawings, k) {
+    const view = drawings[0].drawing.views[k], timed = view.axes[0] === "t [s]";
+    const width = this.svg.parentElement.parentElement.clientWidth - 24, height = width * 0.5;
+    const points = drawings.flatMap(({ drawing }) => [...drawing.views[k].ways.flat(), ...drawing.views[k].areas.flatMap((area) => area.corners), ...drawing.views[k].starts]);
+    if (timed) points.push([0, points[0][1]], [Math.max(...drawings.map(({ drawing }) => drawing.duration)), points[0][1]]);
+    const low = [0, 1].map((i) => Math.min(...points.map((p) => p[i]))), high = [0, 1].map((i) => Math.max(...points.map((p) => p[i])));
+    const each = [0, 1].map((i) => [width - 60, height - 50][i] / Math.max(high[i] - low[i], 1e-6));
     const [sx, sy] = timed ? each : [Math.min(...each), Math.min(...each)];
     const at = (p) => [40 + (p[0] - low[0]) * sx, height - 30 - (p[1] - low[1]) * sy];
     const text = (list) => list.map((p) => at(p).map((v) => v.toFixed(1)).join(",")).join(" ");
-    const parts = [];
+    const parts = [], dots = [];
     for (const value of ticks(low[0], high[0], 6)) parts.push(element("text", { class: "mid", x: at([value, 0])[0], y: height - 12 }, [String(value)]));
     for (const value of ticks(low[1], high[1], 5)) parts.push(element("text", { x: 2, y: at([low[0], value])[1] + 4 }, [String(value)]));
     for (const area of view.areas) parts.push(element("g", { class: area.kind }, [element("polygon", { class: area.kind === "region" ? "region" : "", points: text(area.corners) }, [element("title", {}, [area.name])])]));
-    for (const slice of view.tube) parts.push(element("path", { class: "tube", fill: slice.colour, d: slice.rings.map((ring) => `M${text(ring)}Z`).join("") }));
-    view.ways.forEach((way, i) => parts.push(element("polyline", { class: "path", points: text(way), stroke: drawing.colours[i] })));
-    const dots = view.ways.map((_, i) => element("circle", { class: "member", r: 4, fill: drawing.colours[i] }));
-    this.besides.push(() => view.ways.forEach((way, i) => {
-      const [cx, cy] = at(this.app.player.at(way));
-      dots[i].setAttribute("cx", cx.toFixed(1));
-      dots[i].setAttribute("cy", cy.toFixed(1));
+    for (const { drawing, colour, dash } of drawings) {
+      const seen = drawing.views[k];
+      for (const slice of seen.tube) parts.push(element("path", { class: "tube", fill: colour || slice.colour, d: slice.rings.map((ring) => `M${text(ring)}Z`).join("") }));
+      seen.ways.forEach((way, i) => {
+        parts.push(element("polyline", { class: "path", points: text(way), stroke: colour || drawing.colours[i], "stroke-dasharray": dash || "" }));
+        dots.push([element("circle", { class: "member", r: 4, fill: colour || drawing.colours[i] }), way, drawing]);
+      });
+    }
+    if (this.app.live) parts.push(...this.app.live(view, at, Math.min(sx, sy)));
+    this.besides.push(() => dots.forEach(([dot, way, drawing]) => {
+      const [cx, cy] = at(this.app.player.at(way, drawing));
+      dot.setAttribute("cx", cx.toFixed(1));
+      dot.setAttribute("cy", cy.toFixed(1));
     }));
     const figure = document.createElement("figure"), caption = document.createElement("figcaption");
     caption.textContent = `${view.axes[1]} over ${view.axes[0]}${view.hidden ? `, seen along ${view.hidden}` : ""}`;
     figure.className = `plan${this.app.fresh ? "" : " old"}`;
-    figure.append(caption, element("svg", { viewBox: `0 0 ${width} ${height}`, role: "img" }, [...parts, ...dots]));
+    figure.append(caption, element("svg", { viewBox: `0 0 ${width} ${height}`, role: "img" }, [...parts, ...dots.map(([dot]) => dot)]));
     return figure;
   }
 

@@ -12,11 +12,13 @@ export class Player {
     $("time").oninput = () => { this.stop(); this.to($("time").value / 1000); };
   }
   plan(drawing) { this.drawing = drawing; this.to(this.share); this.scale(drawing.scale); }
+  // how long all plans that are shown take; each of them stays at its end
+  of(drawings) { this.drawing = { duration: Math.max(...drawings.map((one) => one.duration)) }; this.to(this.share); }
   get time() { return this.drawing ? this.share * this.drawing.duration : 0; }
 
-  // between which of the drawing's times it is, and how far
-  get place() {
-    const times = this.drawing.times, t = this.time;
+  // between which of a drawing's times it is, and how far
+  place(drawing) {
+    const { times } = drawing, t = this.time;
     let low = 0, high = times.length - 1;
     while (high - low > 1) {
       const middle = (low + high) >> 1;
@@ -25,8 +27,8 @@ export class Player {
     const share = (t - times[low]) / (times[high] - times[low] || 1);
     return [low, high, Math.min(1, Math.max(0, share))];
   }
-  at(track) {
-    const [low, high, share] = this.place;
+  at(track, drawing) {
+    const [low, high, share] = this.place(drawing);
     return [0, 1].map((k) => track[low][k] + share * (track[high][k] - track[low][k]));
   }
   to(share) {
