@@ -1,4 +1,4 @@
-"""Write the pictures of ``docs/editor.md``: the editor on a wide screen, in dark colours, on a phone; what is looked at.
+"""Write the pictures of ``docs/editor.md``: the editor, wide, dark and on a phone, and pages that are looked at.
 
 ``python docs/make_editor.py`` needs a headless Chromium and the extra ``edit``.
 """
