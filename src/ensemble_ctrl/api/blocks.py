@@ -10,12 +10,12 @@ import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import WorkerError, first_of
 from ensemble_ctrl.core.jobs import Checkpoint, Cluster, Content, Outcome, Unit, outcomes
 from ensemble_ctrl.core.values import path_of, whole

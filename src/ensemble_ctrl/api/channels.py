@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import ceil
 
 from ensemble_ctrl.api.planning import judged
 from ensemble_ctrl.api.plans import Plan
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.values import expect, number, whole
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.planner import Progress

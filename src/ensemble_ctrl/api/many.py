@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass
 
 from ensemble_ctrl.api.planned import unit_of
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.api.portable import plan_of
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.jobs import Checkpoint, Cluster, Outcome, Unit, outcomes
 from ensemble_ctrl.core.values import called, path_of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import inf, isfinite
 from typing import Any, Literal
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.api.planning import plan
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.certificate import certify
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.examples import example
 from ensemble_ctrl.planning.planner import Progress

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from math import inf
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.api.paper import Form, Reproduced, Robot, as_published, experiment, reproduced
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.moments import Interval, LegendreBasis
 from ensemble_ctrl.planning.planner import Progress
 from ensemble_ctrl.problem import Problem

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.api.blocks import Draw, replay_on
 from ensemble_ctrl.certificate import Certificate, certify
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays
 from ensemble_ctrl.core.renamed import renamed_fields

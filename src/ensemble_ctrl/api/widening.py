@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from ensemble_ctrl.api.planning import judged
 from ensemble_ctrl.api.plans import Plan
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import called, expect
 from ensemble_ctrl.moments import Interval

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from ensemble_ctrl.certificate.disturbance import UNIT
 from ensemble_ctrl.certificate.enclosure import Flow
 from ensemble_ctrl.certificate.instants import Spans
 from ensemble_ctrl.constraints.stl import Known
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.enclosure import CELLS, Flow, Ints, Track, first_cells, signs_of
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem import Problem
 

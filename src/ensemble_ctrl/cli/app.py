@@ -7,6 +7,7 @@ import signal
 import sys
 from contextlib import suppress
 from contextvars import copy_context
+from copy import copy
 from difflib import get_close_matches
 
 import typer
@@ -46,8 +47,9 @@ def invoke(arguments: list[str]) -> int:
 def _invoked(arguments: list[str], as_json: bool) -> int:
     """The command line in a context of its own, so that a consent ends with it."""
     try:
-        command = typer.main.get_command(app)
-        with command.make_context(NAME, with_command(arguments), obj=tuple(arguments)) as context:
+        words = with_command(arguments)
+        command = typer.main.get_command(_with_one(words[0]) if words and words[0] in _command_names() else app)
+        with command.make_context(NAME, words, obj=tuple(arguments)) as context:
             return int(command.invoke(context) or 0)
     except typer.Exit as end:
         return int(end.exit_code)
@@ -107,7 +109,19 @@ def with_command(arguments: list[str]) -> list[str]:
 
 def _command_names() -> list[str]:
     """Every command, in the order of the help."""
-    return [command.name or command.callback.__name__ for command in app.registered_commands if command.callback]
+    return [_name_of(command) for command in app.registered_commands]
+
+
+def _name_of(command: typer.models.CommandInfo) -> str:
+    """A command's name."""
+    return command.name or str(getattr(command.callback, "__name__", ""))
+
+
+def _with_one(name: str) -> typer.Typer:
+    """The command line with one of its commands: to build the parser of each takes as long as to import NumPy."""
+    one = copy(app)
+    one.registered_commands = [each for each in app.registered_commands if _name_of(each) == name]
+    return one
 
 
 def _unexpected(error: Exception, as_json: bool) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from ensemble_ctrl.api.channels import MOST, Channel, Channels, channels
@@ -11,6 +10,7 @@ from ensemble_ctrl.api.results import SCHEMA, to_json, write_results
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, say
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.plain import at_least
 from ensemble_ctrl.core.storage import put_file
 from ensemble_ctrl.files.config import read

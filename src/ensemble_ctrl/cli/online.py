@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.root import UsageError
 from ensemble_ctrl.cli.streams import complain, fail, say
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import first_of
 from ensemble_ctrl.core.storage import put_file
 from ensemble_ctrl.files.config import read

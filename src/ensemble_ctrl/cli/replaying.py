@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.root import UsageError, naming
 from ensemble_ctrl.cli.streams import complain, say
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import first_of
 from ensemble_ctrl.files.folder import require_free, write_text
 from ensemble_ctrl.problem.evaluation.conflicts import unit_of_task

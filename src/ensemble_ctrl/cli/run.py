@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.log import shown_log
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import RunawayError, first_of
 from ensemble_ctrl.files.config import read
 from ensemble_ctrl.files.config.overrides import Given

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.root import UsageError, naming
 from ensemble_ctrl.cli.streams import complain, say
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError, first_of
 from ensemble_ctrl.core.jobs import Cluster
 from ensemble_ctrl.files.config import Variants

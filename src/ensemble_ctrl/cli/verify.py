@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from ensemble_ctrl.certificate.record import claims_each
 from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.root import UsageError
 from ensemble_ctrl.cli.streams import complain, say
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError, RunawayError
 from ensemble_ctrl.core.storage import read_regular
 from ensemble_ctrl.files.config import dump, load

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 from math import cos, floor, sin, sqrt
 from typing import Any
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.cover import CORNERS, joined, with_fewer_corners, within
 from ensemble_ctrl.constraints.polygon import facets, ring
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 
 Array = NDArray[np.float64]

@@ -62,7 +62,7 @@ def numbers(name: str, value: Any, wanted: str = "numbers") -> Floats:
     try:
         if value is None or isinstance(value, str | bytes | Mapping):
             raise TypeError(value)
-        if np.iscomplexobj(value) or np.ma.is_masked(value):  # a part of it would be lost
+        if np.iscomplexobj(value) or (hasattr(value, "_mask") and np.ma.is_masked(value)):  # a part of it would be lost
             raise TypeError(value)
         return np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError):

@@ -13,7 +13,6 @@ the distributions' polynomials.  The inputs v and omega are those that the comma
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import TensorBasis, kron, multiplication_matrix
 from ensemble_ctrl.ocp.arrays import CasadiArrays

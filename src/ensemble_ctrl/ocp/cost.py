@@ -10,12 +10,12 @@ Commands are scaled, ``s = (u - middle) / half``: by nothing for robots on arcs,
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem import Objective
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ certificate, which shares nothing with this.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import product
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Predicate, StateSignals
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.terrain import with_terrain
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import ExactOps, StateSignals, reads_fleet, robustness
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.moments import LegendreBasis, TensorBasis
 from ensemble_ctrl.ocp.apart import apart_gap
 from ensemble_ctrl.ocp.chance import all_hyperplanes, members_within, reach, required_parts

@@ -17,12 +17,12 @@ separating hyperplanes; with ``nodes`` the Gauss-node robots at the grid times; 
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.layout import Numbers
 from ensemble_ctrl.ocp.margins import bulge, curvature, keeping, largest_bulge
 from ensemble_ctrl.ocp.program import Block

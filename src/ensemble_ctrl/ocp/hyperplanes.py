@@ -12,12 +12,13 @@ they overlap, along the facet that is left soonest.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.specification import AvoidConstraint
 
 Floats = NDArray[np.float64]

@@ -6,12 +6,12 @@ other levels, or below a smooth maximum of levels.  The rows stay the same for e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.task import SHARPNESS, GuessValues, Level, LevelOps, PointSignals, Reading, Row, minimum_of
 from ensemble_ctrl.ocp.truncation import Truncation

@@ -21,13 +21,14 @@ obstacle along the straight lines between grid times, for one facet holds at bot
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Always, Eventually, Inside
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.facet_binaries import Facets, facets, workspace
 from ensemble_ctrl.ocp.quiet import quietly
 from ensemble_ctrl.problem import Problem

@@ -21,7 +21,7 @@ others it is a neighbourhood of the plan.  The squares of the cost and other par
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import Always, And, Eventually, Formula, Inside, Predicate
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.quiet import quietly
 from ensemble_ctrl.ocp.states import scale_of
 from ensemble_ctrl.ocp.truncation import Truncation

@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.chance import map_size
 from ensemble_ctrl.ocp.evaluate import evaluate
 from ensemble_ctrl.ocp.facet_binaries import Choice, Facets, facet_binaries, facets, workspace

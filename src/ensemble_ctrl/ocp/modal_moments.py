@@ -12,7 +12,6 @@ Points of the fleet's curve, of which rows speak, are linear in the moments; the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.moments import TensorBasis
 from ensemble_ctrl.ocp.arrays import CasadiArrays

@@ -7,7 +7,6 @@ these rows let members break it: for obstacles only the rows of order 0 ever bin
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import Always, Inside
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.parametrisation import Parametrisation
 from ensemble_ctrl.ocp.program import Block, Build
 from ensemble_ctrl.ocp.task import SHARPNESS

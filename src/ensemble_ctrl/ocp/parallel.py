@@ -21,10 +21,11 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any, Generic, TypeVar
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import WorkerError
 from ensemble_ctrl.core.jobs.lifetime import end_with
 from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch, reserve

@@ -7,13 +7,14 @@ where they stand, what follows from what, and where to start.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.cost import Scale
 from ensemble_ctrl.ocp.layout import Numbers
 from ensemble_ctrl.ocp.program import Block

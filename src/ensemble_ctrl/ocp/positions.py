@@ -13,7 +13,6 @@ r"""Positions of the truncated curve as variables, for robots on arcs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.arrays import CasadiArrays
 from ensemble_ctrl.ocp.bodies import BodyRows
 from ensemble_ctrl.ocp.cost import Scale

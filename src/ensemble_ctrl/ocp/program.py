@@ -13,11 +13,12 @@ into the sparse Jacobian and Hessian.  Automatic differentiation of the whole pr
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+
+from ensemble_ctrl.core.deferred import dataclass
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -11,12 +11,11 @@ each separating hyperplane leaves it, and below `ensemble_ctrl.problem.risk.CLEA
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.hyperplanes import Hyperplanes
 from ensemble_ctrl.ocp.layout import Numbers
 from ensemble_ctrl.ocp.program import Block

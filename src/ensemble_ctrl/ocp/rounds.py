@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.chance import all_hyperplanes, reach
 from ensemble_ctrl.ocp.evaluate import Value, evaluate
 from ensemble_ctrl.ocp.hyperplanes import Hyperplanes

@@ -14,7 +14,6 @@ replay and comes back as room to spare.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.cost import Scale
 from ensemble_ctrl.ocp.layout import StateLayout
 from ensemble_ctrl.ocp.parametrisation import Iterate

@@ -19,12 +19,12 @@ The slack weight w_s is so large that slacks are zero wherever a plan is possibl
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Mean
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.ocp.apart import apart_rows
 from ensemble_ctrl.ocp.chance import required_parts

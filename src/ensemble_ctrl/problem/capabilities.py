@@ -8,9 +8,9 @@ problem refuse from this table what the problem uses, and the commands refuse wh
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import UnsupportedError
 
 if TYPE_CHECKING:

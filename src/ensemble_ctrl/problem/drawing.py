@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.starts import places
 from ensemble_ctrl.problem.target import Formation, SpreadTarget
 

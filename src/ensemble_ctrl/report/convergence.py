@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+
+from ensemble_ctrl.core.deferred import dataclass
 
 _ROW = re.compile(r"^ *(\d+)r? +([-+0-9.eE]+) +([0-9.eE+-]+) +[0-9.eE+-]+ ", re.MULTILINE)
 LARGEST = 2_000_000

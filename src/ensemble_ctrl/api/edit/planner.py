@@ -12,10 +12,11 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from ensemble_ctrl.api.edit.work import CONTINUED, NUMBER, SUGGESTED, WHOLE
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import WorkerError
 from ensemble_ctrl.core.jobs.child import Child, Died, asked_of, is_spent
 from ensemble_ctrl.core.jobs.unit import DEATHS, Content, Unit

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from ensemble_ctrl.api.edit.changes import changed
 from ensemble_ctrl.api.edit.disk import Disk, DiskChangedError
 from ensemble_ctrl.api.edit.shapes import shapes, start, target
 from ensemble_ctrl.api.edit.tasks import pieces
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ConfigError, EnsembleError
 from ensemble_ctrl.files.config import Diagnostic
 from ensemble_ctrl.files.config.load import parsed

@@ -6,11 +6,11 @@ import csv
 import io
 import json
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ensemble_ctrl.api.planned import FACTS
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.core.storage import put_file
 from ensemble_ctrl.core.values import path_of

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from ensemble_ctrl.api.planned import no_row, unit_of
 from ensemble_ctrl.api.sweep.rows import Sweep
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.core.jobs import Checkpoint, Cluster, Outcome, Unit, outcomes
 from ensemble_ctrl.core.values import path_of, shown

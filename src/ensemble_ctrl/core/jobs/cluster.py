@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.core.jobs.processes import Processes, cores
 from ensemble_ctrl.core.jobs.unit import Backend

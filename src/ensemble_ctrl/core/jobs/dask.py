@@ -11,9 +11,10 @@ from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import UnsupportedError, WorkerError
 from ensemble_ctrl.core.jobs.child import Asked, Child, Died, asked_of, is_spent
 from ensemble_ctrl.core.jobs.unit import DEATHS, LATE, Outcome, Stop, Unit

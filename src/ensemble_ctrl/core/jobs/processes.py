@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from selectors import EVENT_READ, DefaultSelector
 from typing import Any
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.jobs.child import Child, Died, asked_of, is_spent
 from ensemble_ctrl.core.jobs.unit import DEATHS, LATE, Outcome, Stop, Unit
 from ensemble_ctrl.core.jobs.versions import versions

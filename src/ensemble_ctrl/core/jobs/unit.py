@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
+
+from ensemble_ctrl.core.deferred import dataclass
 
 DEATHS = 3
 """Workers that a unit may end before it is left out."""

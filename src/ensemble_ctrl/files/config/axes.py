@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationInfo
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.values import exact
 from ensemble_ctrl.files.config.errors import FieldError, only, show
 from ensemble_ctrl.files.config.source import checked_path

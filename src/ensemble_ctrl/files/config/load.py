@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any, NoReturn
 
 from pydantic import ValidationError
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.core.values import expect, shown
 from ensemble_ctrl.files.config.axes import Axis

@@ -7,7 +7,6 @@ import os
 import re
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl._tokens import RESERVED
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ConfigError
 from ensemble_ctrl.files.config.maps import Area, MapContent, box_of, is_box, read_map
 from ensemble_ctrl.files.config.messages import Diagnostic, layout

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from ensemble_ctrl.constraints.stl import FormulaError
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import MOST_LISTED, first_of, with_short_words
 from ensemble_ctrl.files.config.errors import FieldError, show, suggestion
 from ensemble_ctrl.files.config.fleets import SECTIONS

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import shortened
 from ensemble_ctrl.core.values import expect
 from ensemble_ctrl.files.config.errors import show

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import re
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.storage import NotRegular, read_regular
 from ensemble_ctrl.core.values import shown

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import accumulate
 from typing import Any, ClassVar
 
 import yaml
 from yaml.composer import Composer
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from ensemble_ctrl.core.deferred import dataclass
 
 MAX_DEPTH = 50
 MAX_NODES = 50_000
@@ -41,7 +43,7 @@ class TextError(Exception):
         self.message, self.place, self.hint = message, place, hint
 
 
-@dataclass
+@dataclass()
 class Tree:
     """What was read.
 

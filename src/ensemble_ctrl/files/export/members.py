@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.ensemble import Member
 

@@ -6,7 +6,6 @@ Of robots in space it is the area seen from above, with the lowest and the highe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import cos, pi
 from typing import Any
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.tube import tube
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.files.config.footprint_section import footprint_data
 from ensemble_ctrl.problem import Problem

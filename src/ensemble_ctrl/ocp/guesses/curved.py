@@ -7,14 +7,12 @@ heading, a path by OMPL is a guess from which the program finds a plan.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPoint
-from shapely.ops import unary_union
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.aimed import final_heading
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
@@ -153,6 +151,8 @@ def _radius(problem: Problem, curves: Curves) -> float:
 
 def surroundings(problem: Problem, clearance: float) -> Surroundings:
     """What a robot keeps out of, standing, at a clearance."""
+    import shapely
+
     fleet = problem.fleet
     static = [avoid for avoid in problem.specification.avoided_by_anyone if avoid.motion is None]
     pieces = [(piece, avoid.radius) for avoid in static for piece in avoid.pieces]
@@ -162,8 +162,8 @@ def surroundings(problem: Problem, clearance: float) -> Surroundings:
     size = float(np.ptp(corners, axis=0).max())
     # obstacles grown by radius, margin, the box of starts and the clearance (a Minkowski sum with a disc)
     more = problem.solve.margin + float(np.linalg.norm(fleet.shift)) + clearance * size / 10
-    blocked = unary_union(
-        [MultiPoint(piece.core).convex_hull.buffer(piece.rounding + own + more) for piece, own in pieces]
+    blocked = shapely.union_all(
+        [shapely.MultiPoint(piece.core).convex_hull.buffer(piece.rounding + own + more) for piece, own in pieces]
     )
     shapely.prepare(blocked)
     pad = 2 * (fleet.radius + tightest(problem))
@@ -172,11 +172,13 @@ def surroundings(problem: Problem, clearance: float) -> Surroundings:
 
 def _within(around: Surroundings, trip: Trip, radius: float) -> Surroundings:
     """The same near the routes of a trip alone, with more room at the places where they end."""
+    import shapely
+
     ends = np.array([trip.legs[0].corners[0], *(leg.corners[-1] for leg in trip.legs)])
     turns, size = CORRIDOR
     half = max(turns * radius, size * float(np.max(around.high - around.low)))
     ways = [shapely.LineString(leg.corners).buffer(half) for leg in trip.legs]
-    corridor = unary_union([*ways, *(shapely.Point(end).buffer(2 * half) for end in ends)])
+    corridor = shapely.union_all([*ways, *(shapely.Point(end).buffer(2 * half) for end in ends)])
     shapely.prepare(corridor)
     left, down, right, up = corridor.bounds
     low, high = np.maximum(around.low, [left, down]), np.minimum(around.high, [right, up])
@@ -185,6 +187,8 @@ def _within(around: Surroundings, trip: Trip, radius: float) -> Surroundings:
 
 def _barred(around: Surroundings, legs: list[Floats]) -> Surroundings:
     """The same with something in the narrowest place of a way, far enough from its ends."""
+    import shapely
+
     places = np.concatenate([leg[:, :2] for leg in legs])
     room = shapely.distance(shapely.points(places), around.blocked)
     # a disc of BARRIER times the distance from obstacles bars the gap there; ends of legs stay free

@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Always, And, Eventually, Formula, Known, Mean, Or, Release, Share, Until
+from ensemble_ctrl.core.deferred import dataclass
 
 Floats = NDArray[np.float64]
 Holds = Callable[[Formula, Floats], NDArray[np.bool_]]

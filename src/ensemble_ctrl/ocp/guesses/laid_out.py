@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
@@ -24,6 +23,7 @@ from ensemble_ctrl.constraints.stl import (
     negation_normal_form,
 )
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.guesses.driven import needed, turning
 from ensemble_ctrl.ocp.guesses.itinerary import Journey, Stop, itinerary
 from ensemble_ctrl.ocp.guesses.pivoting import pivoted_trip

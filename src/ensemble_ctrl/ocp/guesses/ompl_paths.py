@@ -7,15 +7,14 @@ where it is needed only, and prints nothing.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.footprint import Footprint
+from ensemble_ctrl.core.deferred import dataclass
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +48,8 @@ class Surroundings:
 
     def free(self, x: float, y: float, heading: float) -> bool:
         """Whether the robot may be there."""
+        import shapely
+
         if self.corridor is not None and not bool(shapely.contains_xy(self.corridor, x, y)):
             return False
         if self.body is not None:

@@ -6,11 +6,12 @@ Nothing is asked of the system but what a command does to a state, so the state 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ensemble_ctrl.core.deferred import dataclass
 
 Floats = NDArray[np.float64]
 State = Sequence[float]

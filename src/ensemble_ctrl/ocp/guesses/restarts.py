@@ -8,11 +8,12 @@ those of one member, which the program's constraints pull apart only as far as t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.guesses.registry import Guess
 from ensemble_ctrl.ocp.parametrisation import Iterate
 from ensemble_ctrl.problem import Problem

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from heapq import heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.guesses.drive import follow, smoothed
 from ensemble_ctrl.ocp.guesses.homotopy import distinct, homotopy
 from ensemble_ctrl.ocp.guesses.registry import Guess

@@ -8,7 +8,7 @@ Skeletons only make first guesses; whatever they miss, the program still holds t
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import islice, permutations, product
 
 import numpy as np
@@ -29,6 +29,7 @@ from ensemble_ctrl.constraints.stl import (
     Until,
     conjuncts,
 )
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.specification import avoided
 

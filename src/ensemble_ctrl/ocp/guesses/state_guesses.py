@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.guesses.registry import Guess, Request
 from ensemble_ctrl.ocp.guesses.skeleton import Skeleton, skeletons
 from ensemble_ctrl.ocp.guesses.ways import resampled, ways

@@ -7,13 +7,13 @@ out first. A tree in the space of commands does, by OMPL; it grows for the middl
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.ompl_trees import Growth, State, tree
 from ensemble_ctrl.ocp.guesses.registry import Guess, Request, Stop

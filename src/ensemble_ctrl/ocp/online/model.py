@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -10,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.cost import CommandCost, Scale
 from ensemble_ctrl.ocp.layout import Layout
 from ensemble_ctrl.ocp.levels import TaskLevels

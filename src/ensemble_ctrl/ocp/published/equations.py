@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
 from ensemble_ctrl.constraints.stl import Always, Eventually, Inside
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.problem import Problem
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.cost import CommandCost
 from ensemble_ctrl.ocp.moment_form import Read, big_m, region_blocks
 from ensemble_ctrl.ocp.parametrisation import Parametrisation, parametrise

@@ -19,12 +19,11 @@ to ``log(times) / K``, as in the paper.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.layout import Numbers
 from ensemble_ctrl.ocp.moment_form import Read
 from ensemble_ctrl.ocp.program import Block, Build

@@ -16,7 +16,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -24,6 +24,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.program import Program
 from ensemble_ctrl.ocp.solvers import bonmin_child
 from ensemble_ctrl.ocp.solvers.base import Iteration, Nlp, Outcome, SolverOptions, Status
@@ -180,7 +181,11 @@ class Bonmin:
         return Outcome(found.status, x, cost, found.branching.nodes, found.message, found.branching.bound)
 
 
-def progress_of(log: str, before: Branching = Branching()) -> Branching:
+START = Branching()
+"""Before Bonmin has said anything."""
+
+
+def progress_of(log: str, before: Branching = START) -> Branching:
     """What the log says of the progress, after what was known `before`."""
     found: dict[str, float] = {}
     for line in log.splitlines():

@@ -13,10 +13,10 @@ S. Mehrotra, On the implementation of a primal-dual interior point method, 1992.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+
+from ensemble_ctrl.core.deferred import dataclass
 
 Floats = NDArray[np.float64]
 

@@ -12,13 +12,13 @@ shortfalls included, guards every step.  `ensemble_ctrl.ocp.online` does the sam
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.solvers.base import Iteration, Nlp, Outcome, SolverOptions, Status, Watch
 from ensemble_ctrl.ocp.solvers.quadratic import Quadratic, solve_quadratic
 from ensemble_ctrl.ocp.weights import SLACK_WEIGHT

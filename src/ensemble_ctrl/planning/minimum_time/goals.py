@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil
 from typing import Protocol
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import And, Eventually, Inside, conjuncts, kept_out, resolve
 from ensemble_ctrl.constraints.stl.robustness import fits_grid
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.planner.grids import windows
 from ensemble_ctrl.problem import Problem

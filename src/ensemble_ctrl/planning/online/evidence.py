@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 from ensemble_ctrl.certificate.remaining import SetCertificate
+from ensemble_ctrl.core.deferred import dataclass
 
 Proof = Literal["whole", "period", "none"]
 

@@ -19,11 +19,10 @@ past, proofs and the growth that plans account for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.slips import Slips
 from ensemble_ctrl.problem.fleet import Fleet

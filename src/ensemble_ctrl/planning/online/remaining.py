@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import pairwise
@@ -34,6 +34,7 @@ from ensemble_ctrl.constraints.stl import (
 )
 from ensemble_ctrl.constraints.stl.rewrite import rebuilt
 from ensemble_ctrl.constraints.stl.robustness import Temporal
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.core.values import exact
 from ensemble_ctrl.moments import Interval

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.planning.online.measurement import StateMeasurement
 from ensemble_ctrl.planning.online.simulated import FINE
 from ensemble_ctrl.problem.fleet import Fleet

@@ -7,12 +7,11 @@ each step (`ensemble_ctrl.certificate.disturbance.slips`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.disturbance import pushes, slips
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]

@@ -13,14 +13,13 @@ L. Jaulin, M. Kieffer, O. Didrit, E. Walter, Applied Interval Analysis, 2001, ch
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.general.boxes import Boxes
 from ensemble_ctrl.certificate.general.enclosure import Enclosure, enclose
 from ensemble_ctrl.certificate.general.start import Start
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.errors import Unenclosed
 from ensemble_ctrl.certificate.general.enclosure import Enclosure
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.planning.online.measurement import StateMeasurement
 from ensemble_ctrl.planning.online.remaining import BoxElement, Progress
 from ensemble_ctrl.planning.online.state_sets import Box, StateSets, at_beginning, at_end, during

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal, Protocol
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.online import Timer
 from ensemble_ctrl.planning.online.evidence import NOTHING, Evidence, Proof
 

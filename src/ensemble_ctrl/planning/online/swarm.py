@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram, Timer

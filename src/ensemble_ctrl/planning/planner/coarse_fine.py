@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.rounds import Attempt, improve, rank, start, with_work

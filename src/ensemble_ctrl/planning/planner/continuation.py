@@ -9,12 +9,13 @@ one, and where a round brings them no nearer to it.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.rounds import Attempt, anew, start
 from ensemble_ctrl.ocp.truncation import Truncation, choose, raised, tail
 from ensemble_ctrl.planning.planner.coarse_fine import TAIL_LIMIT

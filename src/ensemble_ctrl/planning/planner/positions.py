@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.candidates import Tried, tried
 from ensemble_ctrl.ocp.guesses import Guess, first_guesses, further_rounds, ompl_paths
 from ensemble_ctrl.ocp.mixed import Round, rounds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate, certify, unproven
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp import parallel
 from ensemble_ctrl.ocp.candidates import join_logs, part_log
 from ensemble_ctrl.ocp.guesses import Request

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.candidates import Tried
 from ensemble_ctrl.ocp.mixed import Round
 from ensemble_ctrl.ocp.rounds import Attempt

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp import state_rounds as shooting
 from ensemble_ctrl.ocp.candidates import tried
 from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses, further_rounds, ompl_paths

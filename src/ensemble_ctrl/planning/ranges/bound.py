@@ -20,7 +20,6 @@ than the error. Where each has to be there at some time of a window of length L,
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -28,6 +27,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.stl import Always, Eventually, Inside, conjuncts
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.planning.ranges.parts import places
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet

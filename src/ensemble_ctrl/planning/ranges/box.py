@@ -8,10 +8,11 @@ angles a, from the plan of the nearest box; then between those of the largest ar
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.planning.ranges.oracle import Found, Oracle
 from ensemble_ctrl.planning.ranges.parts import furthest, widened
 from ensemble_ctrl.planning.ranges.scaled import Scaled

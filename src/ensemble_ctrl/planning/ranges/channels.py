@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.constraints.stl.rewrite import reads_fleet
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.planner import Progress
 from ensemble_ctrl.planning.ranges.bound import apart

@@ -10,11 +10,12 @@ together.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import RunawayError
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.ranges.oracle import Found, Oracle, Routes

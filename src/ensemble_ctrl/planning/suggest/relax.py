@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil, floor, log10
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.constraints.stl.rewrite import rebuilt
 from ensemble_ctrl.constraints.stl.robustness import Temporal
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.moments import DISTRIBUTIONS, Distribution
 from ensemble_ctrl.planning.planner import Curved
 from ensemble_ctrl.problem import Problem

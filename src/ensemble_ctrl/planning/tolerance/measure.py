@@ -7,12 +7,13 @@ of whether an error breaks the plan: what an attack needs to do that, where one 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate import Certificate, certify
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.ensemble import Member
 from ensemble_ctrl.problem.evaluation.adversary import attack

@@ -9,13 +9,14 @@ was found for one multiple and none for another; the rest is bisected, each sear
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.planning import planner
 from ensemble_ctrl.planning.planner import Progress, Solution
 from ensemble_ctrl.problem import Problem

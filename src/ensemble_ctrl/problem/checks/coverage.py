@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
@@ -26,6 +25,7 @@ from ensemble_ctrl.constraints.stl import (
     resolve,
 )
 from ensemble_ctrl.constraints.stl.rewrite import ALL_OBSTACLES
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding
 from ensemble_ctrl.problem.checks.task import mentioned

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import shortened
 
 Severity = Literal["error", "warning"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from itertools import count, islice, product
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,7 @@ from ensemble_ctrl.constraints.stl import (
     negation_normal_form,
     resolve,
 )
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 
 if TYPE_CHECKING:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -20,6 +19,7 @@ from ensemble_ctrl.constraints.stl import (
     negation_normal_form,
 )
 from ensemble_ctrl.constraints.stl.formula import Not
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding
 from ensemble_ctrl.problem.checks.task import are_known

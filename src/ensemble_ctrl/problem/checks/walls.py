@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Polyhedron
 from ensemble_ctrl.constraints.disc import obstacle_of
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.checks.finding import SLACK, Finding
 from ensemble_ctrl.problem.checks.presence import Presence
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.evaluation.clearance import Clearance
 from ensemble_ctrl.problem.evaluation.groups import Group, PosedGroup
 from ensemble_ctrl.problem.fleet import Member
@@ -22,7 +22,7 @@ TOGETHER = 8
 """Times evaluated at once, the nearest first."""
 
 
-@dataclass
+@dataclass()
 class Closest:
     """The closest that any member came so far to one obstacle.
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.fleet import Member
 
 

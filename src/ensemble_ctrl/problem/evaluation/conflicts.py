@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from ensemble_ctrl.constraints.stl import (
     leaves,
     member_robustness,
 )
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import RunawayError
 from ensemble_ctrl.problem.evaluation.apart import closest_pairs, compared
 from ensemble_ctrl.problem.evaluation.sampled import affordable, replay, states, trajectories

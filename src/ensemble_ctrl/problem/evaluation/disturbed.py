@@ -7,7 +7,6 @@ borders of patches of terrain are found by bisection.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.evaluation.ground import Ground, parameters
 from ensemble_ctrl.problem.integrated import needed
 from ensemble_ctrl.problem.uncertainty import POSITION

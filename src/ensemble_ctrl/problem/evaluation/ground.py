@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ensemble_ctrl.core.deferred import dataclass
 
 if TYPE_CHECKING:
     from ensemble_ctrl.problem.fleet import Fleet

@@ -7,7 +7,6 @@ from all of it, and most positions of most members need never be computed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Signals, StateSignals
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.problem import Problem
 from ensemble_ctrl.problem.signals import columns
 

@@ -8,11 +8,11 @@ is convex in one number); the residuals per second are the smallest bounds of di
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.problem.uncertainty import POSITION, Uncertainty
 from ensemble_ctrl.systems import ArcSystem

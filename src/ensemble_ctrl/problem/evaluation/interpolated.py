@@ -7,12 +7,12 @@ arcs of a few robots at Chebyshev points of b therefore give those of all others
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem.evaluation.chebyshev import coefficients, interpolation_error, points, polynomials
 from ensemble_ctrl.problem.evaluation.group_signals import GroupSignals
 from ensemble_ctrl.problem.evaluation.groups import ROUNDING

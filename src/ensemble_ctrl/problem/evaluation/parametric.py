@@ -7,12 +7,12 @@ those of all others by one matrix product.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import RunawayError
 from ensemble_ctrl.problem.evaluation.chebyshev import coefficients, points, polynomials
 from ensemble_ctrl.problem.evaluation.group_signals import GroupSignals

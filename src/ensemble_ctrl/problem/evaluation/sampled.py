@@ -11,7 +11,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from itertools import chain
 from typing import TypeVar
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ensemble_ctrl.constraints.stl import Share
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.values import expect, whole
 from ensemble_ctrl.problem.evaluation.apart import closest_pairs, compared
 from ensemble_ctrl.problem.evaluation.clearance import Clearance
