@@ -18,7 +18,7 @@ ROOT = Path(ensemble_ctrl.__file__).parent
 LAYERS: tuple[frozenset[str], ...] = tuple(
     frozenset(layer.split(", "))
     for layer in (
-        "core.errors, core.version, core.plain, core.readonly, core.renamed, core.storage",
+        "core.errors, core.version, core.plain, core.readonly, core.renamed, core.deferred, core.storage",
         "core.values",
         "core.jobs",
         "moments, systems",
