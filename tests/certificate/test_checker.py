@@ -138,6 +138,44 @@ def test_a_fleet_that_says_more_is_refused() -> None:
         problem_of(data)
 
 
+MORE: dict[str, tuple[tuple[str | int, ...], object, str]] = {
+    "section": (("walls",), {}, r"^problem: expected the keys name, .*, got 'walls'$"),
+    "horizon": (("horizon", "until"), 3.0, r"^horizon: expected the keys duration, steps, got 'until'$"),
+    "half a step": (("horizon", "steps"), 20.5, r"^horizon.steps: expected 1 or more, got 20.5"),
+    "start": (("fleet", "start", "speed"), 3.0, r"^fleet.start: expected the keys position, .*, got 'speed'$"),
+    "parameter": (("fleet", "parameters", "traction", "span"), [0, 9], r"^fleet.parameters: .*, got 'span'$"),
+    "footprint": (("fleet", "footprint"), {"polygon": [[0, 0], [1, 0], [0, 1]], "length": 9}, r"got 'length'$"),
+    "two shapes of a region": (("regions", "goal", "disc"), {}, r"^regions: expected one of box, .* got box, disc$"),
+    "two shapes of an obstacle": (("obstacles", "crate", 0, "box"), [], r"^a shape: expected one of .* polygon, box$"),
+    "zone": (("zones", "slow"), {"box": [[5, 6], [5, 6]], "v": 0.3, "speed": 0.1}, r"^zones: .* got box, speed$"),
+    "zone of two": (("zones", "slow"), {"box": [[5, 6], [5, 6]], "areas": [], "v": 0.3}, r"^zones: .* box, areas$"),
+    "terrain": (("terrain", "mud"), {"box": [[5, 6], [5, 6]], "polygon": [], "traction": [0.9, 1]}, r"^terrain: "),
+    "half-plane": (("obstacles", "crate"), [{"halfspaces": ["x + 5*z >= 1"]}], r"^halfspaces: .* got 'z'$"),
+    "motion": (("motions", "crate"), {"path": [[0, [0, 0]], [4, [1, 0]]], "until": 3}, r"^motions: .* got 'until'$"),
+}  # fmt: skip
+"""What a reader could take for a part of the claim, though it is none: where it is put in, and what the error says."""
+
+
+@pytest.mark.parametrize("name", MORE)
+def test_a_problem_that_says_more_is_refused(name: str) -> None:
+    place, value, message = MORE[name]
+    data: Any = data_of(ec.load_text(TASK, "task"))
+    data["obstacles"]["crate"] = [data["obstacles"]["crate"]]
+    inner = data
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    with pytest.raises(ProblemError, match=message):
+        problem_of(data)
+
+
+def test_a_name_that_is_given_twice_is_refused(saved: Path, tmp_path: Path) -> None:
+    copy = changed(saved, tmp_path, "proof_input.json", '"task":', '"task": "G (x >= 100)", "task":')
+    code, out, err = alone(copy)
+    assert (code, out) == (2, "")
+    assert "can't be read (a name is given twice, among name, fleet," in err
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

@@ -49,7 +49,7 @@ def checked(folder: Path) -> tuple[Certificate, Any]:
         If a file is missing, or is no such file.
     """
     given, claimed = _read(folder / "proof_input.json"), _read(folder / "certificate.json")
-    if not isinstance(given, dict) or not {"problem", "controls"} <= given.keys():
+    if not isinstance(given, dict) or given.keys() != {"problem", "controls"}:
         raise ProblemError(f"{folder / 'proof_input.json'}: expected an object with problem and controls")
     problem = problem_of(given["problem"])
     controls = problem.fleet.checked_controls(numbers("controls", given["controls"]))
@@ -59,9 +59,17 @@ def checked(folder: Path) -> tuple[Certificate, Any]:
 def _read(path: Path) -> Any:
     """What a JSON file says."""
     try:
-        return json.loads(read_regular(path, MOST_BYTES).decode("utf-8"))
+        return json.loads(read_regular(path, MOST_BYTES).decode("utf-8"), object_pairs_hook=_object)
     except (OSError, ValueError, RecursionError) as error:
         raise ProblemError(f"{path}: can't be read ({getattr(error, 'strerror', None) or error})") from None
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object with each name once: readers of a file do not agree which of two counts."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError(f"a name is given twice, among {', '.join(found)}")
+    return found
 
 
 def _report(certificate: Certificate, found: Sequence[str]) -> list[str]:

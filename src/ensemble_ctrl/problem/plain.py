@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from ensemble_ctrl.constraints.footprint import Footprint
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import Predicate, parse
 from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.values import whole
 from ensemble_ctrl.moments import DISTRIBUTIONS, Distribution, Mixture, Samples
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.problem import Problem
@@ -46,6 +47,8 @@ FLEET = (
     "uncertainty",
 )
 """The keys of a fleet's section that are read here; one with others says more than is proven."""
+FORMS = ("box", "polygon", "disc", "halfspaces")
+"""The forms of a shape, each of which has exactly one."""
 
 
 def proven_part(data: Data) -> dict[str, Any]:
@@ -64,20 +67,22 @@ def problem_of(data: Data) -> Problem:
     Raises
     ------
     ProblemError
-        If a section is not of the form that is written, or the model is a system of one's own.
+        If a section is not of the form that is written, or says more, or the model is a system of one's own.
     """
     try:
+        _only("problem", data, SECTIONS)
         fleet = _fleet(data["fleet"])
         horizon, places = data["horizon"], fleet.places
+        _only("horizon", horizon, ("duration", "steps"))
         return Problem(
             name=data["name"],
             fleet=fleet,
             duration=float(horizon["duration"]),
-            steps=int(horizon["steps"]),
+            steps=whole("horizon.steps", horizon["steps"], 1),
             task=parse(data["task"]),
             regions={name: _region(shape, places) for name, shape in data["regions"].items()},
             obstacles={name: _obstacle(shapes, places) for name, shapes in data["obstacles"].items()},
-            motions={name: _motion(motion["path"]) for name, motion in data["motions"].items()},
+            motions={name: _motion(motion) for name, motion in data["motions"].items()},
             zones={name: _zone(zone, places) for name, zone in data.get("zones", {}).items()},
             terrain={name: _patch(patch, places) for name, patch in data.get("terrain", {}).items()},
         )
@@ -88,11 +93,22 @@ def problem_of(data: Data) -> Problem:
         raise ProblemError(f"expected a problem as it is written beside a certificate, got another ({what})") from None
 
 
+def _only(where: str, data: Data, keys: Collection[str]) -> None:
+    """Refuse what would not be read: a reader of the file might take it for a part of the claim."""
+    for name in data:
+        if name not in keys:
+            raise ProblemError(f"{where}: expected the keys {', '.join(keys)}, got {name!r}")
+
+
+def _form(where: str, shape: Data, forms: Collection[str] = FORMS) -> None:
+    """Refuse a shape that has not exactly one form."""
+    if len(shape) != 1 or not shape.keys() <= set(forms):
+        raise ProblemError(f"{where}: expected one of {', '.join(forms)}, got {', '.join(shape) or 'none'}")
+
+
 def _fleet(data: Data) -> Fleet:
     """The fleet of either form of the section."""
-    for name in data:
-        if name not in FLEET:
-            raise ProblemError(f"fleet: expected the keys {', '.join(FLEET)}, got {name!r}")
+    _only("fleet", data, FLEET)
     model = data["model"]
     if not isinstance(model, str) or model not in SYSTEMS:
         raise ProblemError(f"fleet.model: expected one of {', '.join(SYSTEMS)}, got {model!r}")
@@ -119,9 +135,15 @@ def _fleet(data: Data) -> Fleet:
         rate_bounds=np.array(rates) if "rate_bounds" in data else None,
         uncertainty=_uncertainty(data.get("uncertainty", {})),
         starts={name: np.array(place, dtype=float) for name, place in data.get("starts", {}).items()},
-        footprint=Footprint(data["footprint"]["polygon"]) if "footprint" in data else None,
+        footprint=_footprint(data["footprint"]) if "footprint" in data else None,
         **given,
     )
+
+
+def _footprint(data: Data) -> Footprint:
+    """The shape of a robot."""
+    _only("fleet.footprint", data, ("polygon",))
+    return Footprint(data["polygon"])
 
 
 def _uncertainty(data: Data) -> Uncertainty:
@@ -142,18 +164,22 @@ def _unbounded(low: float | None, high: float | None) -> tuple[float, float]:
 
 def _on_arcs(start: Data) -> dict[str, Any]:
     """Position and heading; the latter counts from +x, counter-clockwise."""
+    _only("fleet.start", start, ("position", "heading", "heading_from"))
     own = float(start["heading"])
     heading = own if start["heading_from"] == "x" else math.pi / 2 - own
     return {"position": np.array(start["position"]), "heading": heading}
 
 
 def _distribution(data: Data) -> Distribution:
-    """One distribution."""
+    """One distribution, which has a weight in a mixture."""
     if "mixture" in data:
+        _only("fleet.parameters", data, ("mixture", "weight"))
         return Mixture(*((_distribution(part), float(part["weight"])) for part in data["mixture"]))
     if "samples" in data:
+        _only("fleet.parameters", data, ("samples", "weight"))
         return Samples(data["samples"])
     kind = DISTRIBUTIONS[data.get("distribution", "uniform")]
+    _only("fleet.parameters", data, ("range", "distribution", "weight", "numbers", *kind.numbers))
     make: Callable[..., Distribution] = kind
     given = {**data, **data.get("numbers", {})}
     return make(*data["range"], *(given[name] for name in kind.numbers))
@@ -161,6 +187,7 @@ def _distribution(data: Data) -> Distribution:
 
 def _region(shape: Data, places: Sequence[str]) -> Polyhedron:
     """A region from its one form."""
+    _form("regions", shape)
     if "disc" in shape:
         return DiscRegion(Disc(**shape["disc"]))
     if "box" in shape:
@@ -180,6 +207,7 @@ def _obstacle(shapes: Data | Sequence[Data], places: Sequence[str]) -> tuple[Obs
 def _zone(data: Data, places: Sequence[str]) -> Zone:
     """A zone: its areas, and one rule."""
     shape = {name: value for name, value in data.items() if name not in ("v", "keep_out")}
+    _form("zones", shape, (*FORMS, "areas"))
     if ("v" in data) == bool(data.get("keep_out")):
         raise ProblemError(f"zones: expected one of v and keep_out, got {sorted(data)}")
     return Zone(_obstacle(shape.get("areas", shape), places), float(data["v"]) if "v" in data else None)
@@ -187,6 +215,7 @@ def _zone(data: Data, places: Sequence[str]) -> Zone:
 
 def _piece(shape: Data, places: Sequence[str]) -> Obstacle:
     """One convex piece from its one form."""
+    _form("a shape", shape)
     if "disc" in shape:
         return Disc(**shape["disc"])
     kind = Solid if len(places) == 3 else Obstacle
@@ -199,9 +228,10 @@ def _piece(shape: Data, places: Sequence[str]) -> Obstacle:
 
 def _patch(data: Data, places: Sequence[str]) -> Patch:
     """A patch of terrain: its area, one shape or several, and the range of each parameter."""
-    forms = ("box", "polygon", "disc", "halfspaces", "areas")
-    shapes = data.get("areas", [data])
-    ranges = {name: tuple(ends) for name, ends in data.items() if name not in forms}
+    shape = {name: value for name, value in data.items() if name in (*FORMS, "areas")}
+    _form("terrain", shape, (*FORMS, "areas"))
+    shapes = shape.get("areas", [shape])
+    ranges = {name: tuple(ends) for name, ends in data.items() if name not in shape}
     return Patch(tuple(_piece(shape, places) for shape in shapes), ranges)
 
 
@@ -212,11 +242,14 @@ def _rows(texts: Sequence[str], places: Sequence[str]) -> tuple[Floats, Floats]:
     if len(halfspaces) < len(parsed):
         raise ProblemError("expected inequalities in the coordinates")
     coefficients = [dict(one.coefficients) for one in halfspaces]
+    for row in coefficients:
+        _only("halfspaces", row, places)
     A = np.array([[row.get(state, 0.0) for state in places] for row in coefficients])
     return A, np.array([0.0 - one.offset for one in halfspaces])
 
 
-def _motion(path: Sequence[Sequence[Any]]) -> Motion:
+def _motion(data: Data) -> Motion:
     """A displacement over time."""
-    times, offsets = zip(*path, strict=True)
+    _only("motions", data, ("path",))
+    times, offsets = zip(*data["path"], strict=True)
     return Motion(np.array(times, dtype=float), np.array(offsets, dtype=float))
