@@ -203,6 +203,7 @@ def _details(solution: Solution) -> dict[str, Any]:
         "arrival": _arrival(solution),
         "at_risk": risk(solution.problem, solution.controls),
         "missing": list(solution.missing),
+        "closed": list(solution.closed),
         "routes": [{**vars(route), "corners": route.corners.tolist()} for route in solution.routes],
         **({} if solution.nlp is None else {"minlp": _mixed_details(solution.nlp.value.cost, solution)}),
     }

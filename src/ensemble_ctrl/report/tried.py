@@ -26,6 +26,7 @@ MISSING = {
     "ompl": "OMPL is not installed: with it, curves that reverse and trees of commands are tried too (pip install ompl)"
 }
 """The remark on an optional library that would have been used."""
+CLOSED = "no passage between the obstacles leads to {}, so no other guesses were tried"
 
 
 def tried(details: dict[str, Any]) -> Iterator[str]:
@@ -34,6 +35,8 @@ def tried(details: dict[str, Any]) -> Iterator[str]:
     parts = [_kind(kind, [r for r in found if r["kind"] == kind]) for kind in dict.fromkeys(r["kind"] for r in found)]
     if parts:
         yield "; ".join(parts)
+    if closed := details.get("closed"):
+        yield CLOSED.format(" or ".join(closed))
     yield from (MISSING[name] for name in details.get("missing", []) if name in MISSING)
 
 

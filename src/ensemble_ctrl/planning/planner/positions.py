@@ -14,6 +14,7 @@ from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.candidates import Tried, tried
 from ensemble_ctrl.ocp.guesses import Guess, first_guesses, further_rounds, ompl_paths
+from ensemble_ctrl.ocp.guesses.passages import closed_off
 from ensemble_ctrl.ocp.mixed import Round, rounds
 from ensemble_ctrl.ocp.rounds import Attempt, rank, start
 from ensemble_ctrl.ocp.truncation import choose
@@ -54,7 +55,8 @@ def by_positions(search: Search, problem: Problem, guess: Floats | None) -> Solu
     search.tell("solve")
     tries = _Tries()
     _try(search, tries, starts)
-    if guess is None:
+    closed = () if guess is not None or is_good(problem, tries.best) else closed_off(problem)
+    if guess is None and not closed:
         for others, shares in _further(search, tries, steps):
             _try(search, tries, others, shares)
             if search.over() or is_good(problem, tries.best):
@@ -89,7 +91,8 @@ def by_positions(search: Search, problem: Problem, guess: Floats | None) -> Solu
         certificate,
         nlp,
         tuple(turned),
-        () if guess is not None or is_good(problem, best) or ompl_paths.available() else ("ompl",),
+        () if guess is not None or closed or is_good(problem, best) or ompl_paths.available() else ("ompl",),
+        closed,
     )
 
 

@@ -50,6 +50,8 @@ class Solution:
         With ``method: minlp``, what was tried since.
     missing : tuple of str
         Optional libraries that are not installed and would have given more guesses, where there is no good plan.
+    closed : tuple of str
+        Regions that no passage leads to, where the search ended by that (`ensemble_ctrl.ocp.guesses.passages`).
     """
 
     problem: Problem
@@ -65,6 +67,7 @@ class Solution:
     nlp: Attempt | None = None
     rounds: tuple[Round, ...] = ()
     missing: tuple[str, ...] = ()
+    closed: tuple[str, ...] = ()
 
 
 def status_of(search: Search, attempt: Attempt, certificate: Certificate | None) -> Status:

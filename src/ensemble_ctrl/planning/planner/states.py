@@ -15,6 +15,7 @@ from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp import state_rounds as shooting
 from ensemble_ctrl.ocp.candidates import tried
 from ensemble_ctrl.ocp.guesses import Guess, Request, first_guesses, further_rounds, ompl_paths
+from ensemble_ctrl.ocp.guesses.passages import closed_off
 from ensemble_ctrl.ocp.guesses.restarts import Restart, restarts, wandering
 from ensemble_ctrl.ocp.mixed import Round
 from ensemble_ctrl.ocp.parametrisation import Iterate
@@ -46,11 +47,13 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
     seconds = {"guess": time.perf_counter() - search.began}
     search.tell("solve")
     found = _for_middle(search, problem, starts) if starts else [] if first is None else [first]
-    if starts and not any(shooting.middle_does(one) for one, _ in found):
+    none = bool(starts) and not any(shooting.middle_does(one) for one, _ in found)
+    closed = closed_off(problem) if none else ()
+    if none and not closed:
         more = wandering(problem, starts[0])
         starts, found = [*starts, *more], [*found, *_for_middle(search, problem, more)]
     chosen = _for_fleet(search, problem, starts, found)
-    if starts:
+    if starts and not closed:
         rounds = further_rounds(search.request(steps, chosen.attempt.controls))
         further = _tried(search, chosen, next(rounds, iter(())))
         _restarted(search, chosen, starts, found)
@@ -92,7 +95,8 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
         certificate,
         nlp,
         tuple(others),
-        () if chosen.attempt.value.keeps(0.0) or not starts or ompl_paths.available() else ("ompl",),
+        () if chosen.attempt.value.keeps(0.0) or not starts or closed or ompl_paths.available() else ("ompl",),
+        closed,
     )
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate import Certificate
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError, RunawayError
+from ensemble_ctrl.ocp.guesses.passages import closed_off
 from ensemble_ctrl.ocp.solvers import Iteration
 from ensemble_ctrl.planning.planner import Progress, screen, solve
 from ensemble_ctrl.planning.suggest.relax import Relaxation, Relaxed, relaxations, wider_bounds
@@ -160,6 +161,8 @@ class _Search:
 
         def promising(k: int) -> bool:
             changed = changes[k] = way.at(way.strengths[k])
+            if closed_off(changed.problem):
+                return False
             quick = _quick(changed.problem, self.left())
             found = screen(quick, progress=self.watch(changed), curves=way.curves)
             if found is not None:
