@@ -19,10 +19,13 @@ import ensemble_ctrl as ec
 from ensemble_ctrl.api.results import write_results
 from ensemble_ctrl.cli import run as run_module
 from ensemble_ctrl.cli.progress import Progress, stoppable
+from ensemble_ctrl.cli.watcher import BURST
 
 from .conftest import Command
 from .tools import COMMAND, environment, left
 
+APART = 1.5 * BURST
+"""Seconds between two signals that count as two."""
 SLOW = ("small.yaml", "-v", "--set", "horizon.steps=800", "--set", "moments.order=8")
 
 
@@ -66,11 +69,26 @@ def test_once_keeps_the_best_plan(place: Path, number: signal.Signals, code: int
     assert not list(place.rglob("*.png"))
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_at_one_time_are_one(place: Path, number: signal.Signals) -> None:
+    """GNU timeout signals the command and then its process group."""
+    with started(place) as running:
+        for _ in range(3):
+            running.send_signal(number)
+            os.killpg(running.pid, number)
+            time.sleep(BURST / 20)
+        out, err = running.communicate(timeout=30)
+    assert running.returncode == 128 + number
+    assert err.count("stopping after this iteration") == 1
+    assert out.startswith("small: interrupted, best plan so far")
+
+
 def test_twice_ends_at_once_and_leaves_nothing(place: Path) -> None:
     before = left(place)
     with started(place, "--members", "5000000", "--json") as running:
         running.send_signal(signal.SIGINT)
         until(running, "stopping after this iteration")
+        time.sleep(APART)
         running.send_signal(signal.SIGINT)
         out, err = running.communicate(timeout=30)
     assert running.returncode == 130
@@ -111,13 +129,13 @@ def test_twice_ends_at_once_within_a_long_call(unheard: str, number: signal.Sign
             running.send_signal(number)
         assert running.stdout.readline() == "deaf\n"
         for _ in range(2 if unheard == "first" else 1):
-            time.sleep(0.3)  # to be in the call; and two signals at one time are one
+            time.sleep(APART)  # to be in the call
             running.send_signal(number)
         try:
             out, err = running.communicate(timeout=30)
         finally:
             running.kill()
-    assert running.returncode == -number  # 130, or 143, for a shell
+    assert running.returncode == -signal.SIGKILL
     assert out == "abandoned\n"
     assert "Traceback" not in err
 
@@ -148,6 +166,7 @@ def test_no_process_is_left(place: Path, signals: int) -> None:
         os.killpg(running.pid, signal.SIGINT)  # as a terminal does
         if signals == 2:
             until(running, "stopping after this iteration")
+            time.sleep(APART)
             os.killpg(running.pid, signal.SIGINT)
         running.communicate(timeout=30)
     deadline = time.monotonic() + 10

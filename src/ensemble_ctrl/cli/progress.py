@@ -13,7 +13,7 @@ from math import inf, isfinite
 from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
-from ensemble_ctrl.cli.watcher import SIGNALS, forget_after_one, watched
+from ensemble_ctrl.cli.watcher import SIGNALS, forget_after_one, repeated, watched
 from ensemble_ctrl.core.plain import visible
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class Progress:
 
 @contextmanager
 def stoppable(progress: Progress, abandon: Callable[[], None], promise: str = KEPT) -> Iterator[None]:
-    """Within: the first Ctrl-C or SIGTERM asks to stop and keep the best plan; the second ends at once.
+    """Within: the first Ctrl-C or SIGTERM asks to stop and keep the best plan; a second, later one ends at once.
 
     Parameters
     ----------
@@ -113,21 +113,28 @@ def stoppable(progress: Progress, abandon: Callable[[], None], promise: str = KE
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread is sent signals
         return
+    first: float | None = None
     with watched(abandon) as done:
 
         def handle(number: int, frame: FrameType | None) -> None:
-            if progress.stop_signal is not None:
+            nonlocal first
+            if progress.stop_signal is not None and repeated(first):
                 abandon()
-                done()
+                if done is not None:
+                    done()
                 os._exit(128 + number)
-            progress.stop_signal = number
-            listen()
+            if done is None:
+                listen()
+            if first is not None:
+                return
+            first, progress.stop_signal = time.monotonic(), number
             progress.note(f"{promise} (again to stop at once)")
 
         def listen() -> None:
             for number in SIGNALS:
                 signal.signal(number, handle)
-                forget_after_one(number)
+                if done is None:
+                    forget_after_one(number)
 
         before = {number: signal.getsignal(number) for number in SIGNALS}
         listen()

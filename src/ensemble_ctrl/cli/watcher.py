@@ -1,9 +1,11 @@
 """A second Ctrl-C ends the command at once, whatever it is doing.
 
 Python runs a signal's handler between two of its own instructions, and a long call into a library puts that off.  So
-two things are done that need no Python.  The system forgets the handler with the first signal (``SA_RESETHAND``) until
-Python has run it: a second signal before that ends the process.  And a small process beside this one counts signals by
-a pipe (`signal.set_wakeup_fd`): it ends the command where a second one is not heard soon, and clears up after it.
+a small process beside this one counts signals by a pipe (`signal.set_wakeup_fd`): it ends the command where a second
+one is not heard soon, and clears up after it.  Without it, the system forgets the handler with the first signal
+(``SA_RESETHAND``) until Python has run it: a second signal before that ends the process.
+
+Signals within `BURST` seconds of the first one are one: GNU ``timeout`` and programs that pass signals on send two.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
+BURST = 0.3
+"""Seconds after the first signal in which others are taken for the same one."""
 PROMPT = 0.5
 """Seconds in which a second signal should be heard."""
 LOOK = 0.02
@@ -53,8 +57,10 @@ def forget_after_one(number: int) -> None:
 
 
 @contextmanager
-def watched(abandon: Callable[[], None]) -> Iterator[Callable[[], None]]:
-    """Within: another process watches this one, where a fork is safe; gives what tells it that there is no more to do.
+def watched(abandon: Callable[[], None]) -> Iterator[Callable[[], None] | None]:
+    """Within: another process watches this one; gives what tells it that there is no more to do.
+
+    Where a fork is not safe, there is no such process, and None is given.
 
     Parameters
     ----------
@@ -62,7 +68,7 @@ def watched(abandon: Callable[[], None]) -> Iterator[Callable[[], None]]:
         Called there when this process was ended by a second signal.
     """
     if not hasattr(os, "fork") or threading.active_count() > 1:
-        yield lambda: None
+        yield None
         return
     out, into = os.pipe()
     for stream in (sys.stdout, sys.stderr):
@@ -93,21 +99,29 @@ def watched(abandon: Callable[[], None]) -> Iterator[Callable[[], None]]:
             os.waitpid(watcher, 0)
 
 
+def repeated(first: float | None) -> bool:
+    """Whether a signal is another one than that at the time `first` (of `time.monotonic`)."""
+    return first is not None and time.monotonic() - first >= BURST
+
+
 def _watch(parent: int, out: int, abandon: Callable[[], None]) -> None:
     """The life of the process that watches; never returns."""
     try:
         for number in SIGNALS:  # a terminal sends them to both
             signal.signal(number, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-        count, said, done = 0, b"", False
-        while count < 2 and not done:
+        first, second, done = None, None, False
+        while second is None and not done:
             if not (said := os.read(out, 64)):
                 break  # the process has ended, and all that it started
-            count += sum(byte in SIGNALS for byte in said)
-            done = DONE in said
-        if count >= 2 and not done:
-            done = _end(parent, out, [byte for byte in said if byte in SIGNALS][-1])
-        if count and not done:
+            done, sent = DONE in said, [byte for byte in said if byte in SIGNALS]
+            if sent and first is None:
+                first = time.monotonic()
+            elif sent and repeated(first):
+                second = sent[-1]
+        if second is not None and not done:
+            done = _end(parent, out, second)
+        if first is not None and not done:
             _wait_for_end(parent)
             abandon()
     finally:
