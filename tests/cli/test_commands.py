@@ -6,6 +6,7 @@ import io
 import json
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 import ensemble_ctrl as ec
 from ensemble_ctrl.api.results import LIBRARIES
 from ensemble_ctrl.cli.app import app
-from tests.paths import CONFIGS
+from tests.paths import CONFIGS, ROOT
 
 from .conftest import Command
 from .tools import SMALL, environment
@@ -260,6 +261,19 @@ def test_doctor(command: Command) -> None:
         assert f"  {name} " in done.out
     assert "MISSING" not in done.out
     assert done.out.endswith("all works\n")
+
+
+def test_doctor_lists_every_extra(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ensemble_ctrl.cli import doctor
+
+    monkeypatch.setattr(doctor, "installed_version", lambda name: None if name in doctor.EXTRAS else "1.2")
+    done = command("doctor")
+    assert (done.code, done.err) == (0, "")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for extra in set(project["optional-dependencies"]) - {"dev", "docs"}:
+        assert f": ensemble-ctrl[{extra}]\n" in done.out
+    monkeypatch.setattr(doctor, "installed_version", lambda name: "1.2")
+    assert "  ompl        1.2\n" in command("doctor").out
 
 
 def test_doctor_where_something_is_wrong(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:

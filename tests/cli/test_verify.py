@@ -168,7 +168,8 @@ def test_an_edited_bound_is_found_out(command: Command, results: Path) -> None:
     outcome = command("verify", "results")
     assert outcome.code == 4
     assert "computed again" in outcome.err
-    assert "DISAGREE" in outcome.out
+    assert outcome.out.startswith("small: FILES DISAGREE; from the commands in plan.npz: proven\n")
+    assert "DISAGREE, see below" in outcome.out
 
 
 def test_a_certificate_with_an_entry_twice_is_found_out(command: Command, results: Path) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import milp
 
 from ensemble_ctrl import load
 from ensemble_ctrl.constraints.stl import (
@@ -159,3 +162,16 @@ def test_repeated_and_conditional_visits_are_planned() -> None:
     found = solve(load(CONFIGS / "stl" / "patrol.yaml"))
     assert found.certificate is not None
     assert found.certificate.proven == "yes"
+
+
+def test_the_solver_prints_nothing(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """HiGHS writes to the terminal past its own switch."""
+
+    def loud(*given: Any, **options: Any) -> Any:
+        os.write(1, b"Presolve\n")
+        return milp(*given, **options)
+
+    monkeypatch.setattr("scipy.optimize.milp", loud)
+    task = Eventually(Inside("b"), 0.0, 6.0)
+    assert itinerary(task, PLACES, WAYS, STEPS, 1.0, holds) is not None
+    assert capfd.readouterr().out == ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -144,3 +145,33 @@ def test_what_is_wrong_with_a_log_is_said(tmp_path: Path, text: str, message: st
 def test_a_log_that_is_not_there_is_a_wrong_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke(["identify", str(tmp_path / "none.csv")]) == 2
     assert "none.csv: expected a log, can't read it (No such file or directory)" in capsys.readouterr().err
+
+
+def test_a_log_from_standard_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found, _ = logs(TRUE, 2)
+    rows = ["robot,t,v,omega,x,y,heading"]
+    rows += [
+        ",".join(map(str, [name, t, *u, *pose]))
+        for name, log in found.items()
+        for t, u, pose in zip(log.times, log.controls, log.poses, strict=True)
+    ]
+    path = tmp_path / "runs.csv"
+    path.write_text("\n".join(rows))
+    assert invoke(["identify", str(path)]) == 0
+    section = capsys.readouterr().out
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(path.read_bytes())))
+    assert invoke(["identify", "-"]) == 0
+    assert capsys.readouterr().out == section
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"t,v\n")))
+    assert invoke(["identify", "-"]) == 2
+    assert "<stdin>:1: expected the columns t, v, omega, x, y, heading" in capsys.readouterr().err
+
+
+def test_a_log_that_is_too_large_is_not_read_in_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text("t,v,omega,x,y,heading\n" + "0,1,1,0,0,0\n" * 9)
+    monkeypatch.setattr("ensemble_ctrl.cli.identify.MOST_BYTES", 60)
+    with pytest.raises(ProblemError, match=r"runs.csv: expected a log of at most 0 MB, got more"):
+        read_log(path, Unicycle())

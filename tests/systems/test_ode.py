@@ -138,6 +138,8 @@ class Broken(Pendulum):
         (lambda x, psi: [x[1]], r"Broken.xdot: expected 2 entries \(angle, rate\), got 1"),
         (lambda x, psi: None, "Broken.xdot: expected 2 rates, got NoneType"),
         (lambda x, psi: [x[1], np.zeros(7)], r"Broken.xdot: expected an array over members for rate, got \(7,\)"),
+        (lambda x, psi: [x[1], x[0] + 0j], "^Broken.xdot: expected real numbers for rate, got complex ones$"),
+        (lambda x, psi: [1j, x[0]], "^Broken.xdot: expected real numbers for angle, got complex ones$"),
         (lambda x, psi: [x[1], np.sqrt(psi["mass"] - 1)], r"expected finite rates at the start, got nan for rate"),
         (lambda x, psi: [x[1], x[0] / 0.0], "expected finite rates at the start, got inf for rate"),
     ],

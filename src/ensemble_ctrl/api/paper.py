@@ -206,7 +206,7 @@ def reproduce(
         problem = experiment(name, robot)
         ways = {"published": as_published(problem, bonmin_limit), "linear": with_linear_facets(problem)}
         asked = ways.get(form, problem)
-        return reproduced(problem, asked, work[k], members, partial(_heard, watch))
+        return reproduced(problem, asked, work[k], members, partial(heard, watch))
 
     def tell(k: int, iteration: Iteration) -> bool:
         return progress is not None and progress(" ".join(work[k]), iteration)
@@ -214,7 +214,7 @@ def reproduce(
     return tuple(row for row in parallel.each(one, len(work), tell, lambda: inf) if row is not None)
 
 
-def _heard(watch: Any, phase: str, iteration: Any) -> bool:
+def heard(watch: Any, phase: str, iteration: Any) -> bool:
     """The planner's progress as iterations of one piece of work."""
     return iteration is not None and bool(watch(iteration))
 

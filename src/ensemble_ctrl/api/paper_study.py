@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from math import inf
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.api.paper import Form, Reproduced, Robot, as_published, experiment, reproduced
+from ensemble_ctrl.api.paper import Form, Reproduced, Robot, as_published, experiment, heard, reproduced
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.moments import Interval, LegendreBasis
 from ensemble_ctrl.planning.planner import Progress
@@ -77,8 +78,7 @@ def study(orders: Sequence[int] = ORDERS, members: int = MEMBERS, progress: Prog
         linear = as_published(problem)
         linear = linear.with_(solve=replace(linear.solve, facets="linear"))
         what: tuple[str, Robot, Form] = (STUDIED, "unicycle", form)
-        heard: Progress = lambda phase, iteration: iteration is not None and watch(iteration)  # noqa: E731
-        return reproduced(problem, linear if form == "published" else problem, what, members, heard)
+        return reproduced(problem, linear if form == "published" else problem, what, members, partial(heard, watch))
 
     def tell(k: int, iteration: Iteration) -> bool:
         return progress is not None and progress(f"order {work[k][0]} {work[k][1]}", iteration)

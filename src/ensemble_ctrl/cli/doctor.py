@@ -1,4 +1,4 @@
-"""``ensemble-plan doctor``: versions, and one tiny problem solved and replayed."""
+"""``ensemble-plan doctor``: versions, those of extras too, and one tiny problem solved and replayed."""
 
 from __future__ import annotations
 
@@ -10,6 +10,14 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.core.version import __version__
 
+EXTRAS = {
+    "starlette": ("edit", "ensemble-plan edit"),
+    "ompl": ("ompl", "guesses that drive curves"),
+    "distributed": ("cluster", "--cluster"),
+    "pyarrow": ("parquet", "tables in Parquet"),
+    "rosbags": ("ros", "bags of ROS"),
+}
+"""Libraries that are not required: the extra that installs each, and what it is for."""
 TINY = """
 name: doctor
 fleet: {model: unicycle, start: {position: [0, 0], heading: 0 deg}}
@@ -29,6 +37,8 @@ def examine() -> int:
     if missing:
         say(f"problem: {', '.join(missing)} not installed; install the package again")
         return codes.INTERNAL
+    for name, (extra, purpose) in EXTRAS.items():
+        say(f"  {name:<12}{installed_version(name) or f'not installed; for {purpose}: ensemble-ctrl[{extra}]'}")
     try:
         return _solve_tiny()
     except Exception as error:

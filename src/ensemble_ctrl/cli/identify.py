@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import sys
 from collections import defaultdict
 from math import ceil, floor, isfinite, log10
 from pathlib import Path
@@ -14,7 +15,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.root import UsageError
 from ensemble_ctrl.cli.streams import say
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.core.storage.reading import read_regular
+from ensemble_ctrl.core.storage.reading import NotRegular, read_regular
 from ensemble_ctrl.problem.evaluation.identified import Identified, RobotLog, identify
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
@@ -25,13 +26,13 @@ DIGITS = 4
 
 
 def identify_log(path: Path, model: str, wheelbase: float | None, as_json: bool) -> int:
-    """Read a log, and print what explains it."""
+    """Read a log, or standard input where it is called ``-``, and print what explains it."""
     system = _system(model, wheelbase)
     logs = read_log(path, system)
     try:
         found = identify(system, logs)
     except ProblemError as error:
-        raise ProblemError(f"{path}: {str(error).removeprefix('log: ')}") from None
+        raise ProblemError(f"{_name(path)}: {str(error).removeprefix('log: ')}") from None
     if as_json:
         data = {
             "schema": SCHEMA,
@@ -65,32 +66,50 @@ def read_log(path: Path, system: ArcSystem) -> dict[str, RobotLog]:
     ProblemError
         For columns that are missing or in other units, and cells that are no numbers, with their line.
     """
-    try:
-        text = read_regular(path, MOST_BYTES).decode("utf-8-sig", "replace").splitlines()
-    except OSError as error:
-        raise ProblemError(f"{path}: expected a log, can't read it ({error.strerror or error})") from None
+    place = _name(path)
+    text = _content(path).decode("utf-8-sig", "replace").splitlines()
     rows = csv.DictReader(text)
     wanted = ["t", *system.controls, "x", "y", "heading"]
     # a header may carry units, as in `v [m/s]`
     names = {(name or "").split("[")[0].strip(): name for name in rows.fieldnames or ()}
     missing = [name for name in wanted if name not in names]
     if missing and not text:
-        raise ProblemError(f"{path}:1: expected the columns {', '.join(wanted)}, got an empty file")
+        raise ProblemError(f"{place}:1: expected the columns {', '.join(wanted)}, got an empty file")
     if missing and ";" in text[0]:
-        raise ProblemError(f"{path}:1: expected columns separated by commas and a decimal point, got semicolons")
+        raise ProblemError(f"{place}:1: expected columns separated by commas and a decimal point, got semicolons")
     if missing:
-        raise ProblemError(f"{path}:1: expected the columns {', '.join(wanted)}, got none called {missing[0]!r}")
+        raise ProblemError(f"{place}:1: expected the columns {', '.join(wanted)}, got none called {missing[0]!r}")
     units = dict(zip(wanted, ("s", *system.control_units, "m", "m", "rad"), strict=True))
     for name in wanted:
         _, bracket, unit = names[name].partition("[")
         if bracket and unit.rstrip(" ]") != units[name]:
-            raise ProblemError(f"{path}:1: expected {name} in {units[name]}, got {names[name].strip()!r}")
+            raise ProblemError(f"{place}:1: expected {name} in {units[name]}, got {names[name].strip()!r}")
     by_robot: dict[str, list[list[float]]] = defaultdict(list)
     for row in rows:
-        values = [_number(row[names[name]], name, f"{path}:{rows.line_num}") for name in wanted]
+        values = [_number(row[names[name]], name, f"{place}:{rows.line_num}") for name in wanted]
         by_robot[row[names["robot"]] if "robot" in names else "the robot"].append(values)
     tables = {name: np.array(values) for name, values in by_robot.items()}
     return {name: RobotLog(table[:, 0], table[:, 1:3], table[:, 3:]) for name, table in tables.items()}
+
+
+def _name(path: Path) -> str:
+    """What messages call a log."""
+    return "<stdin>" if str(path) == "-" else str(path)
+
+
+def _content(path: Path) -> bytes:
+    """The bytes of a log."""
+    try:
+        found = sys.stdin.buffer.read(MOST_BYTES + 1) if str(path) == "-" else read_regular(path, MOST_BYTES)
+    except NotRegular as error:
+        raise ProblemError(
+            f"{path}: expected a log, got none ({error.strerror}); give it as -, standard input"
+        ) from None
+    except OSError as error:
+        raise ProblemError(f"{_name(path)}: expected a log, can't read it ({error.strerror or error})") from None
+    if len(found) > MOST_BYTES:
+        raise ProblemError(f"{_name(path)}: expected a log of at most {MOST_BYTES // 1_000_000} MB, got more")
+    return found
 
 
 def _number(cell: str | None, name: str, place: str) -> float:

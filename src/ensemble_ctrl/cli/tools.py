@@ -60,10 +60,13 @@ def tolerance(
     epilog=examples_of(
         "ensemble-plan identify runs.csv",
         "ensemble-plan identify runs.csv --model bicycle --wheelbase 0.35",
+        "ensemble-plan identify - < runs.csv",
     ),
 )
 def identify(
-    log: Annotated[Path, typer.Argument(help="A CSV file: t, commands, x, y, heading, and robot.", metavar="LOG")],
+    log: Annotated[
+        Path, typer.Argument(help="A CSV file: t, commands, x, y, heading, robot; - reads stdin.", metavar="LOG")
+    ],
     model: Annotated[str, typer.Option(help="unicycle or bicycle.", metavar="MODEL")] = "unicycle",
     wheelbase: Annotated[float | None, typer.Option(help="Of a bicycle, metres.", metavar="LENGTH")] = None,
     json: Json = False,

@@ -205,6 +205,8 @@ def _lines(found: Verified) -> list[str]:
     """The result as text."""
     problem = found.plan.problem
     head = "nothing is required" if found.certificate.empty else HEADS[found.certificate.proven]
+    if found.tampered:
+        head = f"FILES DISAGREE; from the commands in plan.npz: {head}"
     if found.beyond is not None and not found.ignore_bounds:
         head += f", but beyond the {found.beyond.bounds} bounds at t = {found.beyond.time:g} s"
     agree = "agree with each other and with the proof"

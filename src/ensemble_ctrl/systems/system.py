@@ -225,7 +225,7 @@ class System:
         Raises
         ------
         ProblemError
-            If `xdot` returns something else than one rate for each state.
+            If `xdot` returns something else than one real rate for each state.
         """
         return self._stacked(self.xdot(list(x), u, psi), x, "xdot")
 
@@ -242,6 +242,8 @@ class System:
         # one row a state; constants are spread over the members
         result = np.empty_like(x)
         for name, row, value in zip(self.states, result, rows, strict=True):
+            if np.iscomplexobj(value):  # its imaginary part would be lost
+                raise ProblemError(f"{place}: expected real numbers for {name}, got complex ones")
             try:
                 row[...] = value
             except (TypeError, ValueError):

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.constraints.stl import Always, And, Eventually, Formula, Known, Mean, Or, Release, Share, Until
 from ensemble_ctrl.core.deferred import dataclass
+from ensemble_ctrl.ocp.quiet import quietly
 
 Floats = NDArray[np.float64]
 Holds = Callable[[Formula, Floats], NDArray[np.bool_]]
@@ -267,13 +268,14 @@ class _Model:
         entries = [(r, c, v) for r, row in enumerate(self.rows) for c, v in row.items()]
         r, c, v = zip(*entries, strict=True)
         matrix = coo_array((v, (r, c)), shape=(len(self.rows), self.columns)).tocsr()
-        found = milp(
-            cost,
-            integrality=whole,
-            bounds=Bounds(0, 1),
-            constraints=LinearConstraint(matrix, np.array(self.lower), np.inf),
-            options={"time_limit": seconds, "mip_rel_gap": GAP},
-        )
+        with quietly():
+            found = milp(
+                cost,
+                integrality=whole,
+                bounds=Bounds(0, 1),
+                constraints=LinearConstraint(matrix, np.array(self.lower), np.inf),
+                options={"time_limit": seconds, "mip_rel_gap": GAP},
+            )
         if found.x is None:
             return None
         # y_a = 1 up to the solver's tolerance

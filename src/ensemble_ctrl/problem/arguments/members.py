@@ -34,6 +34,8 @@ def check_members(fleet: Fleet) -> None:
     try:
         with np.errstate(all="ignore"):
             rates = system.derivatives(fleet.start_states(members), command, fleet.psi(members))
+    except ProblemError:
+        raise
     except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
         raise ProblemError(f"{what} can't be evaluated: {type(error).__name__}: {error}") from error
     bad = np.argwhere(~np.isfinite(rates))
