@@ -57,6 +57,30 @@ def test_a_run_is_printed_logged_and_drawn(command: Command, small: Path) -> Non
     assert (facts["ending"], facts["assumptions_hold"], facts["plans"]["stopped"]) == ("success", True, 0)
 
 
+def test_what_comes_on_the_way_is_logged_and_its_truth_is_told(command: Command, small: Path) -> None:
+    coming = "box: [[1.6, 1.8], [1.5, 1.7]], appears: 1 s, vanishes: 3 s, seen_every: 1 s"
+    motion = "motion: {velocity: [0.1, 0], uncertainty: {position: 1 cm, speed: 1 cm/s}}"
+    text = SMALL.replace("avoid(block)", "avoid(obstacles)")
+    loop = f"online: {{applied_steps: 3, deadline: 0.6 s, obstacles: {{cart: {{{coming}, {motion}}}}}}}"
+    (small / "small.yaml").write_text(f"{text}{loop}\n")
+    done = command("online", "small.yaml", "--json")
+    facts = json.loads(done.out)
+    assert facts["ending"] in ("success", "finished")
+    told = [event.partition("s: ")[2] for event in facts["events"]]
+    assert "an obstacle was added to the map: cart" in told
+    assert "the motion of cart is predicted anew" in told
+    assert "an obstacle was removed from the map: cart" in told
+    assert facts["violations"]["robot"]["seconds"] == 0
+    assert 0 < facts["violations"]["robot"]["clearance"] < 3
+
+
+def test_what_comes_has_to_be_avoided_by_the_task(command: Command, place: Path) -> None:
+    (place / "small.yaml").write_text(SMALL + "online: {obstacles: {cart: {box: [[0, 1], [5, 6]]}}}\n")
+    done = command("online", "small.yaml")
+    assert done.code == 2
+    assert "expected a part of the task that avoids it, such as G avoid(obstacles)" in done.err
+
+
 def test_errors_of_the_model_are_simulated_proven_and_told(command: Command, place: Path) -> None:
     bounds = "  uncertainty: {disturbance: {position: 5 mm/s, heading: 0.3 deg/s}, heading_hold: true}\n"
     robot = "online: {deadline: 2 s, robot: {traction: 1.05, errors: constant}}\n"
@@ -200,6 +224,21 @@ def test_a_fault_leaves_the_log_up_to_it(command: Command, small: Path, monkeypa
         ("{robots: {2nd: {}}}", "expected a name that starts with a letter"),
         ("{robots: {ada: {traction: 0}}}", "online.robots.ada.traction: expected"),
         ("{deadline: 9 s}", "online.deadline: expected at most the 2 s of 10 applied steps, got 9 s"),
+        ("{obstacles: {cart: {appears: 1 s}}}", "online.obstacles.cart: expected exactly one of box"),
+        ("{obstacles: {goal: {box: [[0, 1], [5, 6]]}}}", "online.obstacles.goal: expected a new name, got 'goal'"),
+        (
+            "{obstacles: {cart: {box: [[0, 1], [5, 6]], appears: 2 s, vanishes: 1 s}}}",
+            "online.obstacles.cart.vanishes: expected a time after it appears, at 2 s, got 1 s",
+        ),
+        (
+            "{obstacles: {cart: {box: [[0, 1], [5, 6]], seen_every: 1 s}}}",
+            "online.obstacles.cart.seen_every: expected a motion to predict anew, got none",
+        ),
+        (
+            "{obstacles: {cart: {box: [[0, 1], [5, 6]], motion: {velocity: [1, 0], uncertainty: {since: 1 s}}}}}",
+            "online.obstacles.cart.motion.uncertainty.since: expected none, since it is predicted when it appears",
+        ),
+        ("{obstacles: {cart: {box: [[0, 1], [5, 6]], strays: off}}}", "is not one of towards, away, random, none"),
         ("{robot: {traction: 1, angular_traction: 1}}", "expected traction, or linear_traction and angular_traction"),
     ],
 )

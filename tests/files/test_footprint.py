@@ -16,7 +16,7 @@ from ensemble_ctrl.files.config import dump, load, load_text
 from ensemble_ctrl.files.config.dump import to_data
 from ensemble_ctrl.ocp.bodies import body_hyperplanes
 from ensemble_ctrl.ocp.truncation import choose, occupied
-from ensemble_ctrl.planning.online.remaining import loop_findings
+from ensemble_ctrl.planning.online.findings import loop_findings
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay
 from ensemble_ctrl.problem.plain import problem_of, proven_part

@@ -124,7 +124,7 @@ def test_what_is_wrong_is_told_with_its_place(old: str, new: str, message: str) 
 
 
 def test_a_loop_refuses_what_its_proofs_do_not_count() -> None:
-    from ensemble_ctrl.planning.online.remaining import loop_findings
+    from ensemble_ctrl.planning.online.findings import loop_findings
 
     found = {finding.path: finding.message for finding in loop_findings(ec.load_text(TEXT))}
     assert found == {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given
@@ -14,12 +16,14 @@ from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ConfigError, ProblemError
 from ensemble_ctrl.files.config import dump, load, load_text, read
+from ensemble_ctrl.files.config.dump import to_data
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.hyperplanes import separate
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import replay, trajectories
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.plain import problem_of, proven_part
 from ensemble_ctrl.systems import Unicycle
 from tests.examples import examples
 from tests.paths import CONFIGS
@@ -148,7 +152,58 @@ def test_it_is_written_and_read_again() -> None:
         np.testing.assert_array_equal(again[name].offsets, motion.offsets)
 
 
+@MANY
+@given(seeds, st.floats(0.0, 0.1), st.floats(0.0, 0.1))
+def test_no_member_is_closer_to_where_the_block_may_be_than_proven(seed: int, start: float, growth: float) -> None:
+    problem, controls = random_problem(np.random.default_rng(seed), 0.1)
+    motion = replace(problem.motions["block"], uncertainty=start, growth=growth, since=0.1)
+    problem = problem.with_(motions={"block": motion})
+    proven = min(bound.proven for bound in certify(problem, controls).clearances)
+    paths = trajectories(problem, controls, problem.fleet.grid(9), 25)
+    times = np.linspace(0.0, problem.duration, paths.shape[1])
+    (piece,) = problem.obstacles["block"]
+    loose = start + growth * np.maximum(times - 0.1, 0.0)
+    seen = (piece.distance(paths - motion.at(times)) - loose).min()
+    assert proven <= seen + 1e-12
+    assert seen - proven < 0.1 or seen < 0
+    run = replay(problem, controls, parameters=problem.fleet.grid(9), substeps=25)
+    assert min(each.distance for each in run.clearances) <= seen + 1e-12
+
+
+def test_what_is_not_known_of_a_motion_is_part_of_what_is_proven() -> None:
+    text = """
+fleet: {model: unicycle, start: {position: [0, 0], heading: 0}}
+horizon: {duration: 2 s}
+obstacles: {cart: {box: [[2.5, 3.5], [-0.5, 0.5]]}}
+motions: {cart: {velocity: [0.1, 0], uncertainty: {position: 5 cm, speed: 2 cm/s, since: 0.5 s}}}
+task: G avoid(cart)
+"""
+    problem, controls = load_text(text), np.zeros((20, 2))
+    known = problem.with_(motions={"cart": Motion.steady([0.1, 0.0], 2.0)})
+    again, plain = load_text(dump(problem)), problem_of(proven_part(to_data(problem)))
+    for same in (again, plain):
+        motion = same.motions["cart"]
+        assert (motion.uncertainty, motion.growth, motion.since) == (0.05, 0.02, 0.5)
+        assert certify(same, controls).inputs == certify(problem, controls).inputs
+    assert certify(known, controls).inputs != certify(problem, controls).inputs
+    assert certify(problem, controls).clearance == pytest.approx(2.5 - 0.05, abs=0.04)
+    shorter = {**proven_part(to_data(problem))}
+    shorter["motions"] = {"cart": {**shorter["motions"]["cart"], "uncertainty": {"speed": 0.02, "fast": 1.0}}}
+    with pytest.raises(ProblemError, match="expected a problem as it is written beside a certificate"):
+        problem_of(shorter)
+
+
 MISTAKES = [
+    (
+        "motions: {cart: {velocity: [1, 0], uncertainty: {position: -1 cm}}}",
+        "motions.cart.uncertainty.position",
+        "expected a length in m",
+    ),
+    (
+        "motions: {cart: {velocity: [1, 0], uncertainty: {speed: 2 cm}}}",
+        "motions.cart.uncertainty.speed",
+        "expected a speed",
+    ),
     ("motions: {cat: {velocity: [1, 0]}}", "motions.cat", "expected the name of an obstacle (cart), got 'cat'"),
     ("motions: {cart: {}}", "motions.cart", "expected exactly one of velocity, path, got none"),
     ("motions: {cart: {path: [[0, [0, 0]]]}}", "motions.cart.path", "expected two or more [time, [x, y]]"),

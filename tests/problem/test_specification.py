@@ -13,7 +13,7 @@ import ensemble_ctrl as ec
 from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import Predicate, leaves, parse
-from ensemble_ctrl.planning.online.remaining import with_map
+from ensemble_ctrl.planning.online.mapped import with_map
 from ensemble_ctrl.problem.specification import Specification, TaskPart
 
 FLEET = ec.Fleet(
@@ -65,7 +65,7 @@ def test_a_changed_problem_is_compiled_anew(changes: dict[str, object]) -> None:
 def test_a_proof_is_of_the_map_that_the_problem_has() -> None:
     problem = problem_of()
     assert certify(problem, FORWARD).proven == "yes"
-    assert certify(with_map(problem, {"way": (IN_THE_WAY,)}), FORWARD).proven == "no"
+    assert certify(with_map(problem, {"way": (IN_THE_WAY,)}, {}), FORWARD).proven == "no"
 
 
 def test_what_is_compiled_survives_a_pickle() -> None:

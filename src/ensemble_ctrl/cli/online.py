@@ -21,12 +21,14 @@ from ensemble_ctrl.files.config import read
 from ensemble_ctrl.files.folder import ResultsFolder
 from ensemble_ctrl.planning.baseline import unconstrained
 from ensemble_ctrl.planning.online.begin import loop_for
-from ensemble_ctrl.planning.online.driver import Loop, Outcome, drive
+from ensemble_ctrl.planning.online.driver import Loop, Outcome, Scene, drive
 from ensemble_ctrl.planning.online.log import RunLog
+from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.published import violations
 from ensemble_ctrl.planning.online.remaining import of_one_robot
 from ensemble_ctrl.planning.online.settings import OnlineSettings
 from ensemble_ctrl.planning.online.simulated import FINE, Fixed, SimulatedFleet
+from ensemble_ctrl.planning.online.simulated_obstacles import SimulatedScene
 from ensemble_ctrl.planning.online.simulated_states import SimulatedStates
 from ensemble_ctrl.planning.online.step import Step
 from ensemble_ctrl.planning.planner import solve
@@ -65,7 +67,7 @@ def run_online(options: OnlineRun) -> int:
     settings = (loaded.problem.online or OnlineSettings()).with_robots(options.traction, options.seed)
     problem = loaded.problem
     folder = ResultsFolder(options.output, f"{problem.name}-online", options.overwrite)
-    fleet = settings.simulated(problem)
+    fleet, scene = settings.simulated(problem), SimulatedScene(settings.obstacles)
 
     def abandon() -> None:
         fleet.stop()
@@ -81,14 +83,14 @@ def run_online(options: OnlineRun) -> int:
             loop = loop_for(problem, settings.options, first.controls, tuple(fleet.robots))
             progress("drive", None)
             try:
-                outcome, reported = _driven(loop, fleet, folder.working / "log.jsonl", progress)
+                outcome, reported = _driven(loop, fleet, scene, folder.working / "log.jsonl", progress)
             except BaseException:
                 complain(f"the log up to the fault: {folder.commit() / 'log.jsonl'}")
                 raise
             if options.plots and progress.stop_signal is None:
                 progress("draw", None)
-                drawn = _draw(problem, loop, fleet, outcome, reported, first.controls, folder.working)
-        facts = _facts(loop, outcome) | {"violations": _violations(problem, fleet, outcome)}
+                drawn = _draw(problem, loop, fleet, scene, outcome, reported, first.controls, folder.working)
+        facts = _facts(loop, outcome) | {"violations": _violations(problem, fleet, scene, outcome)}
         put_file(folder.working / "outcome.json", to_json(facts, indent=2) + "\n")
         placed = folder.commit()
     finally:
@@ -134,7 +136,9 @@ def _first_plan(problem: Problem, progress: Progress) -> Plan | None:
     return Plan(alone, found.controls, found.status) if published or found.status == "planned" else None
 
 
-def _driven(loop: Loop, fleet: SimulatedFleet, path: Path, progress: Progress) -> tuple[Outcome, list[Reported]]:
+def _driven(
+    loop: Loop, fleet: SimulatedFleet, scene: SimulatedScene, path: Path, progress: Progress
+) -> tuple[Outcome, list[Reported]]:
     """Run the loop with its log."""
     reported: list[Reported] = []
     with RunLog(path) as log:
@@ -149,7 +153,8 @@ def _driven(loop: Loop, fleet: SimulatedFleet, path: Path, progress: Progress) -
                 progress.note(f"t = {time:.1f} s: {event}")
 
         try:
-            outcome = drive(loop, fleet, fleet, wanted=lambda: progress.stop_signal is not None, listener=listen)
+            wanted = lambda: progress.stop_signal is not None  # noqa: E731
+            outcome = drive(loop, fleet, fleet, wanted=wanted, listener=listen, scene=_advancing(scene, loop, fleet))
         except BaseException as error:
             log.fault(error)
             raise
@@ -157,10 +162,20 @@ def _driven(loop: Loop, fleet: SimulatedFleet, path: Path, progress: Progress) -
     return outcome, reported
 
 
+def _advancing(scene: SimulatedScene, loop: Loop, fleet: SimulatedFleet) -> Scene | None:
+    """What changes the map of a loop, if anything does: only loops of robots on arcs have such a map."""
+    if not scene.obstacles:
+        return None
+    assert isinstance(loop, Receding), "refused when the problem was read"
+    changing = loop
+    return lambda now: scene.advance(changing, now, np.array([robot.pose[:2] for robot in fleet.robots.values()]))
+
+
 def _draw(
     problem: Problem,
     loop: Loop,
     fleet: SimulatedFleet,
+    scene: SimulatedScene,
     outcome: Outcome,
     reported: list[Reported],
     first: Floats,
@@ -180,7 +195,7 @@ def _draw(
         seconds = (len(next(iter(driven.values()))) - 1) * problem.step / FINE
         title = f"{problem.name}: {outcome.ending}, {outcome.reason}"
         run = Run(
-            loop.problem if loop.base == 0 else problem,
+            loop.problem if loop.base == 0 and not scene.obstacles else problem,
             first,
             reported,
             outcome.paths,
@@ -190,6 +205,7 @@ def _draw(
             _truth(loop, fleet),
             title,
             baseline,
+            scene.avoided(problem),
         )
         write_run(run, folder)
     except Exception as error:
@@ -210,13 +226,15 @@ def _truth(loop: Loop, fleet: SimulatedFleet) -> dict[str, float]:
     return truth
 
 
-def _violations(problem: Problem, fleet: SimulatedFleet, outcome: Outcome) -> dict[str, dict[str, float | None]]:
+def _violations(
+    problem: Problem, fleet: SimulatedFleet, scene: SimulatedScene, outcome: Outcome
+) -> dict[str, dict[str, float | None]]:
     """What each simulated robot's true track did since the plan began; no clearance where nothing is avoided."""
     began = round(outcome.start / problem.step) * FINE
-    found = {}
+    found, came = {}, scene.avoided(problem)
     for name, robot in fleet.robots.items():
         track = np.array(robot.track)[began : began + problem.steps * FINE + 1, problem.fleet.place_columns]
-        one = violations(of_one_robot(problem), track, FINE)
+        one = violations(of_one_robot(problem), track, FINE, came)
         found[name] = {key: value if np.isfinite(value) else None for key, value in one.items()}
     return found
 

@@ -249,7 +249,10 @@ def _rows(texts: Sequence[str], places: Sequence[str]) -> tuple[Floats, Floats]:
 
 
 def _motion(data: Data) -> Motion:
-    """A displacement over time."""
-    _only("motions", data, ("path",))
+    """A displacement over time, and how well it is known."""
+    _only("motions", data, ("path", "uncertainty"))
     times, offsets = zip(*data["path"], strict=True)
-    return Motion(np.array(times, dtype=float), np.array(offsets, dtype=float))
+    known = data.get("uncertainty", {})
+    _only("motions.uncertainty", known, ("position", "speed", "since"))
+    loose = [float(known.get(name, 0.0)) for name in ("position", "speed", "since")]
+    return Motion(np.array(times, dtype=float), np.array(offsets, dtype=float), *loose)

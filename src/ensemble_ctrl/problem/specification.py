@@ -136,13 +136,15 @@ class AvoidThroughout:
         return cls(written, *_window(problem, resolve(written, problem.duration)))
 
     def constraints(self, problem: Problem) -> Iterator[AvoidConstraint]:
-        """One constraint for each obstacle and region."""
+        """One constraint for each obstacle and region; several in turn for what is ever less certain where it is."""
         fleet = problem.fleet
         for leaf in kept_out(self.written):
             if isinstance(leaf, Avoid):
                 for name in avoided(problem, leaf):
-                    pieces, motion = named_pieces(problem, name), problem.motions.get(name)
-                    yield AvoidConstraint(name, pieces, fleet.radius, self.begin, self.end, motion, fleet.footprint)
+                    pieces, motion, body = named_pieces(problem, name), problem.motions.get(name), fleet.footprint
+                    slices = [(self.begin, self.end, 0.0)] if motion is None else motion.slices(self.begin, self.end)
+                    for begin, end, more in slices:
+                        yield AvoidConstraint(name, pieces, fleet.radius + more, begin, end, motion, body)
             elif isinstance(leaf, Not) and isinstance(leaf.child, Inside):
                 name = leaf.child.name
                 yield AvoidConstraint(name, named_pieces(problem, name), 0.0, self.begin, self.end)
@@ -388,10 +390,7 @@ def named_pieces(problem: Problem, name: str) -> tuple[Obstacle, ...]:
 
 
 def clearances(problem: Problem, paths: Floats, most: float, headings: Floats | None = None) -> Floats:
-    """Smallest distance of each path from what every member avoids, at most `most`, shape (members,), metres.
-
-    `headings` of shape (members, times) are those of bodies.
-    """
+    """Smallest distance of each path from what all avoid, at most `most`, (members,), metres; `headings` of bodies."""
     least = np.full(len(paths), most)
     times = np.linspace(0.0, problem.duration, paths.shape[1])
     for avoid in problem.specification.avoid:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,7 +174,7 @@ def _content(problem: Problem, paths: Floats, view: View | None) -> MapContent:
         beside = tuple(_beside(piece.vertices, view, paths) for piece in pieces)
         motion = problem.motions.get(name)
         if motion is not None:  # it may come in the way from where it is drawn
-            motion, beside = Motion(motion.times, motion.offsets[:, list(view)]), (False,) * len(pieces)
+            motion, beside = replace(motion, offsets=motion.offsets[:, list(view)]), (False,) * len(pieces)
         obstacles.append(Shape(name, shadows, beside, motion))
     regions = {name: shadow(corners, view) for name, corners in outlines(problem, list(paths)).items()}
     for name, zone in problem.zones.items():

@@ -14,10 +14,11 @@ from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
+from ensemble_ctrl.problem.specification import AvoidConstraint
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save
 from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size, on_map
 from ensemble_ctrl.report.map_content import MapContent, map_contents
-from ensemble_ctrl.report.palette import CONTRAST, LINES
+from ensemble_ctrl.report.palette import CONTRAST, LINES, OBSTACLE, OBSTACLE_EDGE
 from ensemble_ctrl.report.projections import draw_shapes
 from ensemble_ctrl.report.raster import FINE, NARROW, Raster
 from ensemble_ctrl.report.text import literal
@@ -35,6 +36,8 @@ MEMBERS = 15
 """Members drawn under the first plan."""
 FRAMES = 80
 """Frames of the animation at most."""
+SEEN = 4
+"""Times at which what came on the way is drawn."""
 VIEW, VIEW_HEIGHT = 6.4, 3.6
 """Width of a view and its height, inches, for systems that are drawn in views."""
 SIDE = 4.2
@@ -90,6 +93,8 @@ class Run:
         How it ended.
     baseline : ndarray, shape (steps, n_u), or None
         Commands of the unconstrained baseline.
+    came : sequence of AvoidConstraint
+        What came, moved and went, and where it truly was in its windows.
     """
 
     problem: Problem
@@ -102,6 +107,7 @@ class Run:
     truth: Mapping[str, float] = field(default_factory=dict)
     title: str = ""
     baseline: Floats | None = None
+    came: Sequence[AvoidConstraint] = ()
 
 
 def draw_run(run: Run) -> Figure:
@@ -152,6 +158,7 @@ def _draw_paths(run: Run, ax: Axes) -> None:
     fleet = trajectories(problem, run.first, problem.fleet.spread(MEMBERS), 2)
     shown, colours = _shown(run), _colours(run)
     draw_map(problem, ax, [*fleet, *shown.values()])
+    _draw_came(run, ax)
     for i, path in enumerate(fleet):
         ax.plot(path[:, 0], path[:, 1], color=FIRST, linewidth=0.5, label=None if i else "fleet, first plan")
     if run.baseline is not None:
@@ -168,6 +175,25 @@ def _draw_paths(run: Run, ax: Axes) -> None:
         ax.plot(*path[-1:].T, "o", color=colours[name], markersize=5)
     ax.legend(loc="best", fontsize=8)
     ax.set_title(literal(run.title), fontsize=10, wrap=True)
+
+
+def _draw_came(run: Run, ax: Axes) -> None:
+    """What came on the way: where it was at a few times, fainter the earlier, and the way of its middle."""
+    from matplotlib.patches import Polygon
+
+    for avoid in run.came:
+        times = np.linspace(avoid.begin, avoid.end, SEEN)
+        for k, offset in enumerate(avoid.offsets(times)):
+            for piece in avoid.pieces:
+                shape = Polygon(piece.vertices + offset, closed=True, facecolor=OBSTACLE, edgecolor=OBSTACLE_EDGE)
+                shape.set(alpha=0.15 + 0.45 * (k + 1) / SEEN)
+                ax.add_patch(shape)
+        fine = np.linspace(avoid.begin, avoid.end, 101)
+        way = avoid.pieces[0].vertices.mean(axis=0) + avoid.offsets(fine)
+        ax.plot(*way.T, ":", color=OBSTACLE_EDGE, linewidth=1.0)
+        text = literal(f"{avoid.name}, {avoid.begin:.3g} to {avoid.end:.3g} s")
+        top = max(float(np.ptp(piece.vertices[:, 1])) / 2 for piece in avoid.pieces)
+        ax.annotate(text, (way[0, 0], way[0, 1] + top), (0, 2), textcoords="offset points", ha="center", fontsize=7)
 
 
 def _of_fleet(run: Run) -> Floats:
@@ -276,6 +302,11 @@ def _frames(run: Run) -> Iterator[Image.Image]:
         for plan in run.reported[newest].paths.values() if newest >= 0 else ():
             pen.line(panel.points(plan), PLANNED, thick, "curve")
         raster.draw_now(pen, now)
+        for avoid in run.came:
+            if avoid.begin <= now <= avoid.end:
+                for piece in avoid.pieces:
+                    corners = panel.points(piece.vertices + avoid.offsets(np.array([now]))[0])
+                    pen.polygon(corners, OBSTACLE, OBSTACLE_EDGE, FINE)
         for path, colour in zip(driven, colours, strict=True):
             panel.robot(pen, path[k], colour)
         yield frame.reduce(FINE)

@@ -58,7 +58,7 @@ def _rest(file: ProblemFile, name: str, system: System) -> dict[str, Any]:
         verify=VerifyOptions(**file.verify.model_dump()),
         report=ReportOptions(**file.report.model_dump()),
         least_duration=least,
-        online=None if file.online is None else file.online.settings(system),
+        online=None if file.online is None else file.online.settings(system, duration),
         ignore=tuple(file.ignore),
     )
 

@@ -105,7 +105,10 @@ def _duration(problem: Problem) -> float | Data:
 def _motion(motion: Motion) -> Data:
     """A moving obstacle's path."""
     pairs = zip(motion.times.tolist(), motion.offsets.tolist(), strict=True)
-    return {"path": [[time, offset] for time, offset in pairs]}
+    data: Data = {"path": [[time, offset] for time, offset in pairs]}
+    if not motion.known:
+        data["uncertainty"] = {"position": motion.uncertainty, "speed": motion.growth, "since": motion.since}
+    return data
 
 
 def _objective(objective: Objective, controls: tuple[str, ...]) -> Data:

@@ -25,7 +25,7 @@ from ensemble_ctrl.files.config.schema import ProblemFile
 from ensemble_ctrl.files.config.source import Source, Text, name_of, read_source
 from ensemble_ctrl.files.config.tree import TextError, Tree
 from ensemble_ctrl.files.config.user_system import CONSENT, by_ode, system_class
-from ensemble_ctrl.planning.online.remaining import loop_findings
+from ensemble_ctrl.planning.online.findings import loop_findings
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks import Finding, findings, path_text
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BeforeValidator, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.core.errors import ProblemError
@@ -14,6 +15,8 @@ from ensemble_ctrl.files.config.errors import FieldError, show
 from ensemble_ctrl.problem.arguments.units import quantity
 
 Entry = tuple[float, tuple[float, ...]]
+Growth = Annotated[float, BeforeValidator(quantity("speed", 0)), f.numeric("speed", minimum=0)]
+Time = Annotated[float, BeforeValidator(quantity("time")), f.numeric("time")]
 Velocity = Annotated[tuple[f.Speed, ...], BeforeValidator(f.few("[vx, vy]", 2, 3))]
 
 
@@ -39,6 +42,17 @@ def _entry(i: int, row: Any) -> Entry:
 Course = Annotated[list[Entry] | None, BeforeValidator(_path), WithJsonSchema({"type": "array"})]
 
 
+class LooseSection(f.Model):
+    """How far an obstacle may be from where its motion says, in any direction: more and more with time."""
+
+    position: f.Margin = 0.0
+    """Distance up to the time `since`."""
+    speed: Growth = 0.0
+    """Metres that are added per second from then on."""
+    since: Time = 0.0
+    """Time at which the motion was predicted."""
+
+
 class MotionSection(f.Model):
     """How an obstacle moves from where it is drawn: with a velocity, or along a path in time."""
 
@@ -46,6 +60,8 @@ class MotionSection(f.Model):
     """Constant velocity `[vx, vy]`, in space `[vx, vy, vz]`, in m/s."""
     path: Course = None
     """Displacement over time, `[[time, [x, y]], ...]`, linear in between; in space `[x, y, z]`."""
+    uncertainty: LooseSection = Field(default_factory=LooseSection)
+    """How far from that it may be, `{position: 5 cm, speed: 2 cm/s}`; counted as if it were everywhere there."""
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -61,7 +77,10 @@ class MotionSection(f.Model):
 
     def motion(self, duration: float) -> Motion:
         """The motion over a horizon."""
+        loose = self.uncertainty
         if self.path is None:
-            return Motion.steady(self.velocity or (0.0, 0.0), duration)
-        times, offsets = zip(*self.path, strict=True)
-        return Motion(np.array(times), np.array(offsets))
+            known = Motion.steady(self.velocity or (0.0, 0.0), duration)
+        else:
+            times, offsets = zip(*self.path, strict=True)
+            known = Motion(np.array(times), np.array(offsets))
+        return replace(known, uncertainty=loose.position, growth=loose.speed, since=loose.since)

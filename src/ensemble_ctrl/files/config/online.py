@@ -10,13 +10,15 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.files.config import fields as f
 from ensemble_ctrl.files.config.errors import FieldError
 from ensemble_ctrl.files.config.fields import Model, whole
-from ensemble_ctrl.files.config.shapes import RegionShape
+from ensemble_ctrl.files.config.motions import MotionSection
+from ensemble_ctrl.files.config.shapes import ObstacleShape, RegionShape
 from ensemble_ctrl.files.config.uncertainty_section import UncertaintySection, read_bounds
 from ensemble_ctrl.planning.online.options import MAX_ORDER, OnlineOptions
 from ensemble_ctrl.planning.online.propagation import Errors
 from ensemble_ctrl.planning.online.settings import OnlineSettings, RobotSettings
 from ensemble_ctrl.planning.online.simulated import SMALL_CAR_FLAWS, Drifting, Factors, Fixed, Flaws, Terrain
 from ensemble_ctrl.planning.online.simulated_errors import ErrorKind
+from ensemble_ctrl.planning.online.simulated_obstacles import ObstacleSettings, Straying
 from ensemble_ctrl.problem.arguments.units import quantity
 from ensemble_ctrl.problem.checks import MAX_SEED, Finding
 from ensemble_ctrl.problem.uncertainty import Uncertainty
@@ -167,6 +169,44 @@ class RobotSection(Model):
         )
 
 
+class ComingSection(ObstacleShape):
+    """An obstacle that comes while the loop runs, in any form of an obstacle; nothing is known of it before."""
+
+    appears: Delay = 0.0
+    """When it is seen first, where it is drawn."""
+    vanishes: f.Duration | None = None
+    """When it is gone; never by default."""
+    motion: MotionSection | None = None
+    """How it is predicted to move, as in `motions`, with `uncertainty`; times count from its appearance."""
+    seen_every: f.Duration | None = None
+    """Time after which it is measured, and predicted, anew, as well as at first; never by default."""
+    strays: Straying = "towards"
+    """How the simulated one leaves the prediction, as fast as its uncertainty grows: `towards` the nearest robot,
+    `away`, `random`, or `none`."""
+    seed: Annotated[int, BeforeValidator(whole(0, MAX_SEED))] = 0
+    """Seed of all that is drawn."""
+
+    @model_validator(mode="after")
+    def _in_time(self) -> Self:
+        """It goes after it has come, and is predicted when it is seen."""
+        if self.vanishes is not None and self.vanishes <= self.appears:
+            wanted = f"expected a time after it appears, at {self.appears:g} s, got {self.vanishes:g} s"
+            raise FieldError(wanted, path=("vanishes",))
+        if self.motion is not None and self.motion.uncertainty.since:
+            wanted = f"expected none, since it is predicted when it appears, got {self.motion.uncertainty.since:g} s"
+            raise FieldError(wanted, path=("motion", "uncertainty", "since"))
+        if self.seen_every is not None and self.motion is None:
+            raise FieldError("expected a motion to predict anew, got none", path=("seen_every",))
+        return self
+
+    def settings(self, end: float) -> ObstacleSettings:
+        """As the simulation takes it, predicted up to the time `end`."""
+        motion = None if self.motion is None else self.motion.motion(max(end, 1e-3))
+        return ObstacleSettings(
+            self.pieces, self.appears, self.vanishes, motion, self.seen_every, self.strays, self.seed
+        )
+
+
 class OnlineSection(Model):
     """Settings of the loop, and the simulated robots."""
 
@@ -201,6 +241,8 @@ class OnlineSection(Model):
     """The simulated robot; its parameters may lie outside the fleet's ranges."""
     robots: dict[f.Name, RobotSection] = Field(default_factory=dict)
     """Several robots that receive the same commands, each as in `robot`; seeds are 0, 1, ... by default."""
+    obstacles: dict[f.Name, ComingSection] = Field(default_factory=dict)
+    """Obstacles that come, move and go while the loop runs, by names of their own."""
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
@@ -228,10 +270,12 @@ class OnlineSection(Model):
                 raise FieldError("moved to fleet.uncertainty.actuators", hint, (name,), on_key=True)
         return given
 
-    def settings(self, system: System) -> OnlineSettings:
-        """As the loop takes it, for a fleet of a system."""
+    def settings(self, system: System, duration: float) -> OnlineSettings:
+        """As the loop takes it, for a fleet of a system and a task that takes `duration` seconds."""
         errors = Errors(self.noise.position, self.noise.heading, self.drift)
-        options = OnlineOptions(errors=errors, **self.model_dump(exclude={"noise", "drift", "robot", "robots"}))
+        options = OnlineOptions(
+            errors=errors, **self.model_dump(exclude={"noise", "drift", "robot", "robots", "obstacles"})
+        )
         robots, found = self.robots or {"robot": self.robot}, {}
         for k, (name, robot) in enumerate(robots.items()):
             try:
@@ -241,4 +285,5 @@ class OnlineSection(Model):
                 wrong = ProblemError(f"{'.'.join(map(str, path))}: {error.message}")
                 wrong.findings = (Finding(path, error.message, error.hint, on_key=error.on_key),)
                 raise wrong from None
-        return OnlineSettings(options, found)
+        end = duration + (self.run_for or 0.0)
+        return OnlineSettings(options, found, {name: each.settings(end) for name, each in self.obstacles.items()})

@@ -43,8 +43,8 @@ class InitialCondition:
         Metres by which the sets of states are larger than the node robots' curves, at each grid time.
     controls : ndarray, shape (steps, n_u)
         Commands: those sent before `free`, and a guess from there on.
-    shift : float
-        Seconds from the problem's time 0 to that of the grid, for obstacles that move.
+    avoid : tuple of AvoidConstraint or None
+        What to keep out of on the grid's clock, where that is not the problem's.
     """
 
     at: int
@@ -53,7 +53,7 @@ class InitialCondition:
     path: Floats
     growth: Floats
     controls: Floats
-    shift: float = 0.0
+    avoid: tuple[AvoidConstraint, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)

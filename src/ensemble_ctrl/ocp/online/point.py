@@ -63,9 +63,9 @@ class Point:
     def hyperplanes(self) -> Hyperplanes:
         """Separating hyperplanes of the steps from the first free one on."""
         problem, free = self.model.problem, self.initial.free
-        begin = free * problem.step + self.initial.shift
-        left = problem.duration - free * problem.step
-        return separate(self.curve.points[free:], self.model.avoid, left, begin=begin, within=2 * NEAR)
+        begin = free * problem.step
+        avoid = self.model.avoid if self.initial.avoid is None else self.initial.avoid
+        return separate(self.curve.points[free:], avoid, problem.duration - begin, begin=begin, within=2 * NEAR)
 
     def cost(self, hyperplanes: Hyperplanes) -> tuple[float, float]:
         """The cost, shortfalls included, and the largest shortfall in metres."""

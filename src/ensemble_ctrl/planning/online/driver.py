@@ -115,6 +115,8 @@ class Loop(Protocol):
 Ending = Literal["success", "finished", "failed", "stopped", "interrupted"]
 Listener = Callable[[Step, Floats], None]
 """Called after each step with what it did and its commands."""
+Scene = Callable[[float], None]
+"""Called with the seconds since the plan began."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +168,7 @@ def drive(
     *,
     wanted: Callable[[], bool] = lambda: False,
     listener: Listener | None = None,
+    scene: Scene | None = None,
 ) -> Outcome:
     """Run the loop until its end.
 
@@ -181,6 +184,9 @@ def drive(
         Whether someone wants to stop; asked in every control step.
     listener : callable, optional
         Told of every step, before its commands are sent.
+    scene : callable, optional
+        Called in every control step from the start of the plan on with the seconds since then, before the robot is
+        measured: for whoever sees obstacles come, move and go (`Receding.add_obstacle`).
 
     Returns
     -------
@@ -197,7 +203,7 @@ def drive(
         if start is None:
             loop.stop("there is no measurement")
             return Outcome("stopped", loop.stopped, -np.inf, {}, ())
-        return _Drive(loop, robot, clock, start, wanted, listener).run()
+        return _Drive(loop, robot, clock, start, wanted, listener, scene).run()
     finally:
         robot.stop()
 
@@ -224,9 +230,10 @@ class _Drive:
         start: float,
         wanted: Callable[[], bool],
         listener: Listener | None,
+        scene: Scene | None,
     ) -> None:
         self.loop, self.robot, self.clock, self.start = loop, robot, clock, start
-        self.wanted, self.listener = wanted, listener
+        self.wanted, self.listener, self.scene = wanted, listener, scene
         self.block: tuple[float, Floats] | None = None
 
     def run(self) -> Outcome:
@@ -242,6 +249,8 @@ class _Drive:
                 loop.late(min(tick, loop.steps), lead)
             if self.wanted():
                 return self._ended("interrupted", "someone wanted to stop")
+            if self.scene is not None and tick >= 0:
+                self.scene(loop.elapsed)
             self._look()
             if loop.alarmed:
                 self._take_back(tick, lead)

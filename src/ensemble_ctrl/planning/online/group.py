@@ -14,6 +14,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp.online import InitialCondition
 from ensemble_ctrl.planning.online.evidence import NOTHING, Evidence
 from ensemble_ctrl.planning.online.followed import Followed
+from ensemble_ctrl.planning.online.mapped import with_map
 from ensemble_ctrl.planning.online.measurement import Measurement, Seen
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import PoseSet
@@ -48,7 +49,7 @@ class RobotGroup:
     base : int
         The control step at which the grid of plans begins.
     elapsed : float
-        Seconds since the plan began, for whoever has a clock to set; obstacles are added then.
+        Seconds since the plan began, for whoever has a clock to set; the map changes then.
     """
 
     def __init__(self, problem: Problem, options: OnlineOptions, names: Sequence[str]) -> None:
@@ -57,7 +58,6 @@ class RobotGroup:
         self.problem, self.options = problem, options
         self.robots = {name: Followed(problem, options) for name in names}
         self.base, self.elapsed = 0, 0.0
-        self._added: dict[str, float] = {}
         self._events: list[str] = []
 
     @property
@@ -116,35 +116,11 @@ class RobotGroup:
             for tracker in self.trackers.values():
                 tracker.recall(begin)
 
-    def entered(self) -> str:
-        """Which robot must have been in which obstacle, by the measurements; empty for none."""
-        kept = self.problem.specification.avoid
-        for name, tracker in self.trackers.items():
-            for k, pose in enumerate(tracker.past):
-                time = k * self.problem.step
-                for avoid in (avoid for avoid in kept if self._counts(avoid, time)):
-                    if _gap(avoid, pose, time) < -pose.away:
-                        return f"{self._called(name)} was in {avoid.name}"
-        return ""
-
-    def _reached(self, name: str) -> str:
-        """Which robot may be in an obstacle that has just come and has to be avoided; empty for none."""
-        time = self._added[name]
-        avoided = self.problem.specification.avoid
-        new = [avoid for avoid in avoided if avoid.name == name and self._counts(avoid, time)]
-        for robot, tracker in self.trackers.items():
-            pose = tracker.pose(time)
-            if pose is not None and any(_gap(avoid, pose, time) < pose.away for avoid in new):
-                return self._called(robot)
-        return ""
-
-    def _counts(self, avoid: AvoidConstraint, time: float) -> bool:
-        """Whether something must be kept out of at a time; what came later need not be."""
-        if time < self._added.get(avoid.name, 0.0):
-            return False
-        if self.options.horizon == "receding":
-            return time >= avoid.begin  # the window begins anew at every present
-        return bool(avoid.during(np.array([time]))[0])
+    def _take(self, problem: Problem) -> None:
+        """Take another map, for all robots."""
+        self.problem = problem
+        for robot in self.robots.values():
+            robot.take(problem)
 
     def label(self, name: str, parameter: str) -> str:
         """What a step calls a parameter of a robot."""
@@ -195,8 +171,15 @@ class RobotGroup:
         growth = np.zeros(len(plan) + 1)
         growth[at:] = np.max(grown, axis=0) + spare
         return InitialCondition(
-            at, free, np.concatenate(coefficients), np.stack(paths, axis=1), growth, plan, base * self.problem.step
+            at, free, np.concatenate(coefficients), np.stack(paths, axis=1), growth, plan, self._avoided()
         )
+
+    def _avoided(self) -> tuple[AvoidConstraint, ...]:
+        """What to keep out of, on the grid's clock."""
+        gone = self.base * self.problem.step
+        motions = {name: motion.later(gone) for name, motion in self.problem.motions.items()}
+        problem = with_map(self.problem, self.problem.obstacles, motions) if gone and motions else self.problem
+        return problem.specification.avoid
 
     def _middle(self, coefficients: Floats, controls: Floats) -> Floats:
         """Where the middle one of some members goes, shape (steps + 1, 2), metres."""
@@ -265,10 +248,3 @@ class RobotGroup:
             return None
         work.solve_seconds, work.status = sum(found.seconds.values()), found.status
         return np.concatenate([plan[:begin], found.controls])[: len(plan)]
-
-
-def _gap(avoid: AvoidConstraint, pose: PoseSet, time: float) -> float:
-    """How far the middle of a set of poses is from what must be kept out of, metres."""
-    # places relative to where the obstacle is
-    here = pose.position - avoid.offsets(np.array([time]))[0]
-    return min(float(piece.distance(here)) for piece in avoid.pieces) - avoid.radius

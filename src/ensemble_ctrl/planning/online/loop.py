@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.remaining import SetCertificate
-from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect
 from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram, Timer
 from ensemble_ctrl.planning.online.evidence import NOTHING, Evidence
-from ensemble_ctrl.planning.online.group import RobotGroup
 from ensemble_ctrl.planning.online.measurement import Measurement, Seen
+from ensemble_ctrl.planning.online.obstacles import ChangingMap
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import PoseSet
-from ensemble_ctrl.planning.online.remaining import of_one_robot, with_map
+from ensemble_ctrl.planning.online.remaining import of_one_robot
 from ensemble_ctrl.planning.online.settings import OnlineSettings
 from ensemble_ctrl.planning.online.step import Step, Work
 from ensemble_ctrl.planning.planner import solve
@@ -37,7 +36,7 @@ SHARE = 0.6
 """Share of the deadline for solving; the rest is for proofs."""
 
 
-class Receding(RobotGroup):
+class Receding(ChangingMap):
     """Plans for one robot, or several, again and again; `step` takes a measurement and returns the next commands.
 
     Parameters
@@ -121,8 +120,11 @@ class Receding(RobotGroup):
 
     @property
     def proven(self) -> bool:
-        """Whether the rest of the task is proven for the commands that are planned now."""
-        return self._evidence.proof == "whole" and self.holds
+        """Whether the rest of the task is proven for the commands that are planned now.
+
+        Never after a time in which something that moves was on the map and nothing was proven.
+        """
+        return self._evidence.proof == "whole" and self.holds and not self._unwatched
 
     def observe(self, measurement: Seen | None) -> None:
         """Learn from a measurement without planning; what is wrong with it is in the next step's events."""
@@ -149,6 +151,7 @@ class Receding(RobotGroup):
         if self.over:
             return self.plan[:0]
         self._decide(work)
+        self._watch(work.evidence)
         begin, end = self.sent, min(self.sent + self.options.applied_steps, self.steps)
         controls = self.planned(begin, end)
         events, self._events = tuple(dict.fromkeys(self._events)), []
@@ -183,6 +186,7 @@ class Receding(RobotGroup):
         self.alarmed = True
         if len(stood):
             self._evidence = NOTHING
+            self._unwatched |= bool(self.problem.motions)
 
     def planned(self, begin: int, end: int) -> Floats:
         """The commands of control steps as they are planned now; zeros where nothing is planned."""
@@ -196,31 +200,6 @@ class Receding(RobotGroup):
         self.stopped = self.stopped or reason
         self._evidence, self._final = NOTHING, self._final or for_good
         self._stand()
-
-    def add_obstacle(self, name: str, pieces: Sequence[Obstacle]) -> None:
-        """Put an obstacle on the map, wherever it is; the task has to avoid all ``obstacles`` for it to count.
-
-        It counts from now on, that is from `elapsed` or the newest measurement, whichever is later. What is planned
-        is not proven any more. Where a robot may be in it, all are stopped; else the next step lets them stand if no
-        way is proven.
-
-        Raises
-        ------
-        ProblemError
-            For a name that is taken.
-        """
-        if name in self.problem.obstacles or name in self.problem.regions:
-            raise ProblemError(f"obstacle: expected a new name, got {name!r}")
-        self._added[name] = max(self.elapsed, *(tracker.time for tracker in self.trackers.values()))
-        self.problem = with_map(self.problem, {**self.problem.obstacles, name: tuple(pieces)})
-        for robot in self.robots.values():
-            robot.take(self.problem)
-        self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
-        self._evidence, self.alarmed = NOTHING, True
-        self._events.append(f"an obstacle was added to the map: {name}")
-        reached = self._reached(name)
-        if reached:
-            self.stop(f"{reached} may be in {name}")
 
     def judged(self) -> float:
         """Robustness of the parts of the task with one, along the past of every robot.
@@ -279,6 +258,16 @@ class Receding(RobotGroup):
         self.program.solve(
             self._initial(nodes, 0, every, self.plan, 0, 0.0), rounds=1
         )  # what is loaded once is loaded now
+
+    def _replaced(self, event: str, harmless: bool) -> None:
+        """The map is another: plan on it; where something could be in the way, what is planned is proven anew."""
+        self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
+        self._events.append(event)
+        if not harmless:
+            self._evidence = NOTHING if self.stopped else self._proof(self.plan, Work(self.timer))
+            self.alarmed |= self._evidence.proof != "whole"
+            if self._evidence.proof != "none":
+                self._watch(self._evidence)
 
     # --- deciding
 

@@ -6,6 +6,7 @@ did is for the log and the true track to say.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -22,7 +23,7 @@ from ensemble_ctrl.planning.online.propagation import PoseSet
 from ensemble_ctrl.planning.online.remaining import EVERYWHERE
 from ensemble_ctrl.planning.online.step import Work
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.specification import AvoidThroughout, TaskPart
+from ensemble_ctrl.problem.specification import AvoidConstraint, AvoidThroughout, TaskPart
 
 Floats = NDArray[np.float64]
 
@@ -121,7 +122,7 @@ def rest_of(problem: Problem, begin: int, pose: PoseSet) -> Problem:
     return problem.with_(fleet=fleet, task=task, duration=problem.duration - gone, steps=problem.steps - begin)
 
 
-def violations(problem: Problem, track: Floats, fine: int) -> dict[str, float]:
+def violations(problem: Problem, track: Floats, fine: int, more: Sequence[AvoidConstraint] = ()) -> dict[str, float]:
     """What a true track did: how long it was where it must not be, and how deep.
 
     Parameters
@@ -131,6 +132,8 @@ def violations(problem: Problem, track: Floats, fine: int) -> dict[str, float]:
     track : ndarray, shape (times, 2)
         Places, `fine` for each control step, from time 0 on, metres.
     fine : int
+    more : sequence of AvoidConstraint
+        What else must be kept out of.
 
     Returns
     -------
@@ -140,7 +143,7 @@ def violations(problem: Problem, track: Floats, fine: int) -> dict[str, float]:
     step = problem.step / fine
     times = np.asarray(step * np.arange(len(track)), dtype=np.float64)
     inside, least = np.zeros(len(track), dtype=bool), np.inf
-    for avoid in problem.specification.avoid:
+    for avoid in (*problem.specification.avoid, *more):
         when = np.flatnonzero(avoid.during(times))
         if len(when):
             distances = avoid.distances(track[None], times)[0]

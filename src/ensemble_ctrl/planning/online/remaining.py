@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from fractions import Fraction
@@ -14,8 +14,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from ensemble_ctrl.constraints import Obstacle
-from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import (
     And,
     Eventually,
@@ -28,7 +26,6 @@ from ensemble_ctrl.constraints.stl import (
     ground,
     negation_normal_form,
     progressed,
-    reads_fleet,
     robustness,
     settled,
 )
@@ -38,12 +35,10 @@ from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.core.values import exact
 from ensemble_ctrl.moments import Interval
+from ensemble_ctrl.planning.online.findings import loop_findings
 from ensemble_ctrl.planning.online.propagation import PoseSet
 from ensemble_ctrl.problem import Problem
-from ensemble_ctrl.problem.capabilities import FEATURES, supports
-from ensemble_ctrl.problem.checks import Finding
 from ensemble_ctrl.problem.fleet import Fleet
-from ensemble_ctrl.problem.signals import signals_read
 from ensemble_ctrl.problem.specification import AvoidThroughout, TaskPart
 from ensemble_ctrl.problem.uncertainty import Uncertainty
 
@@ -51,66 +46,6 @@ Floats = NDArray[np.float64]
 
 EVERYWHERE = Known(float("inf"))
 """The task of a robot that has nothing left to do."""
-
-
-def loop_findings(problem: Problem) -> Iterator[Finding]:
-    """What of a problem is not for a loop, which drives one robot on arcs for a time that is given."""
-    if not (found := supports(problem, "online")):
-        yield Finding(FEATURES["online"].path, found.message, found.hint)
-    if reads_fleet(problem.task):
-        message = f"a loop drives one robot, and this speaks of the whole fleet: {problem.task}"
-        yield Finding(("task",), message, "say what the robot has to do")
-    if problem.zones:
-        message = "zones are not for a loop: its proofs know the obstacles and the task"
-        yield Finding(("zones",), message, "write areas to keep out of as obstacles")
-    elif signals := signals_read(problem):
-        message = f"the proofs of a loop are about positions, and the task is about {', '.join(signals)}"
-        yield Finding(("task",), message, "plan it as a whole, without online")
-    yield from _findings_of_errors(problem)
-    if problem.terrain:
-        message = f"expected no terrain, which the sets of a loop do not count, got {', '.join(problem.terrain)}"
-        yield Finding(("terrain",), message, "plan it offline, or keep out of it: make it an obstacle")
-    if problem.least_duration is not None:
-        yield Finding(("horizon", "duration"), "a free duration is not for a loop", "give one, 16 s say")
-    if problem.objective.earliest is not None:
-        message = "the earliest passage is not for a loop"
-        yield Finding(("objective", "earliest"), message, "give the visit a window in the task")
-    if not problem.fleet.system.on_arcs:
-        yield from _findings_of_states(problem)
-    elif problem.online is not None and problem.online.options.states:
-        message = f"errors of single states are not for a loop of the {problem.fleet.system.name}"
-        yield Finding(("online", "states"), message, "use noise")
-
-
-def _findings_of_errors(problem: Problem) -> Iterator[Finding]:
-    """Errors of the model that the sets of a loop do not count."""
-    bounds, path = problem.fleet.uncertainty, ("fleet", "uncertainty")
-    if bounds and not problem.fleet.system.on_arcs:
-        message = f"a loop of the {problem.fleet.system.name} does not count errors of the model"
-        yield Finding(path, message, "loops of robots on arcs do")
-        return
-    for name in ("delay", "jitter"):
-        if getattr(bounds, name):
-            message = f"a loop does not count a {name} of commands, got {getattr(bounds, name):g} s"
-            yield Finding((*path, name), message)
-
-
-def _findings_of_states(problem: Problem) -> Iterator[Finding]:
-    """What is not for the loop of a system that an ODE defines: it knows no standing, and no error of the model."""
-    fleet, settings = problem.fleet, problem.online
-    name = fleet.system.name
-    if fleet.rate_bounds is not None:
-        yield Finding(("fleet", "rate_bounds"), f"bounds on the rates of commands are not for a loop of the {name}")
-    if settings is None:
-        return
-    errors = settings.options.errors
-    if errors.drift:
-        yield Finding(("online", "drift"), f"a drift is not for a loop of the {name}", "its sets know no model error")
-    if settings.options.horizon == "receding":
-        why = f"a receding horizon is not for a loop of the {name}: its safety is a plan proven to the end"
-        yield Finding(("online", "horizon"), why, "use shrinking")
-    if len(settings.robots) > 1:
-        yield Finding(("online", "robots"), f"several robots are not for a loop of the {name}", "give one robot")
 
 
 def of_one_robot(problem: Problem) -> Problem:
@@ -355,13 +290,6 @@ def read_anew(
     return _placed(problem, fleet, begin * problem.step, problem.task, problem.duration, problem.steps)
 
 
-def with_map(problem: Problem, obstacles: Mapping[str, tuple[Obstacle, ...]]) -> Problem:
-    """The problem with other obstacles, unchecked: what is seen on the way is so, whatever is left to do then."""
-    changed = copy(problem)
-    object.__setattr__(changed, "obstacles", MappingProxyType(dict(obstacles)))
-    return changed
-
-
 def for_a_while(problem: Problem, steps: int) -> Problem:
     """Only what must be kept out of during the first steps."""
     end = steps * problem.step
@@ -371,7 +299,7 @@ def for_a_while(problem: Problem, steps: int) -> Problem:
 
 def _placed(problem: Problem, fleet: Fleet, gone: float, task: Formula, duration: float, steps: int) -> Problem:
     """Another task for another fleet, from another time on; unchecked: a proof refuses what is wrong."""
-    motions = {name: Motion(motion.times - gone, motion.offsets) for name, motion in problem.motions.items()}
+    motions = {name: motion.later(gone) for name, motion in problem.motions.items()}
     changed = copy(problem)
     other = {"fleet": fleet, "motions": MappingProxyType(motions), "task": task, "duration": duration, "steps": steps}
     for name, value in other.items():

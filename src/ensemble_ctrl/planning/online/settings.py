@@ -12,6 +12,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.simulated import Factors, Fixed, Flaws, SimulatedFleet, SimulatedRobot
 from ensemble_ctrl.planning.online.simulated_errors import ErrorKind, SimulatedErrors
+from ensemble_ctrl.planning.online.simulated_obstacles import ObstacleSettings
 from ensemble_ctrl.planning.online.simulated_states import SimulatedStates
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.uncertainty import Uncertainty
@@ -54,10 +55,13 @@ class OnlineSettings:
     options : OnlineOptions
     robots : mapping of str to RobotSettings
         The robots that hear the commands, by name.
+    obstacles : mapping of str to ObstacleSettings
+        What comes and goes while the loop runs.
     """
 
     options: OnlineOptions = field(default_factory=OnlineOptions)
     robots: Mapping[str, RobotSettings] = field(default_factory=lambda: {"robot": RobotSettings()})
+    obstacles: Mapping[str, ObstacleSettings] = field(default_factory=dict)
 
     def simulated(self, problem: Problem) -> SimulatedFleet:
         """The robots, at the start of a problem's fleet."""

@@ -25,6 +25,11 @@ def motion_findings(problem: Problem) -> Iterator[Finding]:
             yield Finding(path, f"expected times from 0 to {problem.duration:g} s, got {times}", on_key=True)
     if problem.motions and problem.solve.method == "minlp" and problem.fleet.system.transcription == "positions":
         yield Finding(("solve", "method"), "minlp is for obstacles that stand still", "use nlp")
+    yield from moving_elsewhere(problem)
+
+
+def moving_elsewhere(problem: Problem) -> Iterator[Finding]:
+    """Moving obstacles that the task avoids otherwise than throughout a window."""
     for part in conjuncts(problem.task):
         if not kept_out(part):
             yield from _inside(problem, part)
