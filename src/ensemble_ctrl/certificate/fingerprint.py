@@ -35,10 +35,8 @@ def fingerprint(problem: Problem, controls: Floats, distributions: Mapping[str, 
             for name, region in problem.regions.items()
         ],
         [(name, piece.A.tolist(), piece.b.tolist()) for name, piece in problem.pieces],
-        [(name, motion.times.tolist(), motion.offsets.tolist()) for name, motion in problem.motions.items()],
+        [(name, m.times.tolist(), m.offsets.tolist(), *m.doubt) for name, m in problem.motions.items()],
     ]
-    if loose := [(n, m.uncertainty, m.growth, m.since) for n, m in problem.motions.items() if not m.known]:
-        numbers = [*numbers, ["uncertain", *loose]]
     # the rows of a disc are those of a polygon around it
     zones = problem.zones.items()
     shapes = [*problem.regions.items(), *problem.pieces, *((name, p) for name, zone in zones for p in zone.pieces)]

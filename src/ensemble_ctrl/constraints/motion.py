@@ -85,6 +85,11 @@ class Motion(ReadOnlyArrays):
         """Whether it is where it is said to be."""
         return not (self.uncertainty or self.growth)
 
+    @property
+    def doubt(self) -> tuple[float, ...]:
+        """How well it is known: the uncertainty, its growth and since when; empty where it is known."""
+        return () if self.known else (self.uncertainty, self.growth, self.since)
+
     def loose(self, time: float) -> float:
         """How far it may be from its displacement up to a time, metres.
 
