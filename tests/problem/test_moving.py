@@ -189,7 +189,7 @@ task: G avoid(cart)
     assert certify(problem, controls).clearance == pytest.approx(2.5 - 0.05, abs=0.04)
     shorter = {**proven_part(to_data(problem))}
     shorter["motions"] = {"cart": {**shorter["motions"]["cart"], "uncertainty": {"speed": 0.02, "fast": 1.0}}}
-    with pytest.raises(ProblemError, match="expected a problem as it is written beside a certificate"):
+    with pytest.raises(ProblemError, match="expected the keys position, speed, since, got 'fast'"):
         problem_of(shorter)
 
 

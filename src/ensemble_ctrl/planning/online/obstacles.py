@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import leaves
 from ensemble_ctrl.constraints.stl.leaves import Avoid
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.evidence import Evidence
 from ensemble_ctrl.planning.online.group import RobotGroup
