@@ -67,6 +67,19 @@ def view(browser: str, folder: Path) -> None:
         keep(tab, "editor_view.png")
 
 
+def watch(browser: str, folder: Path) -> None:
+    """A search and a loop at their ends."""
+    search = ["run", str(ROOT / "configs" / "five_obstacles.yaml")]
+    loop = ["online", str(ROOT / "configs" / "online" / "three_robots_online.yaml")]
+    for name, command in (("editor_search.png", search), ("editor_loop.png", loop)):
+        options = ("--watch", "--no-plots", "-o", str(folder / name))
+        with served(*command, *options, said_in="stderr") as one, chromium(browser) as tab:
+            tab.screen(1280, 900)
+            tab.visit(one.address)
+            wait(tab, "window.editor && editor.part.done === true")
+            keep(tab, name)
+
+
 def main() -> None:
     """Make all of them."""
     browser = executable()
@@ -74,6 +87,7 @@ def main() -> None:
         raise SystemExit("no headless Chromium here")
     with TemporaryDirectory() as folder:
         view(browser, Path(folder))
+        watch(browser, Path(folder))
         file = Path(shutil.copy(ROOT / "configs" / "five_obstacles.yaml", folder))
         with editor(file) as one, chromium(browser) as tab:
             tab.screen(1280, 900)

@@ -14,6 +14,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.root import UsageError
 from ensemble_ctrl.cli.streams import complain, fail, say
+from ensemble_ctrl.cli.watch import Shown, Steps, Watch, first_event, shown
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import first_of
 from ensemble_ctrl.core.storage import put_file
@@ -54,11 +55,18 @@ class OnlineRun:
     quiet: bool = False
     plots: bool = True
     overwrite: bool = False
+    watch: bool = False
+    browser: bool = True
 
 
 def run_online(options: OnlineRun) -> int:
     """Plan, run the loop, write the folder, print the summary; returns the exit code."""
-    progress = Progress(options.quiet)
+    with shown(options.quiet) as progress:
+        return _run(options, progress)
+
+
+def _run(options: OnlineRun, progress: Shown) -> int:
+    """The same, with whom to tell."""
     progress("check", None)
     loaded = read(options.config, options.overrides, loop=True)
     for line in first_of(loaded.warnings):
@@ -68,6 +76,8 @@ def run_online(options: OnlineRun) -> int:
     problem = loaded.problem
     folder = ResultsFolder(options.output, f"{problem.name}-online", options.overwrite)
     fleet, scene = settings.simulated(problem), SimulatedScene(settings.obstacles)
+    if options.watch:
+        progress.page = Watch("loop", of_one_robot(problem), options.browser)
 
     def abandon() -> None:
         fleet.stop()
@@ -81,6 +91,7 @@ def run_online(options: OnlineRun) -> int:
                 return _without_plan(problem, progress, options)
             first.save(folder.working / "plan.npz")
             loop = loop_for(problem, settings.options, first.controls, tuple(fleet.robots))
+            progress.tell(lambda: first_event(first.problem, first.controls))
             progress("drive", None)
             try:
                 outcome, reported = _driven(loop, fleet, scene, folder.working / "log.jsonl", progress)
@@ -137,15 +148,17 @@ def _first_plan(problem: Problem, progress: Progress) -> Plan | None:
 
 
 def _driven(
-    loop: Loop, fleet: SimulatedFleet, scene: SimulatedScene, path: Path, progress: Progress
+    loop: Loop, fleet: SimulatedFleet, scene: SimulatedScene, path: Path, progress: Shown
 ) -> tuple[Outcome, list[Reported]]:
     """Run the loop with its log."""
     reported: list[Reported] = []
+    steps = Steps()
     with RunLog(path) as log:
         log.start(loop)
 
         def listen(step: Step, controls: Floats) -> None:
             log.step(loop, step, controls)
+            progress.tell(lambda: steps(loop, step))
             time = step.begin * loop.problem.step
             paths = {name: loop.predicted(name) for name in loop.trackers}
             reported.append(Reported(time, paths, step.ranges, step.seconds, step.source))
@@ -159,6 +172,7 @@ def _driven(
             log.fault(error)
             raise
         log.end(outcome)
+        progress.tell(lambda: steps.end(loop, outcome))
     return outcome, reported
 
 

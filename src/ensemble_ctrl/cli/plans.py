@@ -17,6 +17,7 @@ from ensemble_ctrl.cli.root import (
     Files,
     Json,
     Members,
+    NoBrowser,
     Output,
     Overrides,
     Overwrite,
@@ -25,8 +26,10 @@ from ensemble_ctrl.cli.root import (
     Saved,
     Trust,
     UsageError,
+    Watch,
     app,
     examples_of,
+    require_watch,
 )
 
 
@@ -36,6 +39,7 @@ from ensemble_ctrl.cli.root import (
         "ensemble-plan problem.yaml -o out --overwrite --time-limit 60s",
         "ensemble-plan problem.yaml --set horizon.duration=20s",
         "ensemble-plan problem.yaml --guess plans/problem --json > result.json",
+        "ensemble-plan problem.yaml --watch",
         more=EXIT_CODES,
     )
 )
@@ -84,11 +88,14 @@ def run(
         bool, typer.Option("--no-suggest", help="Where there is no plan, do not look for what would help.")
     ] = False,
     overwrite: Overwrite = False,
+    watch: Watch = False,
+    no_browser: NoBrowser = False,
     trust: Trust = False,
 ) -> None:
     """Plan for CONFIG, replay the plan, and write the results folder."""
     if quiet and verbose:
         raise UsageError("expected one of -q and -v, got both")
+    require_watch(watch, no_browser)
     require_memory()
     from ensemble_ctrl.cli.run import RunOptions
     from ensemble_ctrl.cli.run import run as run_plan
@@ -113,6 +120,8 @@ def run(
         suggest=not no_suggest,
         overwrite=overwrite,
         command=(NAME, *context.obj),
+        watch=watch,
+        browser=not no_browser,
     )
     raise typer.Exit(run_plan(options))
 

@@ -83,6 +83,7 @@ Saved = Annotated[Path, typer.Argument(help="A results folder or its plan.npz.",
 
 NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Open no browser; print the address.")]
 Port = Annotated[int, typer.Option(help="Port on 127.0.0.1 [default: a free one].", metavar="N", min=0, max=65535)]
+Watch = Annotated[bool, typer.Option("--watch", help="Show it live on a page in the browser.")]
 UntilClosed = Annotated[
     bool, typer.Option("--until-closed", help="End when the last page is closed, not only with Ctrl-C.")
 ]
@@ -91,6 +92,12 @@ Cluster = Annotated[
     str,
     typer.Option(help="local, local:N for N processes, or tcp://HOST:PORT of a Dask scheduler.", metavar="WHERE"),
 ]
+
+
+def require_watch(watch: bool, no_browser: bool) -> None:
+    """Refuse ``--no-browser`` without a page."""
+    if no_browser and not watch:
+        raise UsageError("--no-browser: expected --watch with it")
 
 
 def _consent(given: bool) -> bool:

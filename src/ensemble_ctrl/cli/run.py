@@ -13,6 +13,7 @@ from ensemble_ctrl.cli import codes
 from ensemble_ctrl.cli.log import shown_log
 from ensemble_ctrl.cli.progress import Progress, stoppable
 from ensemble_ctrl.cli.streams import complain, fail, say
+from ensemble_ctrl.cli.watch import Shown, Watch, shown
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import RunawayError, first_of
 from ensemble_ctrl.files.config import read
@@ -43,6 +44,8 @@ class RunOptions:
     suggest: bool = True
     overwrite: bool = False
     command: tuple[str, ...] = ()
+    watch: bool = False
+    browser: bool = True
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,12 @@ class Written:
 
 def run(options: RunOptions) -> int:
     """Plan, write the results folder, print the summary; returns the exit code."""
-    progress = Progress(options.quiet, options.verbose > 0)
+    with shown(options.quiet, options.verbose > 0) as progress:
+        return _run(options, progress)
+
+
+def _run(options: RunOptions, progress: Shown) -> int:
+    """The same, with whom to tell."""
     if options.animation is not None:
         from ensemble_ctrl.report.video import require
 
@@ -65,6 +73,8 @@ def run(options: RunOptions) -> int:
     for line in first_of(loaded.warnings):
         progress.note(line)
     guess = Plan.load(options.guess) if options.guess else None
+    if options.watch:
+        progress.page = Watch("search", loaded.problem, options.browser)
     folder = ResultsFolder(options.output, loaded.problem.name, options.overwrite)
 
     def abandon() -> None:
@@ -79,6 +89,7 @@ def run(options: RunOptions) -> int:
                 found = _compared(found, progress)
             if options.suggest and found.problem.report.suggest and progress.stop_signal is None:
                 found = with_suggestions(found, progress)
+            progress.planned(found)
             written = _write(found, folder, options, progress)
             progress.finish()
             code = codes.INTERNAL if written.error else exit_code(found, progress.stop_signal)

@@ -27,8 +27,10 @@ from ensemble_ctrl.cli.root import (
     SweptIn,
     Trust,
     UntilClosed,
+    Watch,
     app,
     examples_of,
+    require_watch,
 )
 from ensemble_ctrl.cli.streams import say
 
@@ -156,6 +158,7 @@ def export(
         "ensemble-plan online problem.yaml",
         "ensemble-plan online problem.yaml --traction 0.93 --seed 7",
         "ensemble-plan online problem.yaml --set online.deadline=0.1s --json",
+        "ensemble-plan online problem.yaml --watch",
     )
 )
 def online(
@@ -173,13 +176,19 @@ def online(
     quiet: Quiet = False,
     no_plots: NoPlots = False,
     overwrite: Overwrite = False,
+    watch: Watch = False,
+    no_browser: NoBrowser = False,
     trust: Trust = False,
 ) -> None:
     """Measure, learn, plan again, apply, on a simulated robot."""
+    require_watch(watch, no_browser)
     require_memory()
     from ensemble_ctrl.cli.online import OnlineRun, run_online
 
-    given = OnlineRun(config, output, tuple(overrides or ()), traction, seed, json, quiet, not no_plots, overwrite)
+    given = OnlineRun(
+        config, output, tuple(overrides or ()), traction, seed, json, quiet, not no_plots, overwrite, watch,
+        not no_browser,
+    )  # fmt: skip
     raise typer.Exit(run_online(given))
 
 

@@ -36,6 +36,11 @@ class Pages(ABC):
         self._queues: set[asyncio.Queue[Event]] = set()
         self._alone: asyncio.TimerHandle | None = None
 
+    @property
+    def left(self) -> bool:
+        """Whether pages were open, and none is now."""
+        return self._alone is not None and not self._queues
+
     @abstractmethod
     def state(self) -> Event:
         """What a page shows that is opened now."""

@@ -134,6 +134,7 @@ def _try(search: Search, tries: _Tries, starts: list[Guess], shares: tuple[float
     while.
     """
     first = len(tries.starts)
+    search.show_candidates([*(tries.reported if tries.finished else tries.starts), *starts])
     solved = coarse_all(search, [seed.controls for seed in starts], shares)
     tries.starts += starts
     tries.solved += solved
@@ -141,6 +142,8 @@ def _try(search: Search, tries: _Tries, starts: list[Guess], shares: tuple[float
     chosen = [i for i in chosen if shares == WHOLE or solved[i].value.keeps(-CLOSE)]
     finished = finish_all(search, [solved[i] for i in chosen]) if chosen else []
     tries.finished |= {first + i: end for i, end in zip(chosen, finished, strict=False)}
+    if tries.finished:
+        search.show_candidates(tries.reported)
 
 
 def _further(search: Search, tries: _Tries, steps: int) -> Iterator[tuple[list[Guess], tuple[float, ...]]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import TypeVar
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate import Certificate, certify, unproven
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp import parallel
-from ensemble_ctrl.ocp.candidates import join_logs, part_log
+from ensemble_ctrl.ocp.candidates import Start, join_logs, part_log
 from ensemble_ctrl.ocp.guesses import Request
 from ensemble_ctrl.ocp.guesses.registry import Stop
 from ensemble_ctrl.ocp.mixed import Round
@@ -70,6 +70,12 @@ class Search:
         LOG.debug("%s: phase %s, %.1f s left", self.problem.name, phase, self.left())
         if self.progress is not None:
             self.stopped = self.progress(phase, None) or self.stopped
+
+    def show_candidates(self, found: Sequence[Start]) -> None:
+        """Show guesses, or what became of them, to a `progress` that has a method ``candidates`` for that."""
+        show = getattr(self.progress, "candidates", None)
+        if show is not None:
+            show(found)
 
     def side_by_side(self, phase: str, work: Callable[[Search, int], T], count: int) -> list[T | None]:
         """Results of `work` for each candidate, under a search of its own with the same clock; None without one."""

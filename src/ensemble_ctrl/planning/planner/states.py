@@ -46,6 +46,7 @@ def by_states(search: Search, problem: Problem, guess: Floats | None) -> Solutio
     starts = [] if first is not None and not shooting.runs_away(first[0]) else first_guesses(Request(problem, steps))
     seconds = {"guess": time.perf_counter() - search.began}
     search.tell("solve")
+    search.show_candidates(starts)
     found = _for_middle(search, problem, starts) if starts else [] if first is None else [first]
     none = bool(starts) and not any(shooting.middle_does(one) for one, _ in found)
     closed = closed_off(problem) if none else ()

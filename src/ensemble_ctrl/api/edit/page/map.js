@@ -72,6 +72,7 @@ export class MapView {
     for (const { drawing } of this.app.drawings) {
       if (drawing.views[0].axes[0] !== "t [s]") points.push(...drawing.views[0].ways.flatMap((way) => way.filter((_, k) => k % 8 === 0)));
     }
+    if (this.app.points && this.app.drawings.length) points.push(...this.app.points(this.app.drawings[0].drawing.views[0]));
     if (points.length < 2) points.push([-1, -1], [7, 6]);
     const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
     const low = [Math.min(...xs), Math.min(...ys)], high = [Math.max(...xs), Math.max(...ys)];
@@ -267,8 +268,9 @@ export class MapView {
   }
   beside(drawings, k) {
     const view = drawings[0].drawing.views[k], timed = view.axes[0] === "t [s]";
-    const width = this.svg.parentElement.parentElement.clientWidth - 24, height = width * 0.5;
+    const width = Math.max(this.svg.parentElement.parentElement.clientWidth - 24, 200), height = width * 0.5;
     const points = drawings.flatMap(({ drawing }) => [...drawing.views[k].ways.flat(), ...drawing.views[k].areas.flatMap((area) => area.corners), ...drawing.views[k].starts]);
+    if (this.app.points) points.push(...this.app.points(view));
     if (timed) points.push([0, points[0][1]], [Math.max(...drawings.map(({ drawing }) => drawing.duration)), points[0][1]]);
     const low = [0, 1].map((i) => Math.min(...points.map((p) => p[i]))), high = [0, 1].map((i) => Math.max(...points.map((p) => p[i])));
     const each = [0, 1].map((i) => [width - 60, height - 50][i] / Math.max(high[i] - low[i], 1e-6));

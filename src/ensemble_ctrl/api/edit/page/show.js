@@ -34,6 +34,7 @@ export class Show extends Page {
   }
   get drawings() { return this.part ? this.part.drawings : []; }
   live(view, at, scale) { return this.part.live ? this.part.live(view, at, scale) : []; }
+  points(view) { return this.part && this.part.points ? this.part.points(view) : []; }
   select() {}
 
   event(event) {
