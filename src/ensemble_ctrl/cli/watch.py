@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import time
-import webbrowser
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ensemble_ctrl.cli.edit import open_page
 from ensemble_ctrl.cli.progress import Progress
 from ensemble_ctrl.cli.streams import complain
 from ensemble_ctrl.core.errors import RunawayError
@@ -64,6 +61,12 @@ class Watch:
     """
 
     def __init__(self, mode: str, problem: Problem, browser: bool) -> None:
+        # loaded where there is a page only: the command without one begins sooner
+        import subprocess
+        import webbrowser
+
+        from ensemble_ctrl.cli.edit import open_page
+
         with open_page("--watch") as sock:
             from ensemble_ctrl.api.edit.guard import new_token
             from ensemble_ctrl.api.edit.scene import ground, scene
@@ -102,6 +105,8 @@ class Watch:
 
     def close(self) -> None:
         """End the page's process."""
+        import subprocess
+
         assert self._process.stdin is not None
         with suppress(OSError):
             self._process.stdin.close()
