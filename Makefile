@@ -17,6 +17,7 @@ slow: $(VENV)/.installed-dev
 
 campaign: slow
 	$(BIN)/python -m tests.campaign.run --out tests/campaign/result.json --page docs/proof_campaign.md
+	$(BIN)/python -m tests.campaign.features.run --cases 4000
 	$(BIN)/python -m tests.campaign.loops.run
 	$(BIN)/python -m tests.campaign.systems.run
 	$(BIN)/python -m tests.campaign.systems.twins

@@ -11,6 +11,7 @@ from ensemble_ctrl.certificate import certify
 from ensemble_ctrl.certificate.certify import part_bound
 from ensemble_ctrl.certificate.remaining import certify_set
 from ensemble_ctrl.constraints import Obstacle, Polyhedron
+from ensemble_ctrl.constraints.footprint import Footprint
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.constraints.stl import Known, parse
 from ensemble_ctrl.moments import Interval
@@ -49,6 +50,21 @@ def test_no_member_of_the_set_is_below_what_is_proven(away: float, turn: float, 
         assert run.worst[0] >= certificate.least - 1e-9
     if certificate.proven:
         assert certificate.least >= 0
+
+
+@pytest.mark.parametrize("task", ["G (heading within 0.1 of 0.1)", "G (v >= 0.54)", "G (heading <= 0.2)"])
+def test_nothing_is_proven_of_headings_and_speeds(task: str) -> None:
+    # the middle pose keeps 0.1 rad, and others of the set are off by 0.12 rad from it
+    problem = PROBLEM.with_(task=parse(task), duration=0.01, steps=1)
+    certificate = certify_set(problem, CONTROLS[:1], 0.0, 0.12)
+    assert (certificate.proven, certificate.robustness) == (False, -np.inf)
+
+
+def test_nothing_is_proven_of_bodies() -> None:
+    fleet = FLEET.with_(footprint=Footprint.rectangle(0.3, 0.1))
+    problem = PROBLEM.with_(fleet=fleet, task=parse("F (x >= -9) and G avoid(low)"))
+    assert certify_set(PROBLEM, CONTROLS, 0.0, 0.0).clearance > 0
+    assert certify_set(problem, CONTROLS, 0.0, 0.0).clearance == -np.inf
 
 
 def test_cells_of_which_enough_is_proven_are_left_alone() -> None:

@@ -105,7 +105,8 @@ def certify_set(
     Notes
     -----
     *Guarantee*: with `proven`, every robot of the exact model in the set does the task in dense time. A clearance
-    or robustness above `SPARE` is not sharpened further, so the bounds are not tight. On terrain nothing is proven.
+    or robustness above `SPARE` is not sharpened further, so the bounds are not tight. Nothing is proven on terrain, of
+    bodies, and of tasks about headings and speeds.
     """
     began = time.perf_counter()
     controls = problem.fleet.checked_controls(controls)
@@ -114,7 +115,8 @@ def certify_set(
     # a start off by `away`, a heading off by `turn`: |R(turn) d - d| = 2 sin(turn / 2) |d|
     growth = (away + 2 * np.sin(min(turn, np.pi) / 2) * _distance(flow, prover)) * (1 + 64 * UNIT)
     growth = growth if more is None else growth + more
-    if problem.terrain:  # who touches it was decided for robots at the middle pose: nothing is claimed of the others
+    # terrain: who touches it was decided for robots at the middle pose; bodies and signals change with the heading
+    if problem.terrain or problem.fleet.footprint or problem.specification.signals:
         growth = np.full_like(growth, np.inf)
     found, fleet = [(np.inf, "no obstacle")], problem.fleet
     for avoid in problem.specification.avoid:
