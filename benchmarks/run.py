@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from fleet_problem import judge
 from record import record
+from startup import started
 
 HERE = Path(__file__).parent
 VERSION_0_1 = HERE / "measured" / "version_0_1.json"
@@ -51,6 +52,7 @@ def main() -> None:
         rows.append({**turns[-1], "process": seconds, "runs": runs})
         print(rows[-1])
     record("programs", rows)
+    print(started(runs))
     print("\n".join(ratios([min(turns, key=lambda turn: turn["processor"]) for turns in zip(*timed, strict=True)])))
 
 
