@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import ensemble_ctrl
+from tests.paths import CONFIGS
 
 ROOT = Path(ensemble_ctrl.__file__).parent
 LAYERS: tuple[frozenset[str], ...] = tuple(
@@ -219,6 +220,18 @@ def test_the_rooms_below_load_no_solver_and_no_plots(module: str) -> None:
     code = f"import sys, ensemble_ctrl.{module}; print([m for m in ('matplotlib', 'casadi') if m in sys.modules])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_a_plain_run_loads_no_plots_and_no_polygons(tmp_path: Path) -> None:
+    """Each takes as long as a tenth of the start."""
+    code = (
+        "import sys; from ensemble_ctrl.cli.app import invoke; assert invoke(sys.argv[1:]) == 0; "
+        "heavy = 'matplotlib', 'shapely', 'scipy.optimize', 'numpy.ma'; "
+        "print([m for m in heavy if m in sys.modules], file=sys.stderr)"
+    )
+    arguments = [str(CONFIGS / "one_obstacles.yaml"), "--no-plots", "-q", "-o", str(tmp_path / "plan")]
+    run = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    assert run.stderr.strip() == "[]"
 
 
 def writes(path: Path) -> Iterator[str]:

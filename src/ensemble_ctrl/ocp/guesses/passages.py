@@ -6,10 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPoint
-from shapely.ops import unary_union
 
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks.presence import Presence, alternatives
@@ -53,6 +50,8 @@ def closed_off(problem: Problem) -> tuple[str, ...]:
 
 def _is_behind(problem: Problem, way: Sequence[Presence], presence: Presence) -> bool:
     """Whether no passage leads from the start to a region until members have to be there."""
+    from shapely import MultiPoint
+
     region = problem.regions.get(presence.leaf.name)
     if region is None or region.is_empty or not region.is_bounded or len(region.vertices) < 3:
         return False
@@ -63,10 +62,12 @@ def _is_behind(problem: Problem, way: Sequence[Presence], presence: Presence) ->
 
 def _blocked(problem: Problem, parts: Sequence[Piece]) -> Any:
     """Where the planned point may not be, or has less room than `SPARE`."""
+    from shapely import MultiPoint, union_all
+
     corners = np.concatenate([part.corners for part in parts])
     spare = SPARE[0] * problem.solve.margin + SPARE[1] * (1.0 + float(np.ptp(corners, axis=0).max()))
     hulls = [MultiPoint(part.corners).convex_hull.buffer(part.radius + spare, quad_segs=ARC) for part in parts]
-    return unary_union(hulls)
+    return union_all(hulls)
 
 
 def connected(blocked: Any, start: Floats, goal: Any) -> bool:
@@ -79,6 +80,8 @@ def connected(blocked: Any, start: Floats, goal: Any) -> bool:
         Metres.
     goal : shapely geometry
     """
+    import shapely
+
     at = shapely.Point(start)
     if blocked.covers(at):
         return True
