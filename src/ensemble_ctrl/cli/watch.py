@@ -155,12 +155,12 @@ class Shown(Progress):
 
     def planned(self, plan: Plan) -> None:
         """The end of a search."""
+        if self.page is None:
+            return
         from ensemble_ctrl.api.edit.drawing import drawing
         from ensemble_ctrl.report.html import verdict_class
         from ensemble_ctrl.report.text import verdict
 
-        if self.page is None:
-            return
         drawn = None
         with suppress(RunawayError):  # nothing can be drawn of a fleet that leaves all bounds
             drawn = drawing(plan)
