@@ -217,7 +217,7 @@ def test_a_fault_leaves_the_log_up_to_it(command: Command, small: Path, monkeypa
         ("{robot: {lost: {commands: 1}}}", "expected a share from 0 to below 1, got 1"),
         ("{robot: {errors: worst}}", "online.robot.errors: 'worst' is not one of random, bang-bang, constant, none"),
         ("{robot: {uncertainty: {varies: {grip: 1 %}}}}", "online.robot.uncertainty.varies.grip: unknown name"),
-        ("{robot: {uncertainty: {delay: 1 s}}}", "robot.uncertainty.delay: expected none for a simulated robot"),
+        ("{robot: {uncertainty: {delay: 1 m}}}", "online.robot.uncertainty.delay: expected a time in s"),
         ("{actuators: {speed: 1 cm/s}}", "online.actuators: moved to fleet.uncertainty.actuators"),
         ("{robbot: {}}", "robbot"),
         ("{robot: {traction: 1}, robots: {ada: {}}}", "expected robot, or robots by name, got both"),

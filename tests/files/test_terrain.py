@@ -91,15 +91,6 @@ def test_names_and_systems_that_do_not_fit_are_refused() -> None:
             ec.Patch(pieces, parameters)  # type: ignore[arg-type]
 
 
-def test_a_loop_refuses_terrain_at_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "yard.yaml"
-    file.write_text(TEXT, encoding="utf-8")
-    assert main(["online", str(file)]) != 0
-    said = capsys.readouterr().err
-    assert "terrain: expected no terrain, which the sets of a loop do not count, got mud, ice" in said
-    assert "yard.yaml:" in said
-
-
 def test_a_plan_goes_round_and_is_proven_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan = ec.plan(ec.load_text(TEXT))
     assert plan.certificate is not None

@@ -121,18 +121,3 @@ def test_replays_and_summaries_say_that_members_are_disturbed() -> None:
 def test_what_is_wrong_is_told_with_its_place(old: str, new: str, message: str) -> None:
     with pytest.raises(ec.ConfigError, match=message):
         ec.load_text(TEXT.replace(old, new))
-
-
-def test_a_loop_refuses_what_its_proofs_do_not_count() -> None:
-    from ensemble_ctrl.planning.online.findings import loop_findings
-
-    found = {finding.path: finding.message for finding in loop_findings(ec.load_text(TEXT))}
-    assert found == {
-        ("fleet", "uncertainty", "delay"): "a loop does not count a delay of commands, got 0.05 s",
-        ("fleet", "uncertainty", "jitter"): "a loop does not count a jitter of commands, got 0.005 s",
-    }
-    line = next(n for n, text in enumerate(TEXT.splitlines(), 1) if "delay:" in text)
-    with pytest.raises(
-        ec.ConfigError, match=rf":{line}:\d+: error: fleet.uncertainty.delay: a loop does not count a delay"
-    ):
-        ec.load_text(TEXT + "online: {}\n")

@@ -151,8 +151,8 @@ class Judge:
         now = world.now() - world.start
         parts = max(round((last * scene.step - now) / scene.step * PARTS), 0)
 
-        def commands(clock: float) -> Floats:
-            k = int((clock - world.start) / scene.step) if clock >= world.start else -1
+        def commands(step: int) -> Floats:
+            k = step - round(world.start / scene.step)
             return sent[k] if 0 <= k < len(sent) else np.zeros(2)
 
         begin = round(world.start / scene.step * PARTS)
@@ -171,7 +171,7 @@ class Judge:
     ) -> None:
         """Corners of the set of poses with ends of the ranges, which have drifted since they were known."""
         scene, tracker = self.scene, loop.trackers[name]
-        pose = loop.robots[name].pose(at)
+        pose = tracker.onset(at)
         if pose is None:
             return
         began = at * scene.step
@@ -188,13 +188,16 @@ class Judge:
                 way = rate * since * {"up": 1.0, "down": -1.0}.get(drift, 0.0)
                 values[parameter] = float(np.clip(known + way, low, high))
             member = body_of(scene, Adversary(values, drift, slip, seed=1), start)
+            # its undelayed self; who is late is where that was before
+            lag, member.late, member.begun = int(self.random.choice([0, member.late])), 0, at * PARTS
             # how far a loop on its heading had let it go by then
             member.off = float(self.random.choice([-1.0, 1.0])) * bounds.get("hold", 0.0) * bounds.get("heading", 0.0)
             member.saturates = True
-            for k in range(at, last):
-                for _part in range(PARTS):
-                    member.drive(sent[k] if k < len(sent) else np.zeros(2))
-            self._member(world, step, f"a member for {name}", np.array(member.track), began, shift)
+            for _ in range((last - at) * PARTS):
+                member.drive(lambda n: sent[n] if 0 <= n < len(sent) else np.zeros(2))
+            track = np.array(member.track)
+            track = np.concatenate([np.tile(track[:1], (lag, 1)), track[: len(track) - lag]])
+            self._member(world, step, f"a member for {name}", track, began, shift)
 
     def _member(self, world: World, step: Step, name: str, track: Floats, began: float, shift: float) -> None:
         """One of them."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-BOUNDS = ("place", "heading", "first", "second", "share", "stray", "hold")
+BOUNDS = ("place", "heading", "first", "second", "share", "stray", "hold", "delay", "jitter")
 PARTS = 20
 """Arcs of a control step, in each of which factors and slips are constant."""
 
@@ -96,7 +96,7 @@ class Body:
     bounds : dict of str to float
         Bounds of errors beside the model, zero where not given: of the rates of ``place`` and ``heading``, of the
         commands ``first`` and ``second``, a ``share`` of both, by how much parameters ``stray``, and the time constant
-        ``hold`` of the loop on the heading.
+        ``hold`` of the loop on the heading; and the longest ``delay`` and the ``jitter`` of its commands.
     rates : callable
         Speed and turn rate, counter-clockwise, that a command asks for.
     off : float
@@ -105,6 +105,14 @@ class Body:
         Poses, `PARTS` for each control step, the start first.
     saturates : bool
         Whether parameters stay at the ends of their ranges, where otherwise they turn back.
+    patches : tuple
+        Corners of convex patches, counter-clockwise, with the least and the largest factor on the speed in each.
+    late : int
+        Parts of control steps by which all of its commands are late.
+    begun : int
+        Parts before the track.
+    shifts : dict of int to int
+        Parts by which the commands of each step are late beside that.
     """
 
     adversary: Adversary
@@ -117,10 +125,17 @@ class Body:
     off: float = 0.0
     track: list[Floats] = field(default_factory=list)
     saturates: bool = False
+    patches: tuple[tuple[tuple[tuple[float, float], ...], float, float], ...] = ()
+    late: int = -1
+    begun: int = 0
+    shifts: dict[int, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.track = [self.pose.copy()]
         self.random = np.random.default_rng(self.adversary.seed)
+        if self.late < 0:
+            longest = math.floor(self.bounds.get("delay", 0.0) * PARTS / self.step + 1e-9)
+            self.late = int(np.random.default_rng(self.adversary.seed).choice([0, longest // 2, longest]))
 
     @property
     def now(self) -> float:
@@ -153,18 +168,51 @@ class Body:
         a, b = (self.parameter(name, time) if name in self.ranges else 1.0 for name in names)
         return a, b
 
-    def drive(self, command: Floats) -> None:
+    def due(self, given: Callable[[int], Floats]) -> tuple[Floats, Floats]:
+        """The commands that are carried out in the next part, and those of the model; `given` is by control steps."""
+        part = self.begun + len(self.track) - 1 - self.late
+        k = part // PARTS
+        begun = [n for n in (k - 1, k, k + 1) if n * PARTS + self._shift(n) <= part]
+        return given(begun[-1]), given(k)
+
+    def _shift(self, n: int) -> int:
+        """Parts by which the commands of a step are late, or early."""
+        most = math.floor(self.bounds.get("jitter", 0.0) * PARTS / self.step + 1e-9)
+        if n not in self.shifts:
+            sign = {"plus": 1, "minus": -1, "alternate": 1 - 2 * (n % 2)}.get(self.adversary.slip)
+            self.shifts[n] = most * sign if sign else int(self.random.integers(-most, most + 1)) if most else 0
+        return self.shifts[n]
+
+    def drive(self, given: Callable[[int], Floats]) -> None:
         """One part of a step."""
         part = self.step / PARTS
+        command, meant = self.due(given)
         a, b = self.factors(self.now + part / 2)
         v, turn = self.rates(command)
+        model = b * self.rates(meant)[1]
         if v or turn:
             v, turn = a * v, b * turn
             if self.bounds:
-                v, turn, push = self._disturbed(command, (a, b), turn, part)
+                v, turn, push = self._disturbed(command, (a, b), model, part)
                 self.pose = self.pose + part * push
+            v *= self._on_ground(abs(v) * part, a if "linear_traction" in self.ranges else 1.0)
+        elif self.bounds.get("hold"):
+            self.off -= model * part
         self.pose = moved(self.pose, v, turn, part)
         self.track.append(self.pose)
+
+    def _on_ground(self, way: float, own: float) -> float:
+        """What the patches that it is in, and stays in, multiply its speed with; `own` is the parameter elsewhere."""
+        found = 1.0
+        for corners, low, high in self.patches:
+            points = np.array(corners)
+            edges = np.roll(points, -1, axis=0) - points
+            inward = (self.pose[:2] - points) @ np.array([[0.0, -1.0], [1.0, 0.0]])
+            depth = (edges * inward).sum(axis=1) / np.hypot(*edges.T)
+            if float(depth.min()) > max(high / own, 1.0) * way:
+                drawn = low + self.random.random() * (high - low)
+                found = {"plus": high, "minus": low}.get(self.adversary.slip, drawn) / own
+        return found
 
     def _disturbed(
         self, command: Floats, own: tuple[float, float], model: float, part: float
@@ -196,14 +244,15 @@ class Body:
                 return np.array([-1.0, 1.0, -1.0, 1.0, 1.0]) * (-1.0 if number % 2 else 1.0)
         return self.random.uniform(-1, 1, 5)
 
-    def future(self, commands: Callable[[float], Floats], parts: int, drift: str, slip: str) -> Floats:
+    def future(self, commands: Callable[[int], Floats], parts: int, drift: str, slip: str) -> Floats:
         """Where it goes from now on if it does its worst otherwise, shape (parts + 1, 3)."""
-        other = replace(self, pose=self.pose.copy(), track=[])
+        begun = self.begun + len(self.track) - 1
+        other = replace(self, pose=self.pose.copy(), track=[], begun=begun, shifts=dict(self.shifts))
         now = self.now
         values = {name: self.parameter(name, now) for name in self.ranges}
         other.adversary = Adversary(values, drift, slip, seed=self.adversary.seed)
-        for k in range(parts):
-            other.drive(commands(now + (k + 0.5) * self.step / PARTS))
+        for _ in range(parts):
+            other.drive(commands)
         return np.array(other.track)
 
 

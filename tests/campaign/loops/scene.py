@@ -56,6 +56,7 @@ class Scene:
     timer: str = "none"
     solids: tuple[tuple[tuple[float, float], ...], ...] = ()
     bounds: dict[str, float] = field(default_factory=dict)
+    patches: tuple[tuple[tuple[tuple[float, float], ...], float, float], ...] = ()
 
     @property
     def duration(self) -> float:
@@ -133,6 +134,21 @@ def make(seed: int, index: int) -> Scene:
     ]
     family = next((name for name, is_so in families if is_so), "plain")
     return replace(scene, family=family, spread=0.02 if uncertain else 0.0, timer=timer)
+
+
+def late(seed: int, index: int) -> Scene:
+    """The loop of a number with robots that may be late, and sometimes mud on their way."""
+    scene, rng = make(seed, index), np.random.default_rng([seed, index, 1])
+    bounds = {"delay": scene.step * float(rng.choice([0.0, 0.3, 1.0, 1.7])), "jitter": 0.0}
+    if rng.random() < 0.5:
+        bounds["jitter"] = scene.step * float(rng.choice([0.05, 0.2]))
+    patches: list[tuple[tuple[tuple[float, float], ...], float, float]] = []
+    for _ in range(int(rng.integers(0, 3))):
+        at = nominal(scene)[int(rng.integers(2, len(scene.controls))), :2] + rng.uniform(-0.2, 0.2, 2)
+        shape = at + rng.uniform(0.1, 0.4) * _polygon(rng)
+        low = float(rng.uniform(0.5, 0.95))
+        patches.append((tuple((float(x), float(y)) for x, y in shape), low, low + float(rng.uniform(0.0, 0.5))))
+    return replace(scene, family="late or muddy", bounds={**scene.bounds, **bounds}, patches=tuple(patches))
 
 
 def nominal(scene: Scene) -> Floats:

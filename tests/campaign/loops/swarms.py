@@ -52,9 +52,8 @@ def _tracks(scene: Scene, controls: Floats) -> list[Floats]:
     for value in np.linspace(low, high, MEMBERS):
         adversary = Adversary({name: float(value)})
         body = body_of(scene, adversary, np.array([*scene.position, scene.heading]))
-        for command in controls:
-            for _ in range(PARTS):
-                body.drive(command)
+        for _ in range(len(controls) * PARTS):
+            body.drive(dict(enumerate(controls)).__getitem__)
         tracks.append(np.array(body.track))
     return tracks
 

@@ -14,12 +14,14 @@ from .configs import FILES
 from .controls import CONTROLS
 from .judge import judge
 from .robot import Adversary, Body, bounced, moved
-from .scene import make
+from .scene import late, make
 from .tables import page
 
 CHUNKS, SIZE = 4, 4
 UNCERTAIN = 5
 """Batches of five robots with errors of the model."""
+LATE = 5
+"""Batches of two whose commands may be late, and on terrain."""
 QUICK = (
     "drift and errors of the model left out",
     "a held heading taken for exact",
@@ -43,6 +45,13 @@ def test_what_loops_say_of_robots_with_errors_of_the_model_is_so(chunk: int) -> 
         judged = judge(scene)
         assert judged is not None
         assert judged.faults == (), scene
+
+
+@pytest.mark.parametrize("chunk", quick(range(LATE), 0))
+def test_what_loops_say_of_robots_that_are_late_or_on_terrain_is_so(chunk: int) -> None:
+    for index in range(chunk * 2, chunk * 2 + 2):
+        judged = judge(late(7, index))
+        assert judged is None or judged.faults == (), index
 
 
 def test_a_measurement_after_more_than_a_horizon_breaks_nothing() -> None:

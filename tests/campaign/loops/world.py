@@ -26,6 +26,7 @@ from ensemble_ctrl.planning.online.propagation import Errors
 from ensemble_ctrl.planning.online.step import Step
 from ensemble_ctrl.problem import Objective, Problem
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.terrain import Patch
 from ensemble_ctrl.problem.uncertainty import Uncertainty
 from ensemble_ctrl.systems import ArcSystem, Bicycle, Unicycle
 
@@ -57,6 +58,10 @@ def problem_of(scene: Scene) -> Problem:
         {name: (Obstacle.polygon(np.array(shape)),) for name, shape in scene.obstacles.items()},
         {name: Motion.steady(velocity, scene.duration) for name, velocity in scene.velocities.items()},
         Objective(1.0, effort=0.1),
+        terrain={
+            f"mud{k}": Patch((Obstacle.polygon(np.array(corners)),), {"linear_traction": (low, high)})
+            for k, (corners, low, high) in enumerate(scene.patches)
+        },
     )
 
 
@@ -68,6 +73,8 @@ def bounds_of(scene: Scene, system: ArcSystem) -> Uncertainty:
         {first: bounds["first"], second: bounds["second"]},
         {first: bounds["share"], second: bounds["share"]},
         varies=dict.fromkeys(scene.parameters, bounds["stray"]),
+        delay=bounds["delay"],
+        jitter=bounds["jitter"],
         heading_hold=bounds["hold"] or None,
     )
 
@@ -125,7 +132,7 @@ class World:
             if part == 0:
                 self.carried_out.append(command)
             for name, body in self.bodies.items():
-                body.drive(command)
+                body.drive(lambda n: self.commands.get(n, np.zeros(2)))
                 self.cameras[name].look()
             self._come()
 
@@ -175,7 +182,7 @@ def body_of(scene: Scene, adversary: Adversary, pose: Floats) -> Body:
         v, turn = rates(scene, command)[0]
         return float(v), float(turn)
 
-    return Body(adversary, scene.parameters, scene.errors, scene.step, pose, scene.bounds, asked)
+    return Body(adversary, scene.parameters, scene.errors, scene.step, pose, scene.bounds, asked, patches=scene.patches)
 
 
 def world_of(scene: Scene) -> World:

@@ -181,6 +181,7 @@ def test_headings_about_half_a_turn_are_intersected_on_the_circle() -> None:
     fleet = problem_of("G avoid(obstacles)", 0.5, 1.5).fleet
     sets = Membership(fleet, Errors(0.01, 0.1))
     commands = Commands(fleet, controls, 0.1)
+    sets.turns = sets.aways = np.zeros(3)
     sets.times, sets.places = np.array([0.0, 0.1, 3.6]), np.array([0.0, 0.0, complex(*truth(3.6)[:2])])
     sets.headings = np.array([np.pi - 0.04, -np.pi + 0.04, truth(3.6)[2]])
     pose = sets.pose(commands, 7.1)
@@ -220,7 +221,10 @@ def test_drift_counts_from_a_measurement_between_grid_times() -> None:
     truth = driven(straight(4.0, 1.0), 1.0, lambda t: 1 + 0.05 * max(t - 0.5, 0.0), lambda t: 1.0)
     departed = truth(4.0)[0] - truth(1.0)[0] - 3.0
     assert departed == pytest.approx(0.3, abs=1e-3)
-    assert departed <= loop.trackers["robot"].departures(straight(3.0, 1.0), 1)[-1] + 1e-6 < 0.38  # with jumps
+    tracker = loop.trackers["robot"]
+    start = tracker.onset(1)
+    assert start is not None
+    assert departed <= tracker.departures(straight(3.0, 1.0), 1, start)[-1] + 1e-6 < 0.38  # with jumps
 
 
 @pytest.mark.parametrize(("begin", "end"), [(0.7, 1.0000000004), (0.6000000001, 0.9), (0.2, 1.4), (0.3, 1 / 3)])

@@ -7,6 +7,7 @@ from time import process_time
 import numpy as np
 import pytest
 
+from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.driver import drive
 from ensemble_ctrl.planning.online.loop import Receding
@@ -17,6 +18,7 @@ from ensemble_ctrl.planning.online.settings import OnlineSettings, RobotSettings
 from ensemble_ctrl.planning.online.simulated import Fixed, Flaws, SimulatedRobot
 from ensemble_ctrl.planning.online.simulated_errors import ErrorKind, SimulatedErrors
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.problem.terrain import Patch
 from ensemble_ctrl.problem.uncertainty import Uncertainty
 from ensemble_ctrl.systems import Bicycle, Unicycle
 from tests.examples import quick
@@ -94,6 +96,37 @@ def test_a_robot_that_stands_is_not_moved() -> None:
     assert (robot.pose == 0).all()
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_commands_come_late_by_one_delay_and_by_less_than_the_jitter(kind: str) -> None:
+    bounds, controls = Uncertainty(delay=0.25, jitter=0.02), np.array([[1.0, 0.0], [0.0, 0.0]] * 10)
+    for seed in range(4):
+        robot = driven(fleet_of(bounds), np.concatenate([controls, np.zeros((3, 2))]), kind, seed)
+        assert robot.errors is not None
+        assert 0 <= robot.errors.delay <= 0.25
+        # it drives in every second step, a little longer or shorter than that takes
+        moves = np.flatnonzero(np.diff(np.array(robot.track)[:, 0]) > 0)
+        first = moves[0] / 100
+        assert -0.021 - 0.01 <= first - robot.errors.delay <= 0.021
+        assert abs(robot.pose[0] - 1.0) <= 10 * 2 * 0.02 + 1e-9
+
+
+def test_on_a_patch_it_has_what_the_patch_allows() -> None:
+    mud = {"mud": Patch((Obstacle.box([[0.5, 1.0], [-1.0, 1.0]]),), {"traction": (0.5, 0.8)})}
+    speeds = set()
+    for seed in range(6):
+        off = SimulatedErrors(FLEET, 0.1, "constant", seed, mud)
+        robot = SimulatedRobot(FLEET.arcs, np.zeros(2), 0.0, 0.1, Fixed(1.1, 1.1), Flaws(), seed, off)
+        robot.send(0.0, np.array([[1.0, 0.0]] * 20))
+        robot.wait(2.0)
+        x = np.array(robot.track)[:, 0]
+        rate = np.diff(x) / 0.01
+        inside = (x[:-1] > 0.52) & (x[1:] < 0.98)
+        assert rate[(x[1:] < 0.5) | (x[:-1] > 1.0)] == pytest.approx(1.1)
+        assert np.ptp(rate[inside]) < 1e-9
+        speeds.add(round(float(rate[inside][0]), 9))
+    assert speeds == {0.5, 1.1}
+
+
 # --- sets
 
 
@@ -114,6 +147,26 @@ def test_the_pose_is_in_the_set_whatever_the_errors(kind: str, hold: float | Non
             assert pose is not None
             assert (np.abs(true[:2] - pose.position) <= pose.half).all()
             assert abs(true[2] - pose.heading) <= pose.turn
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("hold", [None, 0.3])
+def test_a_robot_that_is_late_is_in_the_sets(kind: str, hold: float | None) -> None:
+    bounds = BOUNDS.with_(heading_hold=hold, delay=0.17, jitter=0.03)
+    fleet, rng = fleet_of(bounds), np.random.default_rng(4)
+    controls = np.repeat(rng.uniform([-0.2, -0.8], [1.0, 0.8], (20, 2)), 3, axis=0)
+    for seed in range(3):
+        robot = driven(fleet, controls, kind, seed, 0.95)
+        sets, commands = Membership(fleet, Errors(0.002, 0.005)), Commands(fleet, controls, 0.1)
+        for k in range(0, 60, 4):
+            seen = robot.track[10 * k] + rng.uniform(-1, 1, 3) * [0.002, 0.002, 0.005]
+            assert sets.observe(commands, 0.1 * k, seen[:2], float(seen[2]))
+            assert sets.ranges[0, 0] <= 0.95 <= sets.ranges[0, 1]
+            for at in (k, min(k + 5, 60), k // 2):
+                pose, true = sets.present(commands, 0.1 * at), robot.track[10 * at]
+                assert pose is not None
+                assert (np.abs(true[:2] - pose.position) <= pose.half).all()
+                assert abs(true[2] - pose.heading) <= pose.turn
 
 
 def test_a_held_heading_stays_known() -> None:
@@ -144,6 +197,39 @@ def test_robots_with_errors_hit_nothing_and_contradict_nothing(chunk: int) -> No
         assert loop.holds
         assert outcome.ending in ("success", "finished")
         assert clearance(problem, fleet.robots["robot"]) > 0
+
+
+@pytest.mark.parametrize("chunk", quick(range(2), 2))
+def test_loops_prove_what_late_robots_on_terrain_do(chunk: int) -> None:
+    """Gravel across the way and mud beside it: all plans are proven, and no robot comes closer than that."""
+    late = Uncertainty({"position": 0.005}, delay=0.04, jitter=0.002) if chunk % 2 else Uncertainty()
+    terrain = {
+        "gravel": Patch((Obstacle.box([[0.4, 0.6], [-2.0, 2.0]]),), {"linear_traction": (0.8, 1.0)}),
+        "mud": Patch((Obstacle.box([[0.9, 1.3], [0.7, 2.0]]),), {"traction": (0.4, 1.2)}),
+    }
+    problem = SHORT.with_(fleet=FLEET.with_(uncertainty=late), terrain=terrain)
+    for seed in range(2):
+        settings = OnlineSettings(options(), {"robot": RobotSettings(seed=seed, errors=KINDS[seed + 1])})
+        fleet = settings.simulated(problem)
+        loop, robot = Receding(problem, options(), plan(), process_time), fleet.robots["robot"]
+        outcome = drive(loop, fleet, fleet)
+        assert loop.holds
+        assert outcome.ending == "success"
+        assert clearance(problem, robot) > max(step.clearance for step in outcome.steps[:1])
+        begin = round(outcome.start / 0.1)
+        for k, pose in enumerate(loop.trackers["robot"].past):
+            true = robot.track[10 * (begin + k)]
+            assert (np.abs(true[:2] - pose.position) <= pose.half).all()
+            assert abs(true[2] - pose.heading) <= pose.turn
+
+
+def test_a_patch_beside_the_way_is_kept_out_of() -> None:
+    """As an obstacle of the program, for no proof: one that the plan crosses is not."""
+    mud = Patch((Obstacle.box([[0.9, 1.3], [0.7, 2.0]]),), {"traction": (0.4, 1.2)})
+    gravel = Patch((Obstacle.box([[0.4, 0.6], [-2.0, 2.0]]),), {"linear_traction": (0.8, 1.0)})
+    loop = Receding(SHORT.with_(terrain={"mud": mud, "gravel": gravel}), options(), plan())
+    assert loop.trackers["robot"].kept_out == {"mud"}
+    assert "mud" not in loop.problem.obstacles
 
 
 def test_a_robot_with_larger_errors_than_assumed_is_noticed() -> None:

@@ -95,18 +95,19 @@ class RobotSection(Model):
     drifting: DriftSection | None = None
     """Factors that vary as a sine."""
     terrain: list[PatchSection] = Field(default_factory=list)
-    """Patches of ground, each `{region: {box: ...}, traction: ...}`; the first that holds the robot counts."""
+    """Patches of its own in place of the problem's `terrain`, each `{region: {box: ...}, traction: ...}`, unknown
+    to the loop. The first that holds the robot counts."""
     noise: NoiseSection | None = None
     """Actual measurement errors, uniform; by default as large as assumed."""
     delay: Delay | None = None
     """Latency of the measurements; 0.1 s by default."""
     command_delay: Delay = 0.0
-    """Latency of the commands."""
+    """Latency of the commands, beside that of `fleet.uncertainty`, of which the loop does not know."""
     errors: ErrorKind = "random"
     """How its errors go within the bounds of `fleet.uncertainty`: uniform in each step; `bang-bang`, at the bounds with
     a change of sign every 3 s or so; `constant`, at the bounds for good; `none`. On arcs only."""
     uncertainty: UncertaintySection | None = None
-    """Bounds of its errors in place of the fleet's, larger ones too. On arcs only; without delay and jitter."""
+    """Bounds of its errors in place of the fleet's, larger ones too. On arcs only."""
     saturation: Magnitudes | None = None
     """Saturation: largest absolute value of each command."""
     quantum: Magnitudes | None = None
@@ -133,14 +134,10 @@ class RobotSection(Model):
         return RobotSettings(self._factors(), self._flaws(errors), seed, self.errors, bounds, self.parameters)
 
     def _bounds(self, given: UncertaintySection, system: System) -> Uncertainty:
-        """Those of its errors, of which a simulation on arcs has all but those of times."""
+        """Those of its errors, which a simulation on arcs has."""
         if not system.on_arcs:
             raise FieldError(f"expected none, since a simulated {system.name} follows its model", path=("uncertainty",))
-        bounds = read_bounds(given, system)
-        for name in ("delay", "jitter"):
-            if getattr(bounds, name):
-                raise FieldError("expected none for a simulated robot", "use command_delay", ("uncertainty", name))
-        return bounds
+        return read_bounds(given, system)
 
     def _factors(self) -> Factors | None:
         """The true factors, if any are given."""

@@ -31,9 +31,6 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
         yield Finding(("task",), message, "plan it as a whole, without online")
     yield from _findings_of_errors(problem)
     yield from _findings_of_obstacles(problem)
-    if problem.terrain:
-        message = f"expected no terrain, which the sets of a loop do not count, got {', '.join(problem.terrain)}"
-        yield Finding(("terrain",), message, "plan it offline, or keep out of it: make it an obstacle")
     if problem.least_duration is not None:
         yield Finding(("horizon", "duration"), "a free duration is not for a loop", "give one, 16 s say")
     if problem.objective.earliest is not None:
@@ -52,11 +49,6 @@ def _findings_of_errors(problem: Problem) -> Iterator[Finding]:
     if bounds and not problem.fleet.system.on_arcs:
         message = f"a loop of the {problem.fleet.system.name} does not count errors of the model"
         yield Finding(path, message, "loops of robots on arcs do")
-        return
-    for name in ("delay", "jitter"):
-        if getattr(bounds, name):
-            message = f"a loop does not count a {name} of commands, got {getattr(bounds, name):g} s"
-            yield Finding((*path, name), message)
 
 
 def _findings_of_obstacles(problem: Problem) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.ocp.disturbance import growth_on_arcs
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import PoseSet, swung
-from ensemble_ctrl.planning.online.remaining import Progress, read_anew, remaining, with_ranges
+from ensemble_ctrl.planning.online.remaining import Progress, on_plain_ground, read_anew, remaining, with_ranges
 from ensemble_ctrl.planning.online.tracker import Tracker
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
@@ -76,7 +76,8 @@ class Followed:
             return read_anew(problem, begin, pose, ranges, self.tracker.onwards)
         sent, at = len(self.tracker.sent), self.progress.at
         # sets at the grid times up to `begin`; after the commands that were sent it stands in `pose`
-        until = [(self.pose(k) if k <= sent else None) or pose for k in range(at, begin + 1)]
+        late = self.tracker.delay > 0
+        until = [(self.pose(k) if k <= sent or late else None) or pose for k in range(at, begin + 1)]
         left = self.progress.after(until, self.tracker.bulge).left
         return remaining(problem, begin, left, pose, ranges, self.tracker.onwards)
 
@@ -101,9 +102,10 @@ class Followed:
         soon : int
             Step after which what errors and drift may add is measured before it matters.
         """
-        slip = self.tracker.departures(controls, begin)
+        slip = self.tracker.departures(controls, begin, pose, planned=True)
         if self.tracker.onwards:
-            problem, fleet = self.tracker.problem, self.fleet.with_(uncertainty=self.tracker.onwards)
+            # terrain is in the departures
+            problem, fleet = on_plain_ground(self.tracker.problem), self.fleet.with_(uncertainty=self.tracker.onwards)
             slip = slip + growth_on_arcs(problem, fleet, controls, problem.step).within
         # away + 2 sin(turn / 2) |p(t) - p(0)|, and what errors and drift add until they are measured
         grown = pose.away + swung(pose.turn) * np.linalg.norm(middle - pose.position, axis=1)

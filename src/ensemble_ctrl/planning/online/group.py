@@ -11,17 +11,19 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set, together
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.ocp.online import InitialCondition
+from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram
+from ensemble_ctrl.ocp.terrain import crossed
 from ensemble_ctrl.planning.online.evidence import NOTHING, Evidence
 from ensemble_ctrl.planning.online.followed import Followed
 from ensemble_ctrl.planning.online.mapped import with_map
 from ensemble_ctrl.planning.online.measurement import Measurement, Seen
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import PoseSet
-from ensemble_ctrl.planning.online.remaining import for_a_while
+from ensemble_ctrl.planning.online.remaining import for_a_while, on_plain_ground
 from ensemble_ctrl.planning.online.step import Work
 from ensemble_ctrl.planning.online.tracker import Tracker
 from ensemble_ctrl.planning.planner import solve
+from ensemble_ctrl.planning.planner.patches import kept_out
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks import require_sound
 from ensemble_ctrl.problem.specification import AvoidConstraint
@@ -56,6 +58,7 @@ class RobotGroup:
         if not names or len(set(names)) < len(names) or not all(names):
             raise ProblemError(f"robots: expected different names, at least one, got {list(names)}")
         self.problem, self.options = problem, options
+        self._planned = problem  # what the program is of
         self.robots = {name: Followed(problem, options) for name in names}
         self.base, self.elapsed = 0, 0.0
         self._events: list[str] = []
@@ -143,6 +146,15 @@ class RobotGroup:
             for parameter, (low, high) in zip(tracker.sets.names, tracker.ranges, strict=True)
         }
 
+    def _program(self, plan: Floats) -> OnlineProgram:
+        """The program of the loop, which keeps out of patches of terrain that the plan does not cross."""
+        names = frozenset(self.problem.terrain) - frozenset(crossed(self.problem, plan))
+        around = kept_out(self.problem, names) if names else None
+        self._planned = self.problem if around is None else around
+        for tracker in self.trackers.values():
+            tracker.kept_out = frozenset() if around is None else names
+        return OnlineProgram.of(self._planned, plan, self.options.order)
+
     # --- where things stand; grid times count from the base
 
     def _now(self) -> tuple[int, Poses]:
@@ -152,7 +164,7 @@ class RobotGroup:
         """
         # sets of poses of all robots at one grid time, by measurements before and after it
         k = max(tracker.at for tracker in self.trackers.values())
-        found = {name: robot.pose(k) for name, robot in self.robots.items()}
+        found = {name: robot.tracker.onset(k) for name, robot in self.robots.items()}
         poses = {name: pose for name, pose in found.items() if pose is not None}
         return k - self.base, poses if len(poses) == len(found) else {}
 
@@ -177,8 +189,9 @@ class RobotGroup:
     def _avoided(self) -> tuple[AvoidConstraint, ...]:
         """What to keep out of, on the grid's clock."""
         gone = self.base * self.problem.step
-        motions = {name: motion.later(gone) for name, motion in self.problem.motions.items()}
-        problem = with_map(self.problem, self.problem.obstacles, motions) if gone and motions else self.problem
+        planned = self._planned
+        motions = {name: motion.later(gone) for name, motion in planned.motions.items()}
+        problem = with_map(planned, planned.obstacles, motions) if gone and motions else planned
         return problem.specification.avoid
 
     def _middle(self, coefficients: Floats, controls: Floats) -> Floats:
@@ -222,13 +235,11 @@ class RobotGroup:
 
     def _shown(self, rests: Mapping[str, Problem], ahead: Floats, at: int, poses: Poses) -> SetCertificate:
         """What is proven of commands from a grid time on for what is left."""
-        departures = {name: self.robots[name].tracker.departures(ahead, self.base + at) for name in poses}
-        return together(
-            {
-                name: certify_set(rests[name], ahead, pose.away, pose.turn, departures[name])
-                for name, pose in poses.items()
-            }
-        )
+        found = {}
+        for name, pose in poses.items():
+            departures = self.robots[name].tracker.departures(ahead, self.base + at, pose)
+            found[name] = certify_set(on_plain_ground(rests[name]), ahead, pose.away, pose.turn, departures)
+        return together(found)
 
     def _from_here(self, begin: int, plan: Floats, work: Work) -> Floats | None:
         """`plan` with other commands, from the planner, that start at step `begin`; None if it finds none."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.certificate.remaining import SetCertificate
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.values import expect
-from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram, Timer
+from ensemble_ctrl.ocp.online import InitialCondition, Timer
 from ensemble_ctrl.planning.online.evidence import NOTHING, Evidence
 from ensemble_ctrl.planning.online.measurement import Measurement, Seen
 from ensemble_ctrl.planning.online.obstacles import ChangingMap
@@ -104,7 +104,7 @@ class Receding(ChangingMap):
         if plan.shape != (problem.steps, 2) or not np.isfinite(plan).all():
             raise ProblemError(f"controls: expected finite numbers of shape ({problem.steps}, 2), got {plan.shape}")
         self.plan: Floats = plan
-        self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
+        self.program = self._program(self.plan)
         self.history: list[Step] = []
         self.stopped, self.alarmed = "", False
         self._evidence, self._final = NOTHING, False
@@ -261,7 +261,7 @@ class Receding(ChangingMap):
 
     def _replaced(self, event: str, harmless: bool) -> None:
         """The map is another: plan on it; where something could be in the way, what is planned is proven anew."""
-        self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
+        self.program = self._program(self.plan)
         self._events.append(event)
         if not harmless:
             self._evidence = NOTHING if self.stopped else self._proof(self.plan, Work(self.timer))

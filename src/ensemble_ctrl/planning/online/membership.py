@@ -12,6 +12,9 @@ The first bounds the factor b on the turn rate, the second, which no heading ent
 of them the pose at k.  Every pair of the newest measurement with an older one is used: the bounds are intersected, so
 the set of consistent values only shrinks, but for what a parameter may drift.
 
+A robot that may be late (`ensemble_ctrl.planning.online.lateness`) is known by its undelayed self, times of which these
+are: a measurement is of such a time, with the larger errors of the pose that follow from not knowing it.
+
 The errors hold the measurements' own, and what drift and actuators may add on the way
 (`ensemble_ctrl.planning.online.propagation`, which also gives the poses).  *Guarantee*: as long as all of these are
 within their bounds, the true values are never excluded; an empty set therefore shows that some assumption is wrong.
@@ -24,8 +27,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.planning.online.lateness import behind
 from ensemble_ctrl.planning.online.propagation import (
-    UP,
     Commands,
     Errors,
     Factors,
@@ -34,6 +37,7 @@ from ensemble_ctrl.planning.online.propagation import (
     propagated,
     wrapped,
 )
+from ensemble_ctrl.planning.online.slips import UP
 from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
@@ -65,6 +69,7 @@ class Membership:
         """Forget all measurements, and assume `ranges`, shape (parameters, 2)."""
         self.assumed, self.ranges = np.array(ranges, dtype=float), np.array(ranges, dtype=float)
         self.times, self.places, self.headings = np.zeros(0), np.zeros(0, dtype=complex), np.zeros(0)
+        self.turns, self.aways = np.zeros(0), np.zeros(0)  # by how much measurements are off for an unknown delay
 
     @property
     def factors(self) -> tuple[Floats, Floats]:
@@ -84,6 +89,7 @@ class Membership:
         position, heading
             Metres and radians, from +x counter-clockwise.
         """
+        time, turn, away = behind(commands, self.fleet.uncertainty.delay, self.known.most, time)
         if len(self.times):
             # factors drift by at most d per second: the ranges widen, never beyond the assumed ones
             spread = self.errors.drift * (time - self.times[-1])
@@ -95,21 +101,47 @@ class Membership:
         self.times = np.append(self.times, time)
         self.places = np.append(self.places, complex(*position))
         self.headings = np.append(self.headings, heading)
+        self.turns, self.aways = np.append(self.turns, turn), np.append(self.aways, away)
         for _ in range(ROUNDS):
             if not (self._turns(commands) and self._ways(commands)):
                 return False
         return self.pose(commands, time) is not None
 
     def pose(self, commands: Commands, time: float) -> PoseSet | None:
-        """The set of poses at a time, by all measurements before and after it; None if it is empty."""
-        return propagated(commands, self.errors, self.known, self.times, self.places, self.headings, time)
+        """The set of poses at a time, by all measurements before and after it; None if it is empty.
+
+        Of a robot that may be late, it is of its undelayed self.
+        """
+        more = self.turns, self.aways
+        return propagated(commands, self.errors, self.known, self.times, self.places, self.headings, time, more)
+
+    def present(self, commands: Commands, time: float) -> PoseSet | None:
+        """The set of poses of the robot itself at a time; None if it is empty."""
+        own, turn, away = behind(commands, self.fleet.uncertainty.delay, self.known.most, time)
+        found = self.pose(commands, own)
+        return found if found is None else found.widened(turn, away)
 
     @property
     def known(self) -> Factors:
         """The factors at the last measurement."""
-        linear, angular = self.factors
+        return self.of_ranges(self.ranges)
+
+    def of_ranges(self, ranges: Floats) -> Factors:
+        """The factors at the last measurement of a robot with parameters in some ranges, shape (parameters, 2)."""
+        linear, angular = (self._factor(ranges, place) for place in (0, 1))
         most = [float(np.abs(self._factor(self.assumed, place)).max()) for place in (0, 1)]
         return Factors(float(self.times[-1]) if len(self.times) else 0.0, linear, angular, (most[0], most[1]))
+
+    def pieces(self, width: float, most: int) -> list[Floats]:
+        """The ranges, cut along the parameter of the speed into pieces of about some width."""
+        column = np.flatnonzero(self.directions[:, 0])
+        if not len(column):
+            return [self.ranges]
+        low, high = self.ranges[column[0]].tolist()
+        ends = np.linspace(low, high, min(max(int(np.ceil((high - low) / width)), 1), most) + 1)
+        found = np.tile(self.ranges, (len(ends) - 1, 1, 1))
+        found[:, column[0]] = np.stack([ends[:-1], ends[1:]], axis=1)
+        return list(found)
 
     def _turns(self, commands: Commands) -> bool:
         """Intersect the range of the factor on the turn rate; False if it becomes empty."""
@@ -119,7 +151,7 @@ class Membership:
         # theta_k - theta_j = b Omega_jk + error, |error| <= 2 e_theta + slip: intervals of b for each older j
         turned, slip = here[-1] - here[:-1], self._departed(commands)[0]
         seen = wrapped(self.headings[-1] - self.headings[:-1] - b * turned) + b * turned
-        error = 2 * self.errors.heading + slip + UP
+        error = 2 * self.errors.heading + self.turns[-1] + self.turns[:-1] + slip + UP
         # only pairs where the angle is unique modulo 2 pi
         sure = ((b1 - b0) / 2 * np.abs(turned) + error < np.pi) & (np.abs(turned) > 1e-6)
         seen, turned, error = seen[sure], turned[sure], error[sure]
@@ -135,7 +167,8 @@ class Membership:
         reach = np.abs(W[-1] - W[:-1])
         swing = commands.swing(self.times[:-1], time, float(here[-1]))
         seen = np.abs(self.places[-1] - self.places[:-1])
-        error = 2 * np.sqrt(2.0) * self.errors.position + self._departed(commands)[1] + UP
+        late = self.aways[-1] + self.aways[:-1]
+        error = 2 * np.sqrt(2.0) * self.errors.position + late + self._departed(commands)[1] + UP
         longest, shortest = reach + db * swing + UP, reach - db * swing - UP
         # intersect over j: a >= (seen - error) / longest and a <= (seen + error) / shortest
         low = ((seen - error) / longest).max(initial=-np.inf)

@@ -24,14 +24,14 @@ from numpy.typing import NDArray
 
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
-from ensemble_ctrl.planning.online.slips import Slips
+from ensemble_ctrl.planning.online.slips import UP, Slips
 from ensemble_ctrl.problem.fleet import Fleet
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-UP = 1e-9
-"""By how much every bound is widened for rounding: metres and radians, and the factors relatively."""
+NOWHERE = (0.0, 0.0)
+"""No radians and no metres more."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,10 @@ class PoseSet:
         """Largest distance of a place in the set from its middle, metres."""
         return float(np.hypot(*self.half))
 
+    def widened(self, turn: float, away: float) -> PoseSet:
+        """All poses that are up to so many radians and metres from one of the set."""
+        return PoseSet(self.position, self.half + away, self.heading, self.turn + turn)
+
 
 @dataclass(frozen=True, eq=False)
 class Factors:
@@ -122,15 +126,17 @@ class Commands:
         From time 0 on; after them the robot stands.
     step : float
         Seconds.
+    strays : ndarray, shape (2, steps), optional
+        By how much terrain may change the factors on speed and turn rate in each step.
     """
 
-    def __init__(self, fleet: Fleet, controls: Floats, step: float) -> None:
+    def __init__(self, fleet: Fleet, controls: Floats, step: float, strays: Floats | None = None) -> None:
         self.step, system = step, fleet.arcs
         sign = 1.0 if system.heading_from == "x" else -1.0
         # rates of each step, turning counter-clockwise, 0 after the last; Omega at the begin of each
         controls = np.asarray(controls, dtype=float).reshape(-1, 2)
         v, omega = system.rates(*controls.T)
-        self.slips = Slips.of(fleet, controls)
+        self.slips = Slips.of(fleet, controls, step, strays)
         self.v, self.omega = np.append(v, 0.0), np.append(sign * omega, 0.0)
         self.grid = step * np.arange(len(self.v))
         self.turned = step * np.concatenate([[0.0], np.cumsum(self.omega)[:-1]])
@@ -171,6 +177,23 @@ class Commands:
             for rate in (self.slips.speed, self.slips.turn_rate)
         )
         return speed, turn_rate
+
+    def jumps(self, since: Floats, until: Floats) -> tuple[Floats, Floats]:
+        """What early and late commands may add between times in any order, m and rad for factors of one."""
+        if not (jitter := self.slips.jitter):
+            return np.zeros(len(until)), np.zeros(len(until))
+        # all beginnings of steps in [since - J, until + J]
+        low, high = np.minimum(since, until) - jitter, np.maximum(since, until) + jitter
+        first = np.clip(np.ceil(low / self.step - 1e-6), 0, len(self.v)).astype(np.int64)
+        last = np.clip(np.floor(high / self.step + 1e-6) + 1, 0, len(self.v)).astype(np.int64)
+        sums = (np.concatenate([[0.0], np.cumsum(each)]) for each in (self.slips.speed_jumps, self.slips.turn_jumps))
+        speed, turn_rate = (total[np.maximum(first, last)] - total[first] for total in sums)
+        return speed, turn_rate
+
+    def grounds(self, since: Floats, until: Floats) -> tuple[Floats, Floats]:
+        """What terrain may add between times in any order, metres and radians."""
+        place, heading = (np.abs(self._total(rate, until) - self._total(rate, since)) for rate in self.slips.ground)
+        return place, heading
 
     def swing(self, begin: Floats, end: float, about: float) -> Floats:
         """Upper bounds of the integrals of ``|v| |turned - about|`` between some times and one, in any order."""
@@ -238,7 +261,8 @@ def departure(
         + |a(T)|\,\min(\delta\theta, 2) \int |v|\,d\tau
 
     where the prime adds half a control step: factors may also change in jumps, one a step. A robot that holds its
-    heading has another second term (`Slips.turned`).
+    heading has another second term (`Slips.turned`). Early and late commands add their jumps to `A` and `B`, and
+    terrain what it may, which no certificate of the loop counts.
     """
     since, until = np.asarray(since, dtype=float), np.asarray(until, dtype=float)
     if not (errors.drift or commands.slips):
@@ -251,13 +275,16 @@ def departure(
     v_lag, omega_lag = commands.weighted(since, until, factors.time)
     way, turn = commands.driven(since, until)
     slipped, swerved = commands.slipped(since, until)
+    jumps, jumps_of_turn = commands.jumps(since, until)
     heading, place = errors.drift * (omega_lag + jump * turn), errors.drift * (v_lag + jump * way)
     if beyond:
-        heading = heading + np.maximum(b - sharpest, 0.0) * swerved
-        place = place + np.maximum(a - fastest, 0.0) * slipped
+        heading = heading + np.maximum(b - sharpest, 0.0) * (swerved + jumps_of_turn)
+        place = place + np.maximum(a - fastest, 0.0) * (slipped + jumps)
     else:
-        heading = heading + slips.turned(b, swerved, span, factors.most[1])
-        place = place + a * slipped + slips.place * span
+        heading = heading + slips.turned(b, swerved, span, factors.most[1]) + b * jumps_of_turn
+        place = place + a * (slipped + jumps) + slips.place * span
+    strayed, swayed = commands.grounds(since, until)
+    heading, place = heading + swayed, place + strayed
     return heading, np.asarray(place + fastest * np.minimum(heading, 2.0) * way)
 
 
@@ -269,6 +296,7 @@ def propagated(
     places: Complexes,
     headings: Floats,
     time: float,
+    more: tuple[Floats | float, Floats | float] = NOWHERE,
 ) -> PoseSet | None:
     r"""The set of poses at a time that is consistent with measurements at others, earlier or later.
 
@@ -282,6 +310,8 @@ def propagated(
         Measured, radians from +x.
     time : float
         Seconds.
+    more : tuple
+        Radians and metres by which each measurement may be off beyond its errors, each of shape (measurements,).
 
     Returns
     -------
@@ -299,7 +329,7 @@ def propagated(
     here, W = commands.at(np.append(times, time), b)
     turned = here[-1] - here[:-1]
     # each measurement's arc of headings: theta_j + b (Omega(t) - Omega(t_j)); the set is their intersection
-    found = common_arc(headings + b * turned, errors.heading + db * np.abs(turned) + slip_turn + UP)
+    found = common_arc(headings + b * turned, errors.heading + more[0] + db * np.abs(turned) + slip_turn + UP)
     if found is None:
         return None
     middle, half = found
@@ -309,7 +339,7 @@ def propagated(
     # error of each guess: measurement, departure, a's half range, b's swing, and the heading's swing over the way
     swing = commands.swing(times, time, float(here[-1]))
     way, _ = commands.driven(times, until)
-    error = errors.position + slip + da * np.abs(reach) + np.abs(a1) * (db * swing + swung(half) * way)
+    error = errors.position + more[1] + slip + da * np.abs(reach) + np.abs(a1) * (db * swing + swung(half) * way)
     guess, error = places + moved, error + UP * (1 + np.abs(places))
     sides = []
     # intersect the boxes of all measurements, coordinate by coordinate

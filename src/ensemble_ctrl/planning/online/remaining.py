@@ -290,6 +290,15 @@ def read_anew(
     return _placed(problem, fleet, begin * problem.step, problem.task, problem.duration, problem.steps)
 
 
+def on_plain_ground(problem: Problem) -> Problem:
+    """The problem without terrain, which a loop counts by itself, unchecked."""
+    if not problem.terrain:
+        return problem
+    changed = copy(problem)
+    object.__setattr__(changed, "terrain", MappingProxyType({}))
+    return changed
+
+
 def for_a_while(problem: Problem, steps: int) -> Problem:
     """Only what must be kept out of during the first steps."""
     end = steps * problem.step

@@ -10,7 +10,7 @@ import numpy as np
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.planning.online.options import OnlineOptions
-from ensemble_ctrl.planning.online.simulated import Factors, Fixed, Flaws, SimulatedFleet, SimulatedRobot
+from ensemble_ctrl.planning.online.simulated import Factors, Fixed, Flaws, SimulatedFleet, SimulatedRobot, Terrain
 from ensemble_ctrl.planning.online.simulated_errors import ErrorKind, SimulatedErrors
 from ensemble_ctrl.planning.online.simulated_obstacles import ObstacleSettings
 from ensemble_ctrl.planning.online.simulated_states import SimulatedStates
@@ -91,9 +91,13 @@ class OnlineSettings:
         errors = self.options.errors
         flaws = robot.flaws or Flaws(errors.position, errors.heading, 0.1)
         bounds = fleet.uncertainty if robot.uncertainty is None else robot.uncertainty
-        off = SimulatedErrors(fleet.with_(uncertainty=bounds), problem.step, robot.errors, robot.seed)
+        # patches of its own are in its factors
+        terrain = {} if isinstance(factors, Terrain) else problem.terrain
+        off = SimulatedErrors(fleet.with_(uncertainty=bounds), problem.step, robot.errors, robot.seed, terrain)
         start = np.array(fleet.start_place), fleet.heading
-        return SimulatedRobot(fleet.arcs, *start, problem.step, factors, flaws, robot.seed, off if bounds else None)
+        return SimulatedRobot(
+            fleet.arcs, *start, problem.step, factors, flaws, robot.seed, off if bounds or terrain else None
+        )
 
     def with_robots(self, traction: float | None = None, seed: int | None = None) -> OnlineSettings:
         """The same with another true traction of all robots, or another seed of the first, from which others count."""

@@ -201,34 +201,64 @@ class SimulatedRobot:
 
     def _drive(self) -> None:
         """Move for one part of a step."""
-        # the command that is due now, late by the delay; errors are constant in each step
-        due = (self._parts * self.step / FINE - self.flaws.command_delay) / self.step
         if self._parts % FINE == 0 and self.errors is not None:
-            self.errors.advance()
-        command = self._commands.get(int(np.floor(due + 1e-9)))
-        if command is not None:
-            self._move(self._carried_out(command), self.step / FINE)
+            self.errors.advance()  # errors are constant in each step
+        now, end = self.now(), (self._parts + 1) * self.step / FINE
+        while now < end:
+            # the command that has begun, and the one that the model carries out; they change by the next beginnings
+            due, meant = self._due(now, True), self._due(now, False)
+            until = min(end, *(t for t in (self._begin(due + 1, True), self._begin(meant + 1, False)) if t > now))
+            self._move(self._commands.get(due), self._commands.get(meant), now, until - now)
+            now = until
         self._parts += 1
         self.track.append(self.pose.copy())
 
-    def _move(self, command: Floats, span: float) -> None:
+    def _begin(self, n: int, shifted: bool) -> float:
+        """When the commands of a step begin, seconds."""
+        late = self.flaws.command_delay
+        if self.errors is not None:
+            late += self.errors.delay + (self.errors.shift(n) if shifted else 0.0)
+        return n * self.step + late
+
+    def _due(self, now: float, shifted: bool) -> int:
+        """The last step whose commands have begun."""
+        n = int(np.floor((now - self._begin(0, False)) / self.step + 1e-9))
+        # begun early, or not yet
+        found = [k for k in (n - 1, n, n + 1) if self._begin(k, shifted) <= now + 1e-9 * self.step]
+        return found[-1] if found else n - 1
+
+    def _move(self, command: Floats | None, meant: Floats | None, now: float, span: float) -> None:
         """Carry a command out for some seconds; a robot that is told to stand stands."""
-        v, omega = map(float, self.system.rates(*command))
-        if not (v or omega):
-            return
         sign = 1.0 if self.system.heading_from == "x" else -1.0
-        a, b = self.factors(self.now(), self.pose[:2])
+        v, omega = self._rates(command)
+        a, b = self.factors(now, self.pose[:2])
+        model = b * sign * self._rates(meant)[1]
+        if not (v or omega):
+            if self.errors is not None:
+                self.errors.stands(model, span)
+            return
         if self.errors is None:
             self.pose = moved(self.pose, a * v, b * sign * omega, span)
             return
         # rates with their errors; what a loop on the heading holds is that of the model, b omega
-        off_v, off_omega = map(float, self.system.rates(*self.errors.command(command)))
+        assert command is not None
+        off_v, off_omega = map(float, self.system.rates(*self.errors.command(self._carried_out(command))))
         stray_a, stray_b = self.errors.strays()
         push = self.errors.pushes()
-        model = b * sign * omega
-        turned = self.errors.turn(model, b * sign * stray_b * off_omega - model + sign * push[2], span)
-        self.pose = moved(self.pose, a * stray_a * off_v, turned / span, span)
+        way = (abs(a * stray_a * off_v) + float(np.hypot(*push[:2]))) * span
+        more_a, more_b = self.errors.grounds(self.pose[:2], way, (a, b))
+        if abs(more_a) > 1.0:  # faster on the patch: it may leave it after all
+            more_a, more_b = self.errors.grounds(self.pose[:2], abs(more_a) * way, (a, b))
+        turned = self.errors.turn(model, b * sign * stray_b * more_b * off_omega - model + sign * push[2], span)
+        self.pose = moved(self.pose, a * stray_a * more_a * off_v, turned / span, span)
         self.pose[:2] += push[:2] * span
+
+    def _rates(self, command: Floats | None) -> tuple[float, float]:
+        """Speed and turn rate of a command as the actuators understand it; none without one."""
+        if command is None:
+            return 0.0, 0.0
+        v, omega = map(float, self.system.rates(*self._carried_out(command)))
+        return v, omega
 
     def _carried_out(self, command: Floats) -> Floats:
         """A command as the actuators understand it."""

@@ -103,6 +103,9 @@ class Swarm:
         names = problem.fleet.names
         if len(names) != 1 or names != self.problem.fleet.names:  # where a robot starts is not measured
             raise ProblemError(f"swarm: expected a fleet with one factor, got {', '.join(names)}")
+        late = problem.fleet.uncertainty
+        if late.delay or late.jitter or problem.terrain:
+            raise ProblemError("swarm: expected a fleet without terrain, delay and jitter, which its sets do not count")
         self.plan = solve(self.problem).controls if controls is None else np.array(controls, dtype=float)
         self.program = OnlineProgram.of(self.problem, self.plan, self.options.order)
         self.assumed = float(self.problem.fleet.lower[0]), float(self.problem.fleet.upper[0])

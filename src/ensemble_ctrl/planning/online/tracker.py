@@ -8,9 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.planning.online.ground import Ground
+from ensemble_ctrl.planning.online.lateness import lags
 from ensemble_ctrl.planning.online.measurement import Measurement
 from ensemble_ctrl.planning.online.membership import Membership
 from ensemble_ctrl.planning.online.propagation import Commands, Errors, Factors, PoseSet, departure
+from ensemble_ctrl.planning.online.slips import fastest
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.uncertainty import Uncertainty
 
@@ -20,6 +23,8 @@ WIDER = 1.5
 """Factor by which ranges grow when no parameters in them fit the measurements."""
 SLOWEST = 0.05
 """Smallest factor that ranges may grow to."""
+PIECE, PIECES = 0.01, 16
+"""Width of the pieces of a range for which contact with patches of terrain is decided, and the most of them."""
 NEAR = 1e-6
 """Share of a step by which a time may miss a grid time."""
 
@@ -49,6 +54,8 @@ class Tracker:
         False once measurements contradicted what was assumed; it stays so.
     widened : int
         How often ranges had to grow.
+    kept_out : frozenset of str
+        Patches of terrain that the program keeps out of.
     """
 
     def __init__(self, problem: Problem, errors: Errors, learn: bool) -> None:
@@ -58,6 +65,9 @@ class Tracker:
         self.past: list[PoseSet] = []
         self.last: Measurement | None = None
         self.holds, self.widened = True, 0
+        self.kept_out: frozenset[str] = frozenset()
+        self._ground = Ground(problem)
+        self._marks = self._ground.nowhere(0)
         self._commands = Commands(problem.fleet, self.sent, problem.step)
 
     @property
@@ -73,12 +83,13 @@ class Tracker:
     def send(self, controls: Floats) -> None:
         """Some more commands were given out."""
         self.sent = np.concatenate([self.sent, controls])
-        self._commands = Commands(self.problem.fleet, self.sent, self.problem.step)
+        self._marks = np.concatenate([self._marks, ~self._ground.nowhere(len(controls))], axis=1)
+        self._look_ahead()
 
     def recall(self, begin: int) -> None:
         """Commands from step `begin` on, which is not past, will not be carried out."""
-        self.sent = self.sent[:begin]
-        self._commands = Commands(self.problem.fleet, self.sent, self.problem.step)
+        self.sent, self._marks = self.sent[:begin], self._marks[:, :begin]
+        self._look_ahead()
 
     def observe(self, measurement: Measurement) -> list[str]:
         """Learn from a measurement; returns what was out of the ordinary."""
@@ -90,6 +101,8 @@ class Tracker:
         gap = self._past(self.sets, measurement.time) if self._seen(measurement) else None
         if gap is None:
             self.holds = False
+            # it may have been anywhere in the step in which it was seen again
+            self._marks[:, int(max(measurement.time - self.delay, 0.0) / self.problem.step) :] = True
             self.past += self._past(before, measurement.time - NEAR * self.problem.step) or []
             events.append(self._contradicted(before, measurement))
             self._seen(measurement)
@@ -98,53 +111,116 @@ class Tracker:
             self.sets.ranges = self.sets.assumed.copy()
         self.past += gap
         self.last = measurement
+        if self._ground:
+            self._look_ahead()
         return events
 
     def pose(self, time: float) -> PoseSet | None:
         """The set of poses at a time; None before the first measurement."""
-        return self.sets.pose(self._commands, time) if len(self.sets.times) else None
+        return self._present(self.sets, time) if len(self.sets.times) else None
+
+    def onset(self, k: int) -> PoseSet | None:
+        """The set of poses from which commands lead on at a grid time: of the robot, or of its undelayed self."""
+        if not self.delay and k < len(self.past):
+            return self.past[k]
+        return self.sets.pose(self._commands, k * self.problem.step) if len(self.sets.times) else None
+
+    @property
+    def delay(self) -> float:
+        """By how much the robot may be late, seconds."""
+        return self.problem.fleet.uncertainty.delay
 
     @property
     def at(self) -> int:
         """The first grid time from the newest measurement on."""
         return min(int(np.ceil(self.time / self.problem.step - NEAR)), len(self.sent))
 
-    def departures(self, controls: Floats, begin: int, beyond: bool = True) -> Floats:
+    def departures(
+        self, controls: Floats, begin: int, pose: PoseSet, beyond: bool = True, planned: bool = False
+    ) -> Floats:
         """Metres by which the robot may be led away in each step of `controls`, from the grid time `begin` on.
 
-        They count from that time, at which the pose is known, and drift from the last measurement, at which the factors
-        are. What a certificate with the errors of `onwards` counts is left out, unless it is not `beyond` that.
+        They count from that time, at which it, or its undelayed self, is in `pose`, and drift from the last
+        measurement, at which the factors are known. What terrain and a delay may add is in them. What a certificate
+        with the errors of `onwards` counts is left out, unless it is not `beyond` that. For what is `planned`, patches
+        that the program keeps out of do not count.
         """
-        step, known = self.problem.step, self.sets.known
-        # times relative to the grid time from which the pose is propagated
-        later = replace(known, time=known.time - begin * step)
+        ground = Ground(self.problem, self.kept_out) if planned else self._ground
+        step, sets = self.problem.step, self.sets
         until: Floats = np.asarray(step * np.arange(1, len(controls) + 1), dtype=float)
-        ahead = Commands(self.problem.fleet, controls, step)
-        return departure(ahead, self.errors, later, np.zeros(len(until)), until, beyond)[1]
+        found, met = np.zeros(len(controls)), ground.nowhere(len(controls))
+        for ranges in sets.pieces(PIECE, PIECES) if ground else [sets.ranges]:
+            known = sets.of_ranges(ranges)
+            # times relative to the grid time from which the pose is propagated
+            later, own = replace(known, time=known.time - begin * step), self._own(ranges)
+            nowhere = ground.nowhere(len(controls))
+            marks = ground.marked(controls, nowhere, own, (self.errors, later), pose, 0.0)
+            ahead = ground.commands(controls, marks, own)
+            led = departure(ahead, self.errors, later, np.zeros(len(until)), until, beyond)[1]
+            found, met = np.maximum(found, led), met | marks
+        if not self.delay:
+            return found
+        whole = np.concatenate([self.sent[:begin], controls])
+        before = ground.nowhere(begin) if planned else self._marks[:, :begin]
+        driven = ground.commands(whole, np.concatenate([before, met], axis=1), self._own(sets.ranges))
+        return found + lags(driven, self.delay, sets.known.most, begin, len(controls))
 
     @property
     def onwards(self) -> Uncertainty:
         """Bounds for a robot of which the pose is known, but not how far a loop has let its heading go.
 
         From then on the heading departs by ``e(t) - e(0)``, whose rate is that of ``e`` and at most ``|e(0)| / tau``
-        more.
+        more. They are of an undelayed self: what a delay adds is in `departures`.
         """
-        bounds = self.problem.fleet.uncertainty
+        bounds = self.problem.fleet.uncertainty.with_(delay=0.0)
         if bounds.heading_hold is None:
             return bounds
-        worst = self._commands.slips.worst(self.sets.known.most[1])
+        worst = self._commands.slips.let_go(self.sets.known.most[1])
         heading = bounds.disturbance.get("heading", 0.0) + worst
         return bounds.with_(disturbance={**bounds.disturbance, "heading": heading})
 
     def bulge(self, k: int) -> float:
         """Metres by which the robot may leave the segment between the places at grid times `k` and ``k + 1``."""
         step, commands, (a, b) = self.problem.step, self._commands, self.sets.known.most
-        n = min(k, len(commands.v) - 1)
+        since = max(k * step - self.delay, 0.0)
+        n, last = (min(i, len(commands.v) - 1) for i in (int(since / step + NEAR), k))
+        v, omega = commands.v[n : last + 1], commands.omega[n : last + 1]
         # sagitta of the arc, h^2/8 a b |v omega|, and a departure from both ends of the segment
-        arc = step**2 / 8 * a * b * abs(commands.v[n] * commands.omega[n])
+        arc = step**2 / 8 * a * b * abs(v[-1] * omega[-1])
+        if self.delay:
+            # of commands that may change on the way: h/4 times what the velocity changes by, also from standing
+            v = np.append(v, 0.0) if k * step < self.delay else v
+            turned = min(b * step * float(np.abs(omega).max()), 2.0)
+            arc = step / 4 * a * (float(np.ptp(v)) + float(np.abs(v).max()) * turned)
         here = Factors(k * step, np.array([-a, a]), np.array([-b, b]), (a, b))
-        ends = np.array([k * step]), np.array([(k + 1) * step])
+        ends = np.array([since]), np.array([(k + 1) * step])
         return float(arc + 2 * departure(commands, self.errors, here, *ends)[1][0])
+
+    def _present(self, sets: Membership, time: float) -> PoseSet | None:
+        """The set of poses at a time, by some sets; commands that are not sent yet may begin early."""
+        found, jitter = sets.present(self._commands, time), self.problem.fleet.uncertainty.jitter
+        if found is None or time + jitter < (len(self.sent) - NEAR) * self.problem.step:
+            return found
+        # J times the fastest rates, with their errors, that a command can ask for
+        v, omega = fastest(self.problem.fleet)
+        a, b = sets.known.most
+        return found.widened(jitter * b * omega, jitter * a * v)
+
+    def _own(self, ranges: Floats) -> dict[str, tuple[float, float]]:
+        """Ranges of the robot's own parameters at all times, by those of the last measurement."""
+        ends = self.sets.assumed if self.errors.drift else ranges
+        return {name: (float(low), float(high)) for name, (low, high) in zip(self.sets.names, ends, strict=True)}
+
+    def _look_ahead(self) -> None:
+        """Decide anew in which steps from the last measurement on the robot may be in patches of terrain."""
+        own, sets = self._own(self.ranges), self.sets
+        self._commands = self._ground.commands(self.sent, self._marks, own)
+        if not self._ground or not len(sets.times):
+            return
+        time = float(sets.times[-1])
+        if (pose := sets.pose(self._commands, time)) is not None:
+            self._marks = self._ground.marked(self.sent, self._marks, own, (self.errors, sets.known), pose, time)
+            self._commands = self._ground.commands(self.sent, self._marks, own)
 
     def _refused(self, measurement: Measurement) -> str | None:
         """Why a measurement can't be used; empty for one that was seen before."""
@@ -168,13 +244,13 @@ class Tracker:
         step, first = self.problem.step, len(self.past)
         count = max(int(np.floor(until / step + NEAR)) + 1 - first, 0)
         # sets at grid times from measurements on both sides of them
-        found = [sets.pose(self._commands, k * step) for k in range(first, first + count)] if len(sets.times) else []
+        found = [self._present(sets, k * step) for k in range(first, first + count)] if len(sets.times) else []
         poses = [pose for pose in found if pose is not None]
         return poses if len(poses) == len(found) else None
 
     def _contradicted(self, before: Membership, measurement: Measurement) -> str:
         """No parameters fit: start again, with the same ranges after a jump and with wider ones otherwise."""
-        expected = before.pose(self._commands, measurement.time) if len(before.times) else None
+        expected = self._present(before, measurement.time) if len(before.times) else None
         if expected is not None and self._jumped(expected, measurement):
             self.sets.restart(self.sets.assumed)
             return "the robot is where it can't have driven to: it was moved, or measured wrongly"

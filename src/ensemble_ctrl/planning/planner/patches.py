@@ -49,7 +49,7 @@ def across_or_round(strategy: Strategy, search: Search, problem: Problem, guess:
     """
     found = [] if guess is None else [_timed(strategy, search, problem, guess)]
     for names in islice(_sets(list(problem.terrain)), MOST):
-        around = _round(problem, names)
+        around = kept_out(problem, names)
         start = None if around is None or search.over() else _by_routes(replace(search, problem=around), around)
         if around is None or start is None:
             continue
@@ -91,15 +91,15 @@ def _rank(found: Solution) -> tuple[bool, bool, float, float]:
     return (not is_proven(found.certificate), *rank(found.attempt))
 
 
-def _round(problem: Problem, names: Collection[str]) -> Problem | None:
+def kept_out(problem: Problem, names: Collection[str]) -> Problem | None:
     """The problem with patches as obstacles; None where that can't be, as at the start."""
     if not names:
         return problem
     patches = {name: problem.terrain[name].pieces for name in sorted(names)}
     rest = {name: patch for name, patch in problem.terrain.items() if name not in names}
-    task = And((problem.task, *(Always(Avoid(name)) for name in patches)))
     how = {"verify": replace(problem.verify, certificate=False), "solve": replace(problem.solve, method="nlp")}
     try:
+        task = And((problem.task, *(Always(Avoid(name)) for name in patches)))
         return problem.with_(obstacles={**problem.obstacles, **patches}, terrain=rest, task=task, **how)
     except ProblemError:
         return None
