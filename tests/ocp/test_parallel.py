@@ -65,7 +65,9 @@ def test_a_large_result_arrives_whole() -> None:
     assert results == [bytes([i]) * 1_000_000 for i in range(3)]
 
 
-def test_every_iteration_is_told() -> None:
+@pytest.mark.parametrize(("pause", "told"), [(0.0, 20), (60.0, 1)])
+def test_iterations_are_told_with_a_pause_between(monkeypatch: pytest.MonkeyPatch, pause: float, told: int) -> None:
+    monkeypatch.setattr(parallel, "PAUSE", pause)
     seen: list[tuple[int, int]] = []
 
     def work(_: int, watch: Watch) -> None:
@@ -77,7 +79,19 @@ def test_every_iteration_is_told() -> None:
         return False
 
     parallel.each(work, 3, tell, plenty)
-    assert sorted(seen) == [(candidate, count) for candidate in range(3) for count in range(20)]
+    assert sorted(seen) == [(candidate, count) for candidate in range(3) for count in range(told)]
+
+
+def test_the_solver_is_loaded_before_processes_are_forked() -> None:
+    code = """
+from pathlib import Path
+from ensemble_ctrl.ocp import parallel
+libraries = lambda _: "libipopt" in Path("/proc/self/maps").read_text()
+print(libraries(None), parallel.alone(libraries, lambda _: False, lambda: 60.0))
+"""
+    environment = {**os.environ, "PYTHONPATH": str(SOURCES)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout == "False True\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])

@@ -1,9 +1,9 @@
 """Independent solves side by side, each in a process of its own: CasADi and IPOPT hold state of their whole process.
 
-A forked process starts with everything that is loaded here, so nothing is sent to it; it sends its iterations and
-last its result through a pipe.  Nothing interrupts CasADi while it builds a program, which takes long for very long
-horizons: the process that builds is ended instead, so that time limits and Ctrl-C are kept.  Where there is no safe
-fork, the solves run one after another in this process.
+A forked process starts with everything that is loaded here, the solver too, so nothing is sent to it; it sends its
+iterations and last its result through a pipe.  Nothing interrupts CasADi while it builds a program, which takes long
+for very long horizons: the process that builds is ended instead, so that time limits and Ctrl-C are kept.  Where there
+is no safe fork, the solves run one after another in this process.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from typing import Any, Generic, TypeVar
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import WorkerError
 from ensemble_ctrl.core.jobs.lifetime import end_with
-from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch, reserve
+from ensemble_ctrl.ocp.solvers import BUILDING, Iteration, Watch, preload, reserve
 
 T = TypeVar("T")
 Work = Callable[[int, Watch], T]
@@ -40,6 +40,8 @@ GRACE = 5.0
 """Seconds that a process is given to end by itself, once it should."""
 SILENCE = 1.0
 """Seconds after which a process that says nothing is told of again, so that whoever listens may stop it."""
+PAUSE = 0.02
+"""Seconds between two iterations that a process tells of: those of small programs are shorter."""
 LENGTH = struct.Struct("!Q")
 """How the length of a message is written before it."""
 
@@ -54,8 +56,8 @@ def each(work: Work[T], count: int, tell: Tell, left: Callable[[], float]) -> li
     count : int
         Number of candidates.
     tell : callable
-        Told of every iteration, and about once a second where there is none: of the last one again, or `BUILDING`.
-        Returning True asks all to stop with what they have, and no more are begun.
+        Told of iterations, no more often than every `PAUSE` seconds, and about once a second where there is none: of
+        the last one again, or `BUILDING`. Returning True asks all to stop with what they have, and no more are begun.
     left : callable
         Seconds that are left.
 
@@ -78,6 +80,7 @@ def each(work: Work[T], count: int, tell: Tell, left: Callable[[], float]) -> li
     """
     most = workers(count)
     if most > 0:
+        preload()
         return _Pool(work, count, tell, left, most).run()
     found = _Found[T](count)
     stopped = False
@@ -299,8 +302,13 @@ def _live(work: Work[Any], candidate: int, into: int, stop: mmap.mmap, parent: i
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
         end_with(parent)
 
+        last = -PAUSE
+
         def watch(iteration: Iteration) -> bool:
-            _send(into, "iteration", iteration)
+            nonlocal last
+            if time.monotonic() - last >= PAUSE:
+                last = time.monotonic()
+                _send(into, "iteration", iteration)
             return stop[0] != 0
 
         try:

@@ -15,7 +15,7 @@ from ensemble_ctrl.ocp.solvers.base import (
     solve,
 )
 from ensemble_ctrl.ocp.solvers.bonmin import Bonmin
-from ensemble_ctrl.ocp.solvers.ipopt import Ipopt, reserve
+from ensemble_ctrl.ocp.solvers.ipopt import Ipopt, preload, reserve
 from ensemble_ctrl.ocp.solvers.sqp import Sqp
 
 SOLVERS.update({"ipopt": Ipopt(), "sqp": Sqp(), "bonmin": Bonmin()})
@@ -35,6 +35,7 @@ __all__ = [
     "Status",
     "Watch",
     "named",
+    "preload",
     "reserve",
     "solve",
 ]

@@ -14,7 +14,7 @@ from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.ocp.chance import ranges
 from ensemble_ctrl.ocp.rounds import Attempt, improve, rank, start, with_work
-from ensemble_ctrl.ocp.truncation import Truncation, choose, coarse, nominal, raised, tail
+from ensemble_ctrl.ocp.truncation import Truncation, choose, coarse, nominal, points, raised, tail
 from ensemble_ctrl.planning.planner.grids import refined
 from ensemble_ctrl.planning.planner.proving import CLOSE, certified_with_margin, is_proven
 from ensemble_ctrl.planning.planner.search import Search
@@ -44,6 +44,8 @@ def coarse_all(search: Search, guesses: list[Floats], shares: tuple[float, ...] 
     """
     problem = search.problem
     truncation, boxes = coarse(problem), ranges(problem)
+    if guesses:  # what evaluations need of bases and rules is made once, before processes are forked
+        points(problem, guesses[0], truncation)
 
     def work(own: Search, candidate: int) -> Attempt:
         controls, tries = guesses[candidate], []
