@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.motion import Motion
 from ensemble_ctrl.files.config import load
-from ensemble_ctrl.ocp.chance import AHEAD, map_size, reach
+from ensemble_ctrl.ocp import chance
+from ensemble_ctrl.ocp.chance import AHEAD, all_hyperplanes, map_size, reach
 from ensemble_ctrl.ocp.hyperplanes import separate
+from ensemble_ctrl.ocp.truncation import coarse, occupied
 from ensemble_ctrl.problem.specification import AvoidConstraint
 from tests.examples import examples
 from tests.paths import CONFIGS
@@ -116,3 +118,20 @@ def test_only_what_is_close_is_constrained_among_many_obstacles() -> None:
     assert reach(few, curve) == 0.15 * map_size(few, curve)
     fastest = float(few.fleet.input_upper[0])
     assert reach(many, curve) == AHEAD * fastest * few.duration < 0.15 * map_size(many, curve)
+
+
+def test_hyperplanes_are_looked_for_once_for_the_same_curve_and_anew_for_another() -> None:
+    problem = load(CONFIGS / "five_obstacles.yaml")
+    truncation, controls = coarse(problem), np.full((32, 2), 0.3)
+    curve = occupied(problem, controls, truncation)
+    first = all_hyperplanes(problem, truncation, curve, 1.0, controls)
+    assert all_hyperplanes(problem, truncation, curve.copy(), 1.0, controls.copy()) is first
+    curve += 0.5  # in place: what was found before is of the curve as it was
+    again = all_hyperplanes(problem, truncation, curve, 1.0, controls)
+    fresh = chance._all_hyperplanes(problem, truncation, curve, 1.0, controls)
+    assert (again.gap == fresh.gap).all()
+    assert (again.gap != first.gap).any()
+    for others in ((problem, coarse(problem), curve, 1.0), (problem, truncation, curve, 0.5), (problem.with_(),)):
+        args = (*others, *(problem, truncation, curve, 1.0)[len(others) :], controls)
+        assert all_hyperplanes(*args) is not again
+        again = all_hyperplanes(problem, truncation, curve, 1.0, controls)

@@ -74,6 +74,26 @@ def check(route: Route, pieces: Sequence[Obstacle]) -> None:
         assert line.distance(shapely.Polygon(piece.vertices)) >= 0.9 * CLEARANCE - 1e-6
 
 
+@examples(30)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.floats(0.01, 0.5))
+def test_shadows_hide_only_what_is_hit(seed: int, count: int, clearance: float) -> None:
+    pieces = random_boxes(seed, count)
+    corners = np.array([START, GOAL, *module._corners(pieces, clearance)])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "MANY", 0)
+        hidden = module._shadowed(corners, pieces, 0.9 * clearance)
+        found = module._visible_lengths(corners, pieces, clearance)
+        patch.setattr(module, "MANY", count + 1)
+        without = module._visible_lengths(corners, pieces, clearance)
+    assert hidden.any()
+    assert not hidden.diagonal().any()
+    assert (found == without).all()
+    # shapely: what is hidden meets the inside of a grown piece
+    inside = shapely.union_all([grown(piece, 0.9 * clearance) for piece in pieces]).buffer(-1e-9)
+    for i, j in np.argwhere(hidden).tolist():
+        assert shapely.LineString(corners[[i, j]]).intersects(inside)
+
+
 def test_a_square_is_passed_on_both_sides() -> None:
     start, goal = np.array([-2.0, 0.0]), np.array([2.0, 0.0])
     below, above = routes(start, goal, [Obstacle.box([[-1, 1], [-1, 2]])], 0.1, 2)

@@ -10,6 +10,7 @@ distribution, and its lower and upper ends.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,6 +133,32 @@ def reach(problem: Problem, curve: Floats) -> float:
     return min(far, AHEAD * fastest * problem.duration)
 
 
+@dataclass(eq=False)
+class _Last:
+    """The hyperplanes that were looked for last: a round begins at the controls that the one before it evaluated."""
+
+    problem: Problem | None = None
+    truncation: Truncation | None = None
+    arrays: tuple[Floats | None, ...] = ()
+    near: float = np.inf
+    found: Hyperplanes | None = None
+
+    def of(
+        self, problem: Problem, truncation: Truncation, near: float, arrays: tuple[Floats | None, ...]
+    ) -> Hyperplanes | None:
+        """They, if they were looked for with the same arguments."""
+        same = self.problem is problem and self.truncation is truncation and self.near == near
+        return self.found if same and all(_alike(a, b) for a, b in zip(self.arrays, arrays, strict=True)) else None
+
+
+def _alike(a: Floats | None, b: Floats | None) -> bool:
+    """Whether both are the same numbers, or both are missing."""
+    return a is b if a is None or b is None else np.array_equal(a, b)
+
+
+_LAST = _Last()
+
+
 def all_hyperplanes(
     problem: Problem, truncation: Truncation, curve: Floats, near: float = np.inf, controls: Floats | None = None
 ) -> Hyperplanes:
@@ -139,9 +166,23 @@ def all_hyperplanes(
 
     Errors of the model under `controls` are in their supports and gaps.
     """
+    found = _LAST.of(problem, truncation, near, (curve, controls))
+    if found is None:
+        found = _all_hyperplanes(problem, truncation, curve, near, controls)
+        copies = (curve.copy(), None if controls is None else controls.copy())
+        vars(_LAST).update(problem=problem, truncation=truncation, near=near, arrays=copies, found=found)
+    return found
+
+
+def _all_hyperplanes(
+    problem: Problem, truncation: Truncation, curve: Floats, near: float, controls: Floats | None
+) -> Hyperplanes:
+    """The same, looked for anew."""
     errors = None if controls is None else growth(problem, controls)
     if errors is not None:
-        return all_hyperplanes(problem, truncation, curve, near + float(errors.within.max())).grown(errors.within)
+        return _all_hyperplanes(problem, truncation, curve, near + float(errors.within.max()), None).grown(
+            errors.within
+        )
     shift = problem.fleet.shift
     found = body_hyperplanes(problem, curve, problem.specification.avoid, truncation.parts, near)
     if truncation.within is None:

@@ -23,6 +23,8 @@ Word = tuple[int, ...]
 
 LONGEST = 2.5
 """Routes without loops end at this many times the length of the shortest."""
+MANY, SECTORS = 20, 1024
+"""From how many pieces on shadows are looked at first, and in how many sectors round each corner."""
 EXPANSIONS = 20_000
 """Largest number of search states taken up in one search."""
 
@@ -247,8 +249,8 @@ def _clear_points(points: Floats, pieces: Sequence[Obstacle], clearance: float) 
 
 def _visible_lengths(corners: Floats, pieces: Sequence[Obstacle], clearance: float) -> Floats:
     """Length of each straight connection, infinite where an obstacle (grown by most of the clearance) is hit."""
-    # visibility graph: lengths of pairs that see each other; boxes first, then the segment test
-    i, j = np.triu_indices(len(corners), 1)
+    # visibility graph: lengths of pairs that see each other; shadows and boxes first, then the segment test
+    i, j = np.nonzero(np.triu(~_shadowed(corners, pieces, 0.9 * clearance), 1))
     a, b = corners[i], corners[j]
     low, high = np.minimum(a, b).T, np.maximum(a, b).T
     blocked = np.zeros(len(i), dtype=bool)
@@ -262,6 +264,39 @@ def _visible_lengths(corners: Floats, pieces: Sequence[Obstacle], clearance: flo
     lengths = np.full((len(corners), len(corners)), np.inf)
     lengths[i, j] = lengths[j, i] = np.where(blocked, np.inf, np.linalg.norm(b - a, axis=1))
     return lengths
+
+
+def _shadowed(corners: Floats, pieces: Sequence[Obstacle], grown: float) -> NDArray[np.bool_]:
+    """Pairs that are hidden from each other by a disc inside of a grown piece: most pairs, among many pieces.
+
+    Each corner sees as far in a direction as to the nearest disc that covers all of its sector.
+    """
+    hidden = np.zeros((len(corners), len(corners)), dtype=bool)
+    if len(pieces) < MANY:
+        return hidden
+    middles = np.array([piece.vertices.mean(axis=0) for piece in pieces])
+    radius = 0.99 * np.array([_inradius(piece, middle) + grown for piece, middle in zip(pieces, middles, strict=True)])
+    width = 2 * np.pi / SECTORS
+    for k, corner in enumerate(corners):
+        away, others = middles - corner, corners - corner
+        far = np.hypot(*away.T)
+        discs = far > radius
+        # sectors wholly within the angle asin(r / d) to either side of the disc's middle
+        angle, half = np.arctan2(away[discs, 1], away[discs, 0]), np.arcsin(radius[discs] / far[discs])
+        first, last = np.ceil((angle - half) / width).astype(int), np.floor((angle + half) / width).astype(int)
+        wide = np.maximum(last - first, 0)
+        place = np.arange(wide.sum()) - np.repeat(np.cumsum(wide) - wide, wide) + np.repeat(first, wide)
+        depth = np.full(SECTORS, np.inf)
+        np.minimum.at(depth, place % SECTORS, np.repeat(far[discs], wide))
+        # behind the disc's middle the segment passes through the disc
+        sector = np.floor(np.arctan2(others[:, 1], others[:, 0]) / width).astype(int) % SECTORS
+        hidden[k] = np.hypot(*others.T) > depth[sector]
+    return hidden
+
+
+def _inradius(piece: Obstacle, middle: Floats) -> float:
+    """Distance from a point inside of a convex piece to its nearest side."""
+    return float(((piece.A @ middle - piece.b) / np.linalg.norm(piece.A, axis=1)).min())
 
 
 def _box(piece: Obstacle, grown: float) -> tuple[Floats, Floats]:

@@ -6,7 +6,7 @@ import mmap
 import os
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -37,8 +37,8 @@ LINEAR: dict[str, object] = {
     "mumps_scaling": 0,
     "min_refinement_steps": 0,
 }
-"""How MUMPS factorises: approximate minimum degree, neither permuted nor scaled by values (IPOPT's rows are scaled), and
-refined only where the residual is too large. The iterates are the same as by default, up to rounding."""
+"""How MUMPS factorises: ordered by approximate minimum degree, neither permuted nor scaled by values (IPOPT scales the
+rows), and refined only where the residual is too large. The iterates are those of the defaults, up to rounding."""
 _reserved: set[int] = set()
 """Processes that have taken it: this one, and those that it was forked from."""
 
@@ -65,9 +65,8 @@ def reserve() -> None:
 def preload() -> None:
     """Load IPOPT with its libraries, so that processes that are forked afterwards find them in memory."""
     reserve()
-    x = ca.SX.sym("x")
-    solver = ca.nlpsol("preload", "ipopt", {"x": x, "f": x**2}, _settings(SolverOptions()))
-    solver(x0=1.0)
+    x, settings = ca.SX.sym("x"), cast(Any, _settings(SolverOptions()))
+    ca.nlpsol("preload", "ipopt", {"x": x, "f": x**2}, settings)(x0=1.0)
 
 
 class Ipopt:

@@ -169,11 +169,10 @@ def _on_own_grid(found: Attempt, problem: Problem, search: Search) -> Attempt:
     controls = refined(found.controls, problem.steps)
     # one more moment while the truncated curve is further than TAIL_LIMIT from the true one
     truncation = replace(choose(problem, controls), within=found.truncation.within)
-    attempt = start(problem, controls, truncation)
     for _ in range(3):
         options = search.options(1e-3, 1e-3)
-        attempt = improve(problem, attempt.controls, truncation, FINE_ROUNDS, options, search.watch("solve"))
+        attempt = improve(problem, controls, truncation, FINE_ROUNDS, options, search.watch("solve"))
         if search.over() or tail(problem, attempt.controls, truncation) < TAIL_LIMIT:
             break
-        truncation = raised(truncation)
+        truncation, controls = raised(truncation), attempt.controls
     return attempt
