@@ -1,13 +1,18 @@
 """Time the planner against both hand-written programs, each in fresh processes, in turn.
 
-    python benchmarks/run.py [runs]
+    python benchmarks/run.py [runs] [--only TEXT ..] [--version-0-1 CHECKOUT]
 
 Takes, for each program, the median over `runs` (default 3) of the whole process's wall time, and the objective and the
-clearance of `fleet_problem.judge`; prints them, and keeps them for docs/benchmarks.md.
+clearance of `fleet_problem.judge`; prints them, and keeps them for docs/benchmarks.md. Then come the commands of
+`commands.COMMANDS`, each over the tuned program (route between the boxes) that runs in turn with it, beside the ratios
+of version 0.1, all kept for docs/performance.md. Nothing fails by being slow. `--only` leaves out the programs, and
+commands without one of these texts in their name; with `--version-0-1` the ratios are those of that checkout, and kept
+as version 0.1's.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import statistics
@@ -20,8 +25,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from commands import COMMANDS, spent
 from fleet_problem import judge
-from record import record
+from record import MEASURED, record
 from startup import started
 
 HERE = Path(__file__).parent
@@ -41,7 +47,19 @@ PROGRAMS = (
 
 def main() -> None:
     """Run everything, print it and keep it."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("runs", type=int, nargs="?", default=3)
+    parser.add_argument("--only", nargs="*", help="parts of names of commands")
+    parser.add_argument("--version-0-1", type=Path, metavar="CHECKOUT")
+    given = parser.parse_args()
+    if given.only is None and given.version_0_1 is None:
+        programs(given.runs)
+    for line in commands(given.version_0_1, given.only or [""], given.runs):
+        print(line, flush=True)
+
+
+def programs(runs: int) -> None:
+    """The hand-written programs and the planner's command."""
     with tempfile.TemporaryDirectory() as folder:
         timed = [
             [_turn(name, guess, script) for name, guess, script in PROGRAMS] + [_ours(folder)] for _ in range(runs)
@@ -56,9 +74,39 @@ def main() -> None:
     print("\n".join(ratios([min(turns, key=lambda turn: turn["processor"]) for turns in zip(*timed, strict=True)])))
 
 
+def commands(before: Path | None, only: list[str], runs: int) -> Iterator[str]:
+    """The processor time of each command over that of the tuned program, and version 0.1's, kept as it is measured."""
+    name = "commands" if before is None else "commands_0_1"
+    old = {row["command"]: row["ratio"] for row in _kept(MEASURED / "commands_0_1.json")}
+    rows = {row["command"]: row for row in _kept(MEASURED / f"{name}.json")}
+    for command in COMMANDS:
+        if not any(text in command for text in only):
+            continue
+        turns = [_beside_tuned(before or HERE.parent, command) for _ in range(runs)]
+        ours, tuned = (min(times) for times in zip(*turns, strict=True))
+        rows[command] = {"command": command, "seconds": ours, "tuned": tuned, "ratio": ours / tuned, "runs": runs}
+        if before is None and command in old:
+            rows[command]["version_0_1"] = old[command]
+        record(name, list(rows.values()))
+        yield f"{command} / tuned program: {ours / tuned:.2f}, version 0.1 {old.get(command, float('nan')):.2f}"
+
+
+def _kept(path: Path) -> list[Facts]:
+    """The rows of a file that a command wrote, none without one."""
+    rows: list[Facts] = json.loads(path.read_text(encoding="utf-8"))["rows"] if path.exists() else []
+    return rows
+
+
+def _beside_tuned(tree: Path, command: str) -> tuple[float, float]:
+    """Processor time of a command of a checkout, and of the tuned program right after it."""
+    with tempfile.TemporaryDirectory() as folder:
+        ours = spent(tree, command, Path(folder))
+    return ours, _run([sys.executable, str(HERE / "tuned_opti.py")])[1]
+
+
 def ratios(best: list[Facts]) -> Iterator[str]:
     """The command's processor time over that of each tuned program, now and in version 0.1."""
-    before = {row["guess"]: row["ratio"] for row in json.loads(VERSION_0_1.read_text(encoding="utf-8"))["rows"]}
+    before = {row["guess"]: row["ratio"] for row in _kept(VERSION_0_1)}
     *programs, ours = best
     for row in programs:
         if row["guess"] in before:

@@ -40,8 +40,6 @@ GRACE = 5.0
 """Seconds that a process is given to end by itself, once it should."""
 SILENCE = 1.0
 """Seconds after which a process that says nothing is told of again, so that whoever listens may stop it."""
-PAUSE = 0.02
-"""Seconds between two iterations that a process tells of: those of small programs are shorter."""
 LENGTH = struct.Struct("!Q")
 """How the length of a message is written before it."""
 
@@ -56,8 +54,8 @@ def each(work: Work[T], count: int, tell: Tell, left: Callable[[], float]) -> li
     count : int
         Number of candidates.
     tell : callable
-        Told of iterations, no more often than every `PAUSE` seconds, and about once a second where there is none: of
-        the last one again, or `BUILDING`. Returning True asks all to stop with what they have, and no more are begun.
+        Told of every iteration, and about once a second where there is none: of the last one again, or `BUILDING`.
+        Returning True asks all to stop with what they have, and no more are begun.
     left : callable
         Seconds that are left.
 
@@ -302,13 +300,8 @@ def _live(work: Work[Any], candidate: int, into: int, stop: mmap.mmap, parent: i
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
         end_with(parent)
 
-        last = -PAUSE
-
         def watch(iteration: Iteration) -> bool:
-            nonlocal last
-            if time.monotonic() - last >= PAUSE:
-                last = time.monotonic()
-                _send(into, "iteration", iteration)
+            _send(into, "iteration", iteration)
             return stop[0] != 0
 
         try:
