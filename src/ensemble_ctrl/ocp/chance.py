@@ -10,11 +10,11 @@ distribution, and its lower and upper ends.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.bodies import body_hyperplanes
 from ensemble_ctrl.ocp.disturbance import growth
 from ensemble_ctrl.ocp.hyperplanes import REACH, Hyperplanes, separate
