@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 from .survivors import reason_of, stale
 from .table import KINDS, printed
@@ -118,6 +119,14 @@ FAMILIES_FOR: dict[str, tuple[str, ...]] = {
     "constraints/polyhedron.py": ("windows", "plain", "far", "nested", "scaled"),
     "constraints/motion.py": ("moving", "overtaken"),
     "problem/specification.py": ("windows", "plain", "shares", "moving"),
+    "certificate/disturbance.py": ("drifting", "drifting", "uncertain"),
+    "certificate/terrain.py": ("terrain", "drifting", "terrain"),
+    "certificate/commands.py": ("signals", "drifting", "zones"),
+    "certificate/bodies.py": ("bodies",),
+    "certificate/apart.py": ("apart",),
+    "certificate/starts.py": ("apart",),
+    "constraints/disc.py": ("discs", "bodies"),
+    "problem/zones.py": ("zones",),
 }
 """The modules that prove, with the families of cases that each is tried with. Those that only read and print (tokens,
 texts, maps) are left to their own tests."""
@@ -310,18 +319,22 @@ def _verdict(seed: int, families: tuple[str, ...], count: int) -> tuple[str, int
     """The first false claim, and the number of cases looked at."""
     import numpy as np
 
-    from .cases import of_family
+    from .cases import FAMILIES, of_family
 
     try:
+        from .features.cases import of_family as later
+        from .features.judge import judge as judge_later
         from .judge import judge
     except Exception as error:
         return f"import: {error!r}", 0
     decidable, left, refused = Counter[str](), Counter[str](), 0
     for index in range(count):
         family = families[index % len(families)]
-        judged = judge(of_family(family, np.random.default_rng([seed, index])))
+        rng = np.random.default_rng([seed, index])
+        judged: Any = judge(of_family(family, rng)) if family in FAMILIES else judge_later(later(family, rng), rng)
         if judged.faults:
-            return f"{judged.faults[0].kind}: {family} {seed}:{index}", index + 1
+            kind = getattr(judged.faults[0], "kind", None) or str(judged.faults[0]).partition(":")[0]
+            return f"{kind}: {family} {seed}:{index}", index + 1
         decidable[family] += bool(judged.decided)
         left[family] += bool(judged.decided) and judged.verdict == "undecided"
         refused += judged.verdict == "refused"
