@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -88,7 +90,7 @@ def test_names_and_systems_that_do_not_fit_are_refused() -> None:
         ([[0, 1], [0, 1]], {"a": (2, 1)}),
     ):
         with pytest.raises(ec.EnsembleError, match="Patch"):
-            ec.Patch(pieces, parameters)  # type: ignore[arg-type]
+            ec.Patch(pieces, parameters)
 
 
 def test_a_plan_goes_round_and_is_proven_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -152,3 +154,19 @@ def test_each_start_meets_its_own_patches() -> None:
     assert crossed(problem, STRAIGHT)["mud"].begin == pytest.approx(2.6, abs=0.21)
     with pytest.raises(ec.ConfigError, match=r"apart\(0.2 m\) is not supported for robots with errors of the model"):
         ec.load_text(two.replace("G avoid(post)", "G avoid(post) and G apart(0.2)"))
+
+
+def test_the_legend_of_the_terrain_covers_no_name_and_nothing_of_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    from ensemble_ctrl.report import plot
+
+    def looked_at(figure: Any, *_: Any) -> None:
+        figure.canvas.draw()
+        ax = figure.axes[0]
+        covered = ax.get_legend().get_window_extent()
+        assert not [text.get_text() for text in ax.texts if covered.overlaps(text.get_window_extent())]
+        assert not [patch for patch in ax.patches if covered.overlaps(patch.get_window_extent())]
+
+    monkeypatch.setattr(plot, "save", looked_at)
+    problem = ec.load_text(TEXT.replace("{goal: ", "{all: {box: [[-1, 7], [-1, 5]]}, goal: "))
+    drawn = SimpleNamespace(problem=problem, controls=STRAIGHT, baseline=None, certificate=None)
+    plot.write_plot(drawn, "trajectories", Path("none.png"))

@@ -47,6 +47,8 @@ GHOSTS = 6
 """Times at which a moving obstacle is outlined."""
 BODIES = 12
 """Times after the start at which a body is outlined."""
+LEGEND_ROW = 0.08
+"""Share of a map's height that each row of the legend of its terrain takes."""
 MARGINS = (0.72, 1.26, 0.5, 0.45)
 """Inches at the left, right, below and above a map."""
 VIEW_MARGINS = (0.78, 1.15, 0.5, 0.45)
@@ -101,6 +103,9 @@ def draw_map(problem: Problem, ax: Axes, paths: Sequence[Floats] = ()) -> Axes:
         marker = "x" if len(line) < 60 else ""
         ax.plot(line[:, 0], line[:, 1], ":", color="black", linewidth=1.0, marker=marker, markersize=5, zorder=4.5)
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    if problem.terrain:  # the legend stands above all of the map, and names of what lies at its top
+        limits = ax.dataLim
+        ax.update_datalim([(limits.x0, limits.y1 + LEGEND_ROW * (len(problem.terrain) + 1) * limits.height)])
     ax.margins(0.08)
     return ax
 
