@@ -90,7 +90,7 @@ def test_names_and_systems_that_do_not_fit_are_refused() -> None:
         ([[0, 1], [0, 1]], {"a": (2, 1)}),
     ):
         with pytest.raises(ec.EnsembleError, match="Patch"):
-            ec.Patch(pieces, parameters)
+            ec.Patch(pieces, parameters)  # type: ignore[arg-type]
 
 
 def test_a_plan_goes_round_and_is_proven_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
