@@ -14,6 +14,7 @@ from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Distribution, Interval, Samples
 from ensemble_ctrl.ocp.truncation import choose
 from ensemble_ctrl.problem.fleet import Fleet
+from ensemble_ctrl.report.text import ranges_text
 from ensemble_ctrl.systems import Unicycle
 from tests.paths import CONFIGS
 
@@ -161,3 +162,16 @@ def test_a_wrong_sample_is_refused() -> None:
             replace(fleet, samples=samples)
     with pytest.raises(ProblemError, match=r"fleet\.parameters has none"):
         ec.Fleet(ec.DoubleIntegrator(), {}, samples={"mass": values[:, 0]})
+
+
+def test_a_field_that_there_is_not_is_named() -> None:
+    fleet = ec.load(CONFIGS / "five_obstacles.yaml").fleet
+    with pytest.raises(ProblemError, match=r"^fleet.with_: expected names among system, .*, got 'wrong'$"):
+        fleet.with_(wrong=1)
+    assert fleet.with_(position=[1.0, 2.0], heading=0.5).heading == 0.5
+
+
+def test_ranges_of_the_heading_are_printed_in_degrees() -> None:
+    fleet = ec.load(CONFIGS / "five_obstacles.yaml").fleet
+    turned = fleet.with_(parameters={"start_heading": Interval(-np.radians(10), np.radians(10))})
+    assert ranges_text(turned) == "start_heading -10 to 10 deg"

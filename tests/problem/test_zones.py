@@ -190,3 +190,13 @@ def test_what_no_proof_knows_is_refused() -> None:
     solid = ec.Solid.box([[2, 3], [0, 1], [0, 1]])
     with pytest.raises(ProblemError, match="expected 2 dimensions"):
         Problem(name="z", fleet=fleet, duration=1.0, steps=4, task=parse("F x >= 0"), zones={"a": Zone((solid,))})
+
+
+def test_a_limit_beside_a_footprint_is_one_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text(FILE.read_text().replace("  radius:", "  footprint: {length: 0.6 m, width: 0.3 m}  # radius:", 1))
+    assert "footprint" in file.read_text()
+    assert invoke(["check", str(file)]) == 2
+    told = capsys.readouterr().err
+    assert "speed limits of zones are not for fleets with a footprint" in told
+    assert "1 error in " in told

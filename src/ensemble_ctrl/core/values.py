@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
@@ -23,6 +24,21 @@ def shown(value: object) -> str:
     if value is None:
         return "None"
     return f"{shortened(' '.join(repr(value).split()))} ({type(value).__name__})"
+
+
+def known_only(what: str, made: Any, changes: dict[str, Any], *more: str) -> dict[str, Any]:
+    """Changes of the fields of a dataclass, or of `more` that it is made from.
+
+    Raises
+    ------
+    ProblemError
+        For a name that is none of them.
+    """
+    known = [*(field.name for field in fields(made) if field.init), *more]
+    for name in changes:
+        if name not in known:
+            raise ProblemError(f"{what}: expected names among {', '.join(known)}, got {name!r}")
+    return changes
 
 
 def expect(name: str, value: object, kind: type[T], wanted: str = "") -> T:

@@ -15,7 +15,7 @@ from ensemble_ctrl.constraints.stl._tokens import RESERVED
 from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.core.readonly import ReadOnlyMapping
 from ensemble_ctrl.core.renamed import renamed_fields
-from ensemble_ctrl.core.values import expect, numbers
+from ensemble_ctrl.core.values import expect, known_only, numbers
 from ensemble_ctrl.moments import Distribution
 from ensemble_ctrl.problem.arc_members import START_COLUMNS, ArcMembers
 from ensemble_ctrl.problem.arguments import distributions_of
@@ -165,6 +165,7 @@ class Fleet(ArcMembers):
 
     def with_(self, **changes: Any) -> Self:
         """A copy with some arguments replaced, `position` and `heading` among them, checked like a new fleet."""
+        known_only("fleet.with_", self, changes, "position", "heading")
         return replace(self, **{"start": rest_of_start(self.system, self.start, changes)} | changes)
 
     def at_start(self, name: str) -> Self:

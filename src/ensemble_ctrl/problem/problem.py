@@ -15,7 +15,7 @@ from ensemble_ctrl.constraints.stl import Formula
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.core.readonly import ReadOnlyArrays, ReadOnlyMapping
 from ensemble_ctrl.core.renamed import renamed_fields
-from ensemble_ctrl.core.values import expect, flag, numbers
+from ensemble_ctrl.core.values import expect, flag, known_only, numbers
 from ensemble_ctrl.problem.arguments import mapping_of, names_of, obstacles_of, quantity_of, regions_of, task_of
 from ensemble_ctrl.problem.arguments.fleets import frozen
 from ensemble_ctrl.problem.fleet import Fleet
@@ -372,7 +372,7 @@ class Problem:
 
     def with_(self, **changes: Any) -> Self:
         """A copy with some fields replaced, checked like a new problem."""
-        return replace(self, **changes)
+        return replace(self, **known_only("problem.with_", self, changes))
 
     def __repr__(self) -> str:
         order = "auto" if self.order is None else self.order

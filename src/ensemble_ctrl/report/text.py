@@ -177,10 +177,15 @@ def ranges_text(fleet: Ensemble) -> str:
     """The parameters with their ranges; lengths and angles with their units."""
     if not fleet.names:
         return "all members equal"
-    return ", ".join(
-        f"{name} {distribution.lower:.4g} to {distribution.upper:.4g}{unit_of(name)}"
-        for name, distribution in fleet.parameters.items()
-    )
+    texts = (range_text(name, one.lower, one.upper, "to") for name, one in fleet.parameters.items())
+    return ", ".join(f"{name} {text}" for name, text in zip(fleet.names, texts, strict=True))
+
+
+def range_text(name: str, low: float, high: float, to: str) -> str:
+    """A parameter's range with its unit, angles in degrees."""
+    if name == "start_heading":
+        return f"{np.degrees(low):.4g} {to} {np.degrees(high):.4g} deg"
+    return f"{low:.4g} {to} {high:.4g}{unit_of(name)}"
 
 
 def member_text(parameters: Mapping[str, float]) -> str:

@@ -10,7 +10,7 @@ from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import units_of_parts
 from ensemble_ctrl.problem.specification import NOTHING_REQUIRED
-from ensemble_ctrl.report.text import member_text, percent, unit_of
+from ensemble_ctrl.report.text import member_text, percent, range_text
 
 LIMITS = (
     "It is about robots that follow the model exactly. Not covered: sensor noise, model error, rounding in the robot, "
@@ -98,7 +98,7 @@ def length(value: float, of: str = "m") -> str:
 
 def _ranges(certificate: Certificate) -> str:
     """For whom."""
-    texts = [f"{name} from {low:.4g} to {high:.4g}{unit_of(name)}" for name, (low, high) in certificate.ranges.items()]
+    texts = [f"{name} from {range_text(name, low, high, 'to')}" for name, (low, high) in certificate.ranges.items()]
     return " with " + ", ".join(texts) if texts else ""
 
 

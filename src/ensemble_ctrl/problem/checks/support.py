@@ -28,7 +28,8 @@ def support_findings(problem: Problem) -> Iterator[Finding]:
 
 def _of_bodies(problem: Problem) -> Iterator[Finding]:
     """Bodies are kept out throughout a window: other formulas are about the planned point."""
-    if problem.fleet.footprint is not None and (why := problem.specification.elsewhere):
+    limits = any(zone.speed is not None for zone in problem.zones.values())  # refused by themselves
+    if problem.fleet.footprint is not None and not limits and (why := problem.specification.elsewhere):
         yield Finding(("task",), why, "write G[a,b] avoid(...) joined by and")
 
 
