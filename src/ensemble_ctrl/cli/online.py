@@ -26,7 +26,7 @@ from ensemble_ctrl.planning.online.driver import Loop, Outcome, Scene, drive
 from ensemble_ctrl.planning.online.log import RunLog
 from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.published import violations
-from ensemble_ctrl.planning.online.remaining import of_one_robot
+from ensemble_ctrl.planning.online.remaining import of_each, of_one_robot
 from ensemble_ctrl.planning.online.settings import OnlineSettings
 from ensemble_ctrl.planning.online.simulated import FINE, Fixed, SimulatedFleet
 from ensemble_ctrl.planning.online.simulated_obstacles import SimulatedScene
@@ -140,7 +140,7 @@ def _require_arcs(problem: Problem, options: OnlineRun) -> None:
 
 def _first_plan(problem: Problem, progress: Progress) -> Plan | None:
     """The plan that the loop begins with; None if there is none."""
-    alone = of_one_robot(problem)
+    alone = problem if problem.fleet.starts else of_one_robot(problem)
     found = solve(alone, progress=progress)
     # the published program has a solution where the planner's own measure of the mean robot may fall short
     published = alone.solve.as_published and any(one.attempt is not None for one in found.rounds)
@@ -209,7 +209,7 @@ def _draw(
         seconds = (len(next(iter(driven.values()))) - 1) * problem.step / FINE
         title = f"{problem.name}: {outcome.ending}, {outcome.reason}"
         run = Run(
-            loop.problem if loop.base == 0 and not scene.obstacles else problem,
+            problem if loop.base or scene.obstacles or problem.fleet.starts else loop.problem,
             first,
             reported,
             outcome.paths,
@@ -245,10 +245,11 @@ def _violations(
 ) -> dict[str, dict[str, float | None]]:
     """What each simulated robot's true track did since the plan began; no clearance where nothing is avoided."""
     began = round(outcome.start / problem.step) * FINE
-    found, came = {}, scene.avoided(problem)
+    each, came = of_each(problem, tuple(fleet.robots)), scene.avoided(problem)
+    found: dict[str, dict[str, float | None]] = {}
     for name, robot in fleet.robots.items():
         track = np.array(robot.track)[began : began + problem.steps * FINE + 1, problem.fleet.place_columns]
-        one = violations(of_one_robot(problem), track, FINE, came)
+        one = violations(each[name], track, FINE, came)
         found[name] = {key: value if np.isfinite(value) else None for key, value in one.items()}
     return found
 

@@ -15,6 +15,7 @@ from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import trajectories
 from ensemble_ctrl.problem.specification import AvoidConstraint
+from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.report.canvas import new_figure, placed_axes, save
 from ensemble_ctrl.report.figures import MARGINS, draw_map, map_size, on_map
 from ensemble_ctrl.report.map_content import MapContent, map_contents
@@ -155,7 +156,8 @@ def _colours(run: Run) -> dict[str, str]:
 def _draw_paths(run: Run, ax: Axes) -> None:
     """The map with the fleet under the first plan, every plan, and what was driven."""
     problem = run.problem
-    fleet = trajectories(problem, run.first, problem.fleet.spread(MEMBERS), 2)
+    each = by_start(problem).values()
+    fleet = [path for one in each for path in trajectories(one, run.first, one.fleet.spread(MEMBERS), 2)]
     shown, colours = _shown(run), _colours(run)
     draw_map(problem, ax, [*fleet, *shown.values()])
     _draw_came(run, ax)

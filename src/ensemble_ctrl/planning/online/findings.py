@@ -30,6 +30,7 @@ def loop_findings(problem: Problem) -> Iterator[Finding]:
         message = f"the proofs of a loop are about positions, and the task is about {', '.join(signals)}"
         yield Finding(("task",), message, "plan it as a whole, without online")
     yield from _findings_of_errors(problem)
+    yield from _findings_of_starts(problem)
     yield from _findings_of_obstacles(problem)
     if problem.least_duration is not None:
         yield Finding(("horizon", "duration"), "a free duration is not for a loop", "give one, 16 s say")
@@ -49,6 +50,18 @@ def _findings_of_errors(problem: Problem) -> Iterator[Finding]:
     if bounds and not problem.fleet.system.on_arcs:
         message = f"a loop of the {problem.fleet.system.name} does not count errors of the model"
         yield Finding(path, message, "loops of robots on arcs do")
+
+
+def _findings_of_starts(problem: Problem) -> Iterator[Finding]:
+    """Starts that no robot has."""
+    starts, system = problem.fleet.starts, problem.fleet.system
+    if not starts:
+        return
+    if not system.on_arcs or problem.solve.as_published:
+        yield Finding(("fleet", "starts"), "several starts are for loops with proofs of robots on arcs")
+    elif problem.online is not None and set(problem.online.robots) != set(starts):
+        wanted = f"expected a robot for each of fleet.starts, {', '.join(starts)}"
+        yield Finding(("online",), f"{wanted}, got {', '.join(problem.online.robots)}", "give online.robots")
 
 
 def _findings_of_obstacles(problem: Problem) -> Iterator[Finding]:

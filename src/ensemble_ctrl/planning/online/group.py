@@ -13,20 +13,21 @@ from ensemble_ctrl.certificate.remaining import SetCertificate, certify_set, tog
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.ocp.online import InitialCondition, OnlineProgram
 from ensemble_ctrl.ocp.terrain import crossed
+from ensemble_ctrl.planning.online.apart import certify_apart
 from ensemble_ctrl.planning.online.evidence import NOTHING, Evidence
 from ensemble_ctrl.planning.online.followed import Followed
 from ensemble_ctrl.planning.online.mapped import with_map
 from ensemble_ctrl.planning.online.measurement import Measurement, Seen
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import PoseSet
-from ensemble_ctrl.planning.online.remaining import for_a_while, on_plain_ground
+from ensemble_ctrl.planning.online.remaining import for_a_while, of_each, on_plain_ground
 from ensemble_ctrl.planning.online.step import Work
 from ensemble_ctrl.planning.online.tracker import Tracker
 from ensemble_ctrl.planning.planner import solve
 from ensemble_ctrl.planning.planner.patches import kept_out
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.checks import require_sound
-from ensemble_ctrl.problem.specification import AvoidConstraint
+from ensemble_ctrl.problem.specification import ApartConstraint, AvoidConstraint
 
 Floats = NDArray[np.float64]
 Poses = dict[str, PoseSet]
@@ -39,7 +40,7 @@ class RobotGroup:
     Parameters
     ----------
     problem : Problem
-        Of one robot.
+        Of robots that start alike, or with a start for each of them.
     options : OnlineOptions
     names : sequence of str
         Of the robots.
@@ -57,9 +58,11 @@ class RobotGroup:
     def __init__(self, problem: Problem, options: OnlineOptions, names: Sequence[str]) -> None:
         if not names or len(set(names)) < len(names) or not all(names):
             raise ProblemError(f"robots: expected different names, at least one, got {list(names)}")
-        self.problem, self.options = problem, options
-        self._planned = problem  # what the program is of
-        self.robots = {name: Followed(problem, options) for name in names}
+        each = of_each(problem, names)
+        self.problem, self.options = next(iter(each.values())), options
+        self._planned = self.problem  # what the program is of
+        self.robots = {name: Followed(one, options) for name, one in each.items()}
+        self._apart = problem.specification.apart
         self.base, self.elapsed = 0, 0.0
         self._events: list[str] = []
 
@@ -123,7 +126,7 @@ class RobotGroup:
         """Take another map, for all robots."""
         self.problem = problem
         for robot in self.robots.values():
-            robot.take(problem)
+            robot.take(with_map(robot.tracker.problem, problem.obstacles, problem.motions))
 
     def label(self, name: str, parameter: str) -> str:
         """What a step calls a parameter of a robot."""
@@ -235,11 +238,21 @@ class RobotGroup:
 
     def _shown(self, rests: Mapping[str, Problem], ahead: Floats, at: int, poses: Poses) -> SetCertificate:
         """What is proven of commands from a grid time on for what is left."""
-        found = {}
-        for name, pose in poses.items():
-            departures = self.robots[name].tracker.departures(ahead, self.base + at, pose)
-            found[name] = certify_set(on_plain_ground(rests[name]), ahead, pose.away, pose.turn, departures)
+        departures = {
+            name: self.robots[name].tracker.departures(ahead, self.base + at, pose) for name, pose in poses.items()
+        }
+        found = {
+            name: certify_set(on_plain_ground(rests[name]), ahead, pose.away, pose.turn, departures[name])
+            for name, pose in poses.items()
+        }
+        if self._apart:  # on terrain nothing is proven of distances
+            found |= certify_apart(rests, ahead, poses, departures, self._distances(at))
         return together(found)
+
+    def _distances(self, at: int) -> list[ApartConstraint]:
+        """How far robots keep from each other, on the clock of a grid time."""
+        gone = 0.0 if self.options.horizon == "receding" else (self.base + at) * self.problem.step
+        return [replace(each, begin=each.begin - gone, end=each.end - gone) for each in self._apart]
 
     def _from_here(self, begin: int, plan: Floats, work: Work) -> Floats | None:
         """`plan` with other commands, from the planner, that start at step `begin`; None if it finds none."""

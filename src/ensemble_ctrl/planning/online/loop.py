@@ -18,7 +18,6 @@ from ensemble_ctrl.planning.online.measurement import Measurement, Seen
 from ensemble_ctrl.planning.online.obstacles import ChangingMap
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import PoseSet
-from ensemble_ctrl.planning.online.remaining import of_one_robot
 from ensemble_ctrl.planning.online.settings import OnlineSettings
 from ensemble_ctrl.planning.online.step import Step, Work
 from ensemble_ctrl.planning.planner import solve
@@ -79,7 +78,8 @@ class Receding(ChangingMap):
     -----
     *Guarantee*: as long as the robots are as assumed (`OnlineOptions.errors`, the ranges, the map), commands are only
     given out when it is proven for every state of each that the measurements allow that nothing is hit until the next
-    ones take over, and that standing after that hits nothing that stands. Robots are not kept clear of each other.
+    ones take over, and that standing after that hits nothing that stands. Robots are kept clear of each other where the
+    task says so (``G apart(d)``), which is about robots of different starts.
     """
 
     def __init__(
@@ -93,14 +93,16 @@ class Receding(ChangingMap):
         self.timer = timer
         settings = expect("problem", problem, Problem).online or OnlineSettings()
         robots = tuple(settings.robots) if robots is None else robots
-        super().__init__(of_one_robot(problem), settings.options if options is None else options, robots)
+        super().__init__(problem, settings.options if options is None else options, robots)
         if self.options.lead(problem.step) > self.options.applied_steps:
             most = self.options.applied_steps * problem.step
             raise ProblemError(
                 f"online.deadline: expected at most the {most:g} s of {self.options.applied_steps} applied steps, "
                 f"got {self.options.deadline:g} s"
             )
-        plan = solve(self.problem).controls if controls is None else np.array(controls, dtype=float)
+        if controls is None:
+            controls = solve(problem if problem.fleet.starts else self.problem).controls
+        plan = np.array(controls, dtype=float)
         if plan.shape != (problem.steps, 2) or not np.isfinite(plan).all():
             raise ProblemError(f"controls: expected finite numbers of shape ({problem.steps}, 2), got {plan.shape}")
         self.plan: Floats = plan
@@ -240,10 +242,15 @@ class Receding(ChangingMap):
 
     def _prepare(self) -> None:
         """Make the plan good for all starts that measurements may tell, as far as that is possible."""
-        errors, fleet = self.options.errors, self.problem.fleet
-        pose = PoseSet(fleet.position, np.full(2, errors.position), fleet.heading, errors.heading)
+        errors = self.options.errors
+        fleets = {name: robot.tracker.problem.fleet for name, robot in self.robots.items()}
+        every = {
+            name: PoseSet(fleet.position, np.full(2, errors.position), fleet.heading, errors.heading)
+            for name, fleet in fleets.items()
+        }
         nodes = self.program.truncation.nodes
-        start = {next(iter(self.robots)): pose}  # the others are no different yet
+        # robots that start alike are no different yet
+        start = dict([next(iter(every.items()))]) if len(set(map(id, fleets.values()))) == 1 else every
         certificate = self._certified(self.plan, 0, start)
         for _ in range(PREPARED):
             if certificate.proven:
@@ -254,7 +261,6 @@ class Receding(ChangingMap):
             ).controls
             certificate = self._certified(self.plan, 0, start)
         self._tighter = 0.0
-        every = dict.fromkeys(self.robots, pose)
         self.program.solve(
             self._initial(nodes, 0, every, self.plan, 0, 0.0), rounds=1
         )  # what is loaded once is loaded now
@@ -305,6 +311,8 @@ class Receding(ChangingMap):
         if work.seconds > self.options.deadline:
             self._events.append(f"planning took {work.seconds:.3f} s, longer than {self.options.deadline:g} s")
             evidence = NOTHING
+        if self._apart and "whole" not in (evidence.proof, self._evidence.proof):
+            self._evidence = self._again(work)  # new plans know nothing of distances between robots
         kept = self._evidence.proof == "whole"
         if evidence.proof == "whole" or (evidence.proof == "period" and not kept):
             self.plan, self._evidence = found.controls, evidence

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ensemble_ctrl.constraints.stl import leaves
 from ensemble_ctrl.constraints.stl.leaves import Avoid
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.planning.online.apart import met
 from ensemble_ctrl.planning.online.evidence import Evidence
 from ensemble_ctrl.planning.online.group import RobotGroup
 from ensemble_ctrl.planning.online.mapped import with_map
@@ -116,7 +118,7 @@ class ChangingMap(RobotGroup, ABC):
         self._replaced(f"an obstacle was removed from the map: {name}", harmless=True)
 
     def entered(self) -> str:
-        """Which robot must have been in which obstacle, by the measurements; empty for none."""
+        """Which robot must have been in an obstacle, or too close to another, by the measurements; empty for none."""
         for name, tracker in self.trackers.items():
             for k, pose in enumerate(tracker.past):
                 time = k * self.problem.step
@@ -125,7 +127,8 @@ class ChangingMap(RobotGroup, ABC):
                 for avoid in kept:
                     if _distance(avoid, pose, time, self.problem.fleet.radius) + _loose(avoid, time) < -pose.away:
                         return f"{self._called(name)} was in {avoid.name}"
-        return ""
+        lasting = [replace(each, end=np.inf) for each in self._apart] if self.options.run_for else self._apart
+        return met({name: tracker.past for name, tracker in self.trackers.items()}, self.problem.step, lasting)
 
     def _watch(self, evidence: Evidence) -> None:
         """Note whether something that moves was on the map while nothing was proven; standing is no help there."""

@@ -32,7 +32,7 @@ from ensemble_ctrl.constraints.stl import (
 from ensemble_ctrl.constraints.stl.rewrite import rebuilt
 from ensemble_ctrl.constraints.stl.robustness import Temporal
 from ensemble_ctrl.core.deferred import dataclass
-from ensemble_ctrl.core.errors import UnsupportedError
+from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
 from ensemble_ctrl.core.values import exact
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.online.findings import loop_findings
@@ -40,6 +40,7 @@ from ensemble_ctrl.planning.online.propagation import PoseSet
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.specification import AvoidThroughout, TaskPart
+from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.problem.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
@@ -59,6 +60,8 @@ def of_one_robot(problem: Problem) -> Problem:
     wrong = next(loop_findings(problem), None)
     if wrong is not None:
         raise UnsupportedError(str(wrong))
+    if problem.fleet.starts:
+        raise UnsupportedError(f"fleet.starts: expected one start, got {', '.join(problem.fleet.starts)}")
     fleet = problem.fleet
     distributions = {
         name: distribution for name, distribution in fleet.parameters.items() if name in fleet.system.parameters
@@ -67,6 +70,26 @@ def of_one_robot(problem: Problem) -> Problem:
         name: Interval(distribution.lower, distribution.upper) for name, distribution in distributions.items()
     }
     return problem.with_(fleet=fleet.with_(parameters=distributions, samples=None, position=fleet.start_place))
+
+
+def of_each(problem: Problem, names: Sequence[str]) -> dict[str, Problem]:
+    """The problem of each robot, by name: of those that start alike, or of the start of that name.
+
+    Raises
+    ------
+    UnsupportedError
+        For what is not for a loop.
+    ProblemError
+        For names other than those of the starts.
+    """
+    if not problem.fleet.starts:
+        return dict.fromkeys(names, of_one_robot(problem))
+    if wrong := next(loop_findings(problem), None):
+        raise UnsupportedError(str(wrong))
+    if set(names) != set(problem.fleet.starts):
+        starts = ", ".join(problem.fleet.starts)
+        raise ProblemError(f"robots: expected one for each start ({starts}), got {', '.join(names)}")
+    return {name: of_one_robot(one) for name, one in by_start(problem).items()}
 
 
 def with_ranges(fleet: Fleet, ranges: Floats) -> Fleet:

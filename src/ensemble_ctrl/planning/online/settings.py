@@ -15,6 +15,7 @@ from ensemble_ctrl.planning.online.simulated_errors import ErrorKind, SimulatedE
 from ensemble_ctrl.planning.online.simulated_obstacles import ObstacleSettings
 from ensemble_ctrl.planning.online.simulated_states import SimulatedStates
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.starts import by_start
 from ensemble_ctrl.problem.uncertainty import Uncertainty
 
 
@@ -66,7 +67,8 @@ class OnlineSettings:
     def simulated(self, problem: Problem) -> SimulatedFleet:
         """The robots, at the start of a problem's fleet."""
         made = self._simulated if problem.fleet.system.on_arcs else self._by_states
-        return SimulatedFleet({name: made(problem, robot) for name, robot in self.robots.items()})
+        each = by_start(problem) if problem.fleet.starts else dict.fromkeys(self.robots, problem)
+        return SimulatedFleet({name: made(each[name], robot) for name, robot in self.robots.items()})
 
     def _by_states(self, problem: Problem, robot: RobotSettings) -> SimulatedStates:
         """One of a system that an ODE defines."""

@@ -84,7 +84,6 @@ def _refused(problem: Problem) -> Iterator[Finding]:
         ("solve", "method"): problem.solve.method == "minlp",
         ("solve", "guarantee"): problem.solve.guarantee == "moment",
         ("report", "baseline"): problem.report.baseline,
-        ("online",): problem.online is not None,
     }
     hints = {
         ("task",): "mean(...) and share(...) are about the fleet as a whole: write the task without them",
