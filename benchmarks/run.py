@@ -88,7 +88,8 @@ def commands(before: Path | None, only: list[str], runs: int) -> Iterator[str]:
         if before is None and command in old:
             rows[command]["version_0_1"] = old[command]
         record(name, list(rows.values()))
-        yield f"{command} / tuned program: {ours / tuned:.2f}, version 0.1 {old.get(command, float('nan')):.2f}"
+        beside = f", version 0.1 {old[command]:.2f}" if command in old else ""
+        yield f"{command} / tuned program: {ours / tuned:.2f}{beside}"
 
 
 def _kept(path: Path) -> list[Facts]:
