@@ -20,7 +20,7 @@ from ensemble_ctrl.files.config import load_text
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.curved import Curves, curved, promising
 from ensemble_ctrl.ocp.guesses.driven import driven, needed, reverses, tightest
-from ensemble_ctrl.ocp.guesses.ompl_trees import Growth, State, tree
+from ensemble_ctrl.ocp.guesses.ompl_trees import Growth, Planner, State, tree
 from ensemble_ctrl.ocp.guesses.perturbed import perturbed
 from ensemble_ctrl.ocp.guesses.pivoting import PivotedGuesses, pivoted_trip
 from ensemble_ctrl.ocp.guesses.registry import Request
@@ -298,7 +298,7 @@ def test_a_tree_leads_all_its_members_through_the_gap() -> None:
     pytest.importorskip("ompl")
     problem = load_text(GAP)
     (trip, *_) = trips(problem, 1, narrow=True)
-    guess, again = (grown(problem, trip, 40, 1, 20000, 5, lambda: False) for _ in range(2))
+    guess, again = (grown(problem, trip, 40, 3, 8000, 5, lambda: False) for _ in range(2))
     assert guess is not None
     assert again is not None
     np.testing.assert_array_equal(guess.controls, again.controls)
@@ -309,7 +309,8 @@ def test_a_tree_leads_all_its_members_through_the_gap() -> None:
     assert np.linalg.norm(guess.corners[-1] - [4.0, 0.0]) < 0.5
 
 
-def test_a_tree_checks_every_member_and_ends_in_time() -> None:
+@pytest.mark.parametrize("planner", ["RRT", "KPIECE1"])
+def test_a_tree_checks_every_member_and_ends_in_time(planner: Planner) -> None:
     pytest.importorskip("ompl")
 
     def moved(state: State, command: State, seconds: float) -> list[float]:
@@ -322,7 +323,7 @@ def test_a_tree_checks_every_member_and_ends_in_time() -> None:
     bounds = np.array([[-1.0, 1.0], [-1.0, 1.0]])
     growth = Growth(moved, free, np.full(2, -5.0), np.full(2, 5.0), bounds, 0.1)
     for goal, reached in (([3.0, 0.3], True), ([0.0, 3.0], False)):
-        commands = tree(growth, [0.0, 0.0, 0.0, 0.0], np.array(goal), 0.3, 3000, 1, lambda: False)
+        commands = tree(growth, [0.0, 0.0, 0.0, 0.0], np.array(goal), 0.3, 3000, 1, lambda: False, planner)
         assert commands is not None
         state: State = [0.0, 0.0, 0.0, 0.0]
         for command, steps in commands:

@@ -1,4 +1,4 @@
-"""Commands that lead somewhere, found by trees in the space of commands (RRT), by OMPL.
+"""Commands that lead somewhere, found by trees in the space of commands, by OMPL.
 
 Nothing is asked of the system but what a command does to a state, so the state may be that of several members.
 """
@@ -6,7 +6,7 @@ Nothing is asked of the system but what a command does to a state, so the state 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,17 @@ from ensemble_ctrl.core.deferred import dataclass
 
 Floats = NDArray[np.float64]
 State = Sequence[float]
+Planner = Literal["RRT", "KPIECE1"]
+"""RRT grows towards samples (LaValle, Kuffner 2001), KPIECE where cells of a grid are new (Sucan, Kavraki 2009)."""
 
 TOWARDS = 0.1
-"""Share of the samples that are the goal itself."""
+"""Share of the samples that are the goal itself, of RRT."""
 SHORTEST, LONGEST = 2, 10
 """Steps for which a command is kept."""
+MOST = 1e9
+"""States of a tree."""
+CELLS = 30
+"""Of KPIECE's grid, along each side of the box."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +55,14 @@ class Growth:
 
 
 def tree(
-    growth: Growth, start: State, goal: Floats, near: float, iterations: int, seed: int, stop: Callable[[], bool]
+    growth: Growth,
+    start: State,
+    goal: Floats,
+    near: float,
+    iterations: int,
+    seed: int,
+    stop: Callable[[], bool],
+    planner: Planner = "RRT",
 ) -> list[tuple[list[float], int]] | None:
     """Commands that lead from a state to a place, or near it.
 
@@ -68,6 +81,8 @@ def tree(
         Above 0; the same one gives the same commands.
     stop : callable
         Asked in every iteration; returning True ends the search.
+    planner : {"RRT", "KPIECE1"}
+        How the tree grows.
 
     Returns
     -------
@@ -80,40 +95,45 @@ def tree(
 
     util.setLogLevel(util.LogLevel.LOG_NONE)
     util.RNG.setSeed(seed)
-    d, rest = len(goal), len(start) - len(goal)
-    # only places count as distances
+    d = len(goal)
+    # OMPL holds a place and the number of the whole state, which is kept here; only places count as distances
+    states: list[State] = [start]
     space = base.CompoundStateSpace()
     space.addSubspace(_box(base, np.stack([growth.low, growth.high], axis=1)), 1.0)
-    space.addSubspace(_box(base, np.tile([-1e3, 1e3], (rest, 1))), 0.0)
+    space.addSubspace(_box(base, np.array([[0.0, MOST]])), 0.0)
+    places = base.RealVectorIdentityProjectionEvaluator(space.getSubspace(0), list((growth.high - growth.low) / CELLS))
+    space.registerDefaultProjection(base.SubspaceProjectionEvaluator(space, 0, places))
     commands = control.RealVectorControlSpace(space, len(growth.bounds))
     commands.setBounds(_bounds(base, growth.bounds))
     setup = control.SimpleSetup(commands)
     information = setup.getSpaceInformation()
 
-    def read(state: Any) -> list[float]:
-        return [*(state[0][k] for k in range(d)), *(state[1][k] for k in range(rest))]
+    def read(state: Any) -> State:
+        return states[int(state[1][0])]
 
-    def write(state: Any, values: State) -> None:
+    def write(state: Any, place: State, number: int) -> None:
         for k in range(d):
-            state[0][k] = float(values[k])
-        for k in range(rest):
-            state[1][k] = float(values[d + k])
+            state[0][k] = float(place[k])
+        state[1][0] = float(number)
 
     def propagate(state: Any, command: Any, seconds: float, result: Any) -> None:
-        write(result, growth.propagate(read(state), [command[k] for k in range(len(growth.bounds))], seconds))
+        after = growth.propagate(read(state), [command[k] for k in range(len(growth.bounds))], seconds)
+        write(result, after, len(states))
+        states.append(after)
 
     setup.setStateValidityChecker(lambda state: growth.free(read(state)))
     setup.setStatePropagator(propagate)
     information.setPropagationStepSize(growth.step)
     information.setMinMaxControlDuration(SHORTEST, LONGEST)
     begin, end = space.allocState(), space.allocState()
-    write(begin, start)
-    write(end, [*goal, *([0.0] * rest)])
+    write(begin, start, 0)
+    write(end, goal.tolist(), 0)
     setup.setStartState(begin)
     setup.setGoalState(end, near)
-    planner = control.RRT(information)
-    planner.setGoalBias(TOWARDS)
-    setup.setPlanner(planner)
+    grower = control.RRT(information) if planner == "RRT" else control.KPIECE1(information)
+    if planner == "RRT":  # that of KPIECE can't be set from Python
+        grower.setGoalBias(TOWARDS)
+    setup.setPlanner(grower)
     count = iter(range(iterations))
     setup.solve(base.PlannerTerminationCondition(lambda: next(count, None) is None or stop()))
     if not setup.haveSolutionPath():  # not even a way towards the goal
@@ -140,4 +160,4 @@ def _bounds(base: Any, bounds: Floats) -> Any:
     return found
 
 
-__all__ = ["Growth", "tree"]
+__all__ = ["Growth", "Planner", "tree"]

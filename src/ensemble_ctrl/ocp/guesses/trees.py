@@ -10,25 +10,35 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.ocp.guesses import ompl_paths
 from ensemble_ctrl.ocp.guesses.curved import along_legs, surroundings
 from ensemble_ctrl.ocp.guesses.ompl_paths import Surroundings
-from ensemble_ctrl.ocp.guesses.ompl_trees import Growth, State, tree
+from ensemble_ctrl.ocp.guesses.ompl_trees import Growth, Planner, State, tree
+from ensemble_ctrl.ocp.guesses.passages import connected
 from ensemble_ctrl.ocp.guesses.registry import Guess, Request, Stop
 from ensemble_ctrl.ocp.guesses.roadmap import Trip, trips
 from ensemble_ctrl.problem import Problem
 
 Floats = NDArray[np.float64]
 
-BATCHES = ((1, 20000, 5), (2, 20000, 5)), ((3, 40000, 5), (4, 40000, 7))
-"""Seed, iterations and members of the trees that are grown side by side, and then if that is no help."""
+Grown = tuple[Planner, int, int, int]
+"""How a tree grows, its seed, iterations and members."""
+BATCHES: tuple[tuple[Grown, ...], ...] = (
+    (("RRT", 1, 8000, 5), ("KPIECE1", 2, 5000, 5)),
+    (("RRT", 3, 8000, 5), ("RRT", 4, 8000, 7)),
+)
+"""Trees that are grown side by side, and then if that is no help. Their iterations until they arrive are heavy-tailed:
+several short ones are worth more than a long one."""
 SLOWEST = 0.6
 """Share of the top speed at which robots drive at least: a way found at some speed is one at any."""
 NEAR = 0.5
 """Share of the distance from a region's middle to its nearest corner within which it counts as reached."""
+UNBOUNDED = 0.1
+"""The same for regions without a middle, and for targets, metres."""
 CORNERS = 16
 """Members at corners of the ranges, at most, for several parameters."""
 
@@ -45,30 +55,52 @@ class TreeGuesses:
     def propose(self, request: Request) -> Iterator[list[Guess]]:
         """Those of each batch."""
         problem = request.problem
-        ways = [trip for trip in trips(problem, 1) if trip.legs]
+        ways = [trip for trip in trips(problem, 1) if trip.legs and _is_open(problem, trip)]
         for batch in BATCHES if ways else ():
 
-            def work(stop: Stop, k: int, batch: tuple[tuple[int, int, int], ...] = batch) -> Guess | None:
-                return grown(problem, ways[0], request.steps, *batch[k], stop)
+            def work(stop: Stop, k: int, batch: tuple[Grown, ...] = batch) -> Guess | None:
+                planner, seed, iterations, count = batch[k]
+                return grown(problem, ways[0], request.steps, seed, iterations, count, stop, planner)
 
             found = [guess for guess in request.side_by_side("trees", work, len(batch)) if guess is not None]
             if found:
                 yield found
 
 
+def _is_open(problem: Problem, trip: Trip) -> bool:
+    """Whether a passage leads to where each leg ends, with the room that trees keep."""
+    blocked, place = surroundings(problem, 0.0).blocked, problem.fleet.start_place
+    ends = [leg.corners[-1] for leg in trip.legs]
+    goals = [shapely.Point(end).buffer(_near(trip, k)) for k, end in enumerate(ends)]
+    starts = [place, *ends[:-1]]
+    return all(connected(blocked, start, goal) for start, goal in zip(starts, goals, strict=True))
+
+
+def _near(trip: Trip, k: int) -> float:
+    """How near the end of a leg counts as reached, metres."""
+    region = trip.visits[k].region if k < len(trip.visits) else None
+    if region is None or not region.is_bounded:
+        return UNBOUNDED
+    return NEAR * float(np.linalg.norm(region.vertices - trip.legs[k].corners[-1], axis=1).min())
+
+
 def grown(
-    problem: Problem, trip: Trip, steps: int, seed: int, iterations: int, count: int, stop: Callable[[], bool]
+    problem: Problem,
+    trip: Trip,
+    steps: int,
+    seed: int,
+    iterations: int,
+    count: int,
+    stop: Callable[[], bool],
+    planner: Planner = "RRT",
 ) -> Guess | None:
     """A guess on a grid of `steps` along a trip, free for `count` members over the range, or those at its corners."""
     members = _Members.of(problem, count)
     growth, legs = members.growth(surroundings(problem, 0.0)), list[Floats]()
     state: State = members.start
     for k, leg in enumerate(trip.legs):
-        region = trip.visits[k].region if k < len(trip.visits) else None
-        place, near = leg.corners[-1], 0.1
-        if region is not None and region.is_bounded:
-            near = NEAR * float(np.linalg.norm(region.vertices - place, axis=1).min())
-        found = tree(growth, state, place, near, iterations, problem.solve.seed + seed, stop)
+        place = leg.corners[-1]
+        found = tree(growth, state, place, _near(trip, k), iterations, problem.solve.seed + seed, stop, planner)
         if not found:
             return None
         states = list(members.driven(state, found, growth.step))

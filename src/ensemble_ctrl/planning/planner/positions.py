@@ -149,15 +149,18 @@ def _try(search: Search, tries: _Tries, starts: list[Guess], shares: tuple[float
 def _further(search: Search, tries: _Tries, steps: int) -> Iterator[tuple[list[Guess], tuple[float, ...]]]:
     """More guesses, a few at a time, as long as there is no good plan, and the shares of the ranges to try them for.
 
-    First the same ones, and after each round the nearest so far for ranges that widen slowly.
+    First the same ones, and after each round that had others, the nearest so far for ranges that widen slowly.
     """
     if search.over() or is_good(search.problem, tries.best):
         return
     yield [replace(guess, kind="middle") for guess in tries.starts], MIDDLE_FIRST
     widened: set[int] = set()
     for batches in further_rounds(search.request(steps, tries.solved[tries.which].controls)):
+        before = len(tries.starts)
         for guesses in batches:
             yield guesses, MIDDLE_FIRST
+        if len(tries.starts) == before:
+            continue
         nearest = sorted(set(range(len(tries.solved))) - widened, key=lambda i: rank(tries.solved[i]))[:NEAREST]
         widened |= {*nearest, *range(len(tries.solved), len(tries.solved) + len(nearest))}
         yield [_from(tries, i) for i in nearest], WIDENED

@@ -151,7 +151,10 @@ def _tried(
     done = list[tuple[Guess, tuple[Attempt, Floats]]]()
     while not chosen.settled(search) and (guesses := next(batches, None)):
         solved = _for_middle(search, search.problem, guesses)
-        chosen.join(_for_fleet(search, search.problem, guesses, solved))
+        # where not even the middle member does the task, the fleet is not expected to
+        able = [k for k, (one, _) in enumerate(solved) if shooting.middle_does(one)]
+        if able:
+            chosen.join(_for_fleet(search, search.problem, [guesses[k] for k in able], [solved[k] for k in able]))
         done += zip(guesses, solved, strict=True)
     return done
 
