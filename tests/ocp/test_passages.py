@@ -70,7 +70,7 @@ def test_it_says_what_a_flood_fill_says(monkeypatch: pytest.MonkeyPatch) -> None
     # some of these maps are refused with a proof before any search
     monkeypatch.setattr("ensemble_ctrl.problem.checks.impossible.wall_findings", lambda *_: iter(()))
     seen = {True: 0, False: 0}
-    for seed in range(30):
+    for seed in range(20):
         problem = scattered(seed)
         # wide enough by a cell's diagonal, and too narrow by one
         wide = flooded(problem, RADIUS + 1.5e-3 + CELL, corners=False)
@@ -78,7 +78,7 @@ def test_it_says_what_a_flood_fill_says(monkeypatch: pytest.MonkeyPatch) -> None
         if wide or narrow:
             assert closed_off(problem) == (("goal",) if narrow else ())
             seen[wide] += 1
-    assert min(seen.values()) >= 5
+    assert min(seen.values()) >= 3
 
 
 @pytest.mark.parametrize(
