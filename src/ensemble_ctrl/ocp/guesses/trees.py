@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from ensemble_ctrl.core.deferred import dataclass
@@ -69,6 +68,8 @@ class TreeGuesses:
 
 def _is_open(problem: Problem, trip: Trip) -> bool:
     """Whether a passage leads to where each leg ends, with the room that trees keep."""
+    import shapely
+
     blocked, place = surroundings(problem, 0.0).blocked, problem.fleet.start_place
     ends = [leg.corners[-1] for leg in trip.legs]
     goals = [shapely.Point(end).buffer(_near(trip, k)) for k, end in enumerate(ends)]
