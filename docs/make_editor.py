@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import io
+import json
 import shutil
 import sys
 import time
@@ -19,6 +20,7 @@ sys.path.insert(0, str(ROOT))
 
 import ensemble_ctrl as ec  # noqa: E402
 from tests.edit.editor import editor, served  # noqa: E402
+from tests.edit.test_notebook import notebook  # noqa: E402
 from tests.report.browser import Page, chromium, executable  # noqa: E402
 
 STATIC = ROOT / "docs" / "_static"
@@ -80,6 +82,23 @@ def watch(browser: str, folder: Path) -> None:
             keep(tab, name)
 
 
+CELL = """<body style="margin:24px;font:15px system-ui"><pre style="background:#f2f3f5;padding:10px;border-radius:6px">
+page = ec.edit(ec.example("five_obstacles"))
+page</pre>"""
+
+
+def in_notebook(browser: str, _: Path) -> None:
+    """The editor below a cell."""
+    with notebook(CELL) as page, chromium(browser) as tab:
+        one = ec.edit(ec.load(ROOT / "configs" / "five_obstacles.yaml"), page=page, height=820)
+        tab.screen(1180, 960)
+        tab.visit(page)
+        tab.run(f"document.body.insertAdjacentHTML('beforeend', {json.dumps(one._repr_html_())})")
+        time.sleep(12)  # of a frame from elsewhere nothing can be asked
+        keep(tab, "editor_notebook.png")
+        one.close()
+
+
 def main() -> None:
     """Make all of them."""
     browser = executable()
@@ -88,6 +107,7 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         view(browser, Path(folder))
         watch(browser, Path(folder))
+        in_notebook(browser, Path(folder))
         file = Path(shutil.copy(ROOT / "configs" / "five_obstacles.yaml", folder))
         with editor(file) as one, chromium(browser) as tab:
             tab.screen(1280, 900)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ensemble_ctrl.api.channels import channels
     from ensemble_ctrl.api.comparison import compare
     from ensemble_ctrl.api.many import plan_many
+    from ensemble_ctrl.api.notebook import edit
     from ensemble_ctrl.api.planning import plan
     from ensemble_ctrl.api.plans import Plan
     from ensemble_ctrl.api.sweep import sweep
@@ -98,6 +99,7 @@ _HOMES = {
     "certify": "certificate",
     "channels": "api.channels",
     "compare": "api.comparison",
+    "edit": "api.notebook",
     "example": "files.examples",
     "examples": "files.examples",
     "load": "files.config",
@@ -160,6 +162,7 @@ __all__ = [
     "certify",
     "channels",
     "compare",
+    "edit",
     "example",
     "examples",
     "load",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hmac
+import re
 import secrets
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from typing import Any
 
 Scope = MutableMapping[str, Any]
@@ -17,13 +18,11 @@ MOST_BYTES = 6_000_000
 """Bytes of a request's body at most: a map of 5 MB as JSON."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
-    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors "
 )
-"""The page loads nothing from elsewhere, and runs no script but its own files."""
+"""The page loads nothing from elsewhere, and runs no script but its own files; last comes who may frame it."""
 HEADERS = [
-    (b"content-security-policy", POLICY.encode()),
     (b"x-content-type-options", b"nosniff"),
-    (b"x-frame-options", b"DENY"),
     (b"referrer-policy", b"no-referrer"),
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"cross-origin-opener-policy", b"same-origin"),
@@ -31,6 +30,11 @@ HEADERS = [
 ]
 TOKEN = b"x-edit-token"
 """The header that has the token: no other site can send it without being allowed to."""
+
+
+ORIGIN = re.compile(r"https?://(?:[a-z0-9-]+(?:\.[a-z0-9-]+)*|\[[0-9a-f:]+\])(?::[0-9]{1,5})?", re.ASCII)
+"""What may be named as a page that frames this one: nothing that a policy would read otherwise."""
+Headers = list[tuple[bytes, bytes]]
 
 
 def new_token() -> str:
@@ -48,15 +52,31 @@ class Guard:
         What requests below ``/api/`` have to bring.
     hosts : set of str
         ``host:port`` under which the page is reached; any other Host or Origin is refused.
+    frames : sequence of str
+        Origins of pages that may show this one in a frame, as ``http://localhost:8888``; none if not given.
+
+    Raises
+    ------
+    ValueError
+        If one of `frames` is no origin.
 
     Notes
     -----
     *Guarantee*: a request below ``/api/`` reaches the application only with the token in its header, with a Host among
     `hosts`, and with no Origin or one of those hosts; and the application reads at most `MOST_BYTES` of it.
+    With `frames`, the empty page at ``/`` may be opened from elsewhere as a frame, which only those origins can show;
+    requests below ``/api/`` come from the page itself all the same.
     """
 
-    def __init__(self, app: App, token: str, hosts: set[str]) -> None:
+    def __init__(self, app: App, token: str, hosts: set[str], frames: Sequence[str] = ()) -> None:
         self.app, self.token, self.hosts = app, token.encode(), {host.encode() for host in hosts}
+        for frame in frames:
+            if not ORIGIN.fullmatch(frame):
+                raise ValueError(f"expected an origin such as http://localhost:8888, got {frame!r}")
+        policy = POLICY + (" ".join(frames) if frames else "'none'")
+        self._headers: Headers = [(b"content-security-policy", policy.encode()), *HEADERS]
+        self._headers += [] if frames else [(b"x-frame-options", b"DENY")]
+        self._framed = bool(frames)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or pass it on."""
@@ -67,9 +87,9 @@ class Guard:
             return
         refusal = self._refusal(scope)
         if refusal is not None:
-            await _refuse(send, *refusal)
+            await _refuse(send, *refusal, self._headers)
             return
-        await self.app(scope, _limited(receive), _with_headers(send))
+        await self.app(scope, _limited(receive), _with_headers(send, self._headers))
 
     def _refusal(self, scope: Scope) -> tuple[int, str] | None:
         """Why a request is refused; None for a good one."""
@@ -82,7 +102,8 @@ class Guard:
         origins = headers.get(b"origin", [])
         if any(origin.removeprefix(b"http://") not in self.hosts for origin in origins):
             return 403, "the request comes from another page"
-        if any(site not in (b"same-origin", b"none") for site in headers.get(b"sec-fetch-site", [])):
+        framed = self._framed and scope["path"] == "/" and headers.get(b"sec-fetch-dest") == [b"iframe"]
+        if not framed and any(site not in (b"same-origin", b"none") for site in headers.get(b"sec-fetch-site", [])):
             return 403, "the request comes from another page"
         if scope["path"].startswith("/api/"):
             tokens = headers.get(TOKEN, [])
@@ -113,19 +134,19 @@ def _limited(receive: Receive) -> Receive:
     return limited
 
 
-def _with_headers(send: Send) -> Send:
+def _with_headers(send: Send, headers: Headers) -> Send:
     """Answers with the headers that every one of them has."""
 
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            message = {**message, "headers": [*message.get("headers", []), *HEADERS]}
+            message = {**message, "headers": [*message.get("headers", []), *headers]}
         await send(message)
 
     return sending
 
 
-async def _refuse(send: Send, status: int, why: str) -> None:
+async def _refuse(send: Send, status: int, why: str, headers: Headers) -> None:
     """A short answer."""
-    content = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close"), *HEADERS]
+    content = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close"), *headers]
     await send({"type": "http.response.start", "status": status, "headers": content})
     await send({"type": "http.response.body", "body": why.encode()})

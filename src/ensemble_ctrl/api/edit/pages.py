@@ -37,6 +37,11 @@ class Pages(ABC):
         self._alone: asyncio.TimerHandle | None = None
 
     @property
+    def count(self) -> int:
+        """Pages that are open."""
+        return len(self._queues)
+
+    @property
     def left(self) -> bool:
         """Whether pages were open, and none is now."""
         return self._alone is not None and not self._queues

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -55,7 +55,7 @@ def showing(pages: Pages, token: str, hosts: set[str]) -> Guard:
     return Guard(Starlette(routes=_routes(pages)), token, hosts)
 
 
-def application(hub: Hub, token: str, hosts: set[str]) -> Guard:
+def application(hub: Hub, token: str, hosts: set[str], frames: Sequence[str] = ()) -> Guard:
     """The editor's server as an ASGI application.
 
     Parameters
@@ -66,6 +66,8 @@ def application(hub: Hub, token: str, hosts: set[str]) -> Guard:
         What requests have to bring.
     hosts : set of str
         ``host:port`` under which it is reached.
+    frames : sequence of str
+        Origins of pages that may show it in a frame.
     """
     session = hub.session
     described = json.dumps(schema())
@@ -113,7 +115,7 @@ def application(hub: Hub, token: str, hosts: set[str]) -> Guard:
     }
     routes = [Route(path, _safe(handler), methods=["POST"]) for path, handler in posts.items()]
     routes += [Route("/api/schema", schema_of, methods=["GET"]), *_routes(hub)]
-    return Guard(Starlette(routes=routes), token, hosts)
+    return Guard(Starlette(routes=routes), token, hosts, frames)
 
 
 def _routes(pages: Pages) -> list[Route]:
