@@ -24,8 +24,8 @@ from ensemble_ctrl.core.version import __version__
 if TYPE_CHECKING:
     from ensemble_ctrl.api.channels import channels
     from ensemble_ctrl.api.comparison import compare
+    from ensemble_ctrl.api.edit.notebook import edit
     from ensemble_ctrl.api.many import plan_many
-    from ensemble_ctrl.api.notebook import edit
     from ensemble_ctrl.api.planning import plan
     from ensemble_ctrl.api.plans import Plan
     from ensemble_ctrl.api.sweep import sweep
@@ -99,7 +99,7 @@ _HOMES = {
     "certify": "certificate",
     "channels": "api.channels",
     "compare": "api.comparison",
-    "edit": "api.notebook",
+    "edit": "api.edit.notebook",
     "example": "files.examples",
     "examples": "files.examples",
     "load": "files.config",

@@ -16,7 +16,7 @@ import pytest
 
 import ensemble_ctrl as ec
 from ensemble_ctrl.api.edit.guard import Guard
-from ensemble_ctrl.api.notebook import Editing, edit
+from ensemble_ctrl.api.edit.notebook import Editing, edit
 from tests.report.browser import Page, chromium
 
 from .editor import PATIENCE
@@ -131,7 +131,7 @@ def test_what_is_no_origin_is_refused(page: str) -> None:
     with pytest.raises(ec.ProblemError, match="page: expected an origin such as http://localhost:8888"):
         edit(ec.load_text(SMALL), page=page)
     with pytest.raises(ValueError, match="expected an origin"):
-        Guard(lambda *_: None, "token", set(), [page])  # type: ignore[arg-type, return-value]
+        Guard(lambda *_: None, "token", set(), [page])  # type: ignore[arg-type]
 
 
 def test_what_is_no_problem_is_refused(tmp_path: Path) -> None:

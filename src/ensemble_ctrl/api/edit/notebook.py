@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ensemble_ctrl.core.errors import ProblemError, UnsupportedError
+from ensemble_ctrl.core.storage import put_file
 from ensemble_ctrl.core.values import flag, path_of, whole
 from ensemble_ctrl.files.config import dump, load_text
 from ensemble_ctrl.problem import Problem
@@ -146,7 +147,7 @@ def edit(
     frames = _servers() if page is None else [_origin(page)]
     if isinstance(problem, Problem):
         file = Path(tempfile.mkdtemp(prefix="ensemble-ctrl-")) / f"{_plain(problem.name)}.yaml"
-        file.write_text(dump(problem), encoding="utf-8")
+        put_file(file, dump(problem))
     else:
         file = path_of("problem", problem, "a Problem, or the path of a file with one")
     return Editing(file, frames, tall, trust)
