@@ -4,7 +4,7 @@ VENV ?= .venv
 OLDEST ?= .oldest-venv
 BIN := $(VENV)/bin
 
-.PHONY: plan test slow tests campaign mutants figures times lint docs docs-check minimum wheel clean
+.PHONY: plan test slow campaign mutants figures times lint docs docs-check minimum wheel clean
 
 plan: $(VENV)/.installed
 	$(BIN)/ensemble-plan configs/five_obstacles.yaml
@@ -14,10 +14,6 @@ test: $(VENV)/.installed-dev
 
 slow: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "slow or hypothesis" --hypothesis-profile=all
-
-# both of them in one run
-tests: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n auto --dist worksteal --hypothesis-profile=all
 
 campaign: slow
 	$(BIN)/python -m tests.campaign.run --out tests/campaign/result.json --page docs/proof_campaign.md
