@@ -17,7 +17,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "src" / "ensemble_ctrl"
-LEFT_OUT = ("cli", "report", "files/export", "planning/online", "planning/suggest")
+LEFT_OUT = ("api/edit", "cli", "report", "files/export", "planning/online", "planning/suggest")
 """Packages that decide no plan and no proof."""
 
 
