@@ -16,10 +16,18 @@ export const get = (path) => request(path);
 export const post = (path, body) => request(path, body || {});
 
 // The stream of events, begun again whenever it breaks off; `changed` is told of each and of the connection.
+// A page that is left ends it at once: a browser keeps such a page for a while, and it would count as open.
 export async function listen(changed, connection) {
+  let left = new AbortController(), shown = null;
+  window.addEventListener("pagehide", () => {
+    shown = new Promise((back) => window.addEventListener("pageshow", back, { once: true }));
+    left.abort();
+    left = new AbortController();
+  });
   for (;;) {
+    await shown;
     try {
-      const answer = await fetch("/api/events", { headers: { "X-Edit-Token": TOKEN } });
+      const answer = await fetch("/api/events", { headers: { "X-Edit-Token": TOKEN }, signal: left.signal });
       if (!answer.ok) throw new Error(await answer.text());
       connection("");
       const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
@@ -36,6 +44,7 @@ export async function listen(changed, connection) {
       }
       connection("The editor has ended. Start it again with the command.");
     } catch (error) {
+      if (error.name === "AbortError") continue;
       connection(error instanceof TypeError ? "The editor does not answer. Is the command still running?" : error.message);
     }
     await new Promise((done) => setTimeout(done, 1000));
