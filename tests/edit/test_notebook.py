@@ -23,7 +23,6 @@ from .editor import PATIENCE
 from .test_page import BROWSER
 from .test_view import SMALL, needs_browser
 
-
 LEFT = 40.0
 """Seconds in which a page that is left is closed: a browser keeps it, with what it asks for, for a minute."""
 
