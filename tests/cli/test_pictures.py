@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 from pathlib import Path
 
@@ -17,6 +19,27 @@ def test_report_is_written_into_the_results(command: Command, results: Path) -> 
     assert "<p>Proven: every robot" in text
     assert "Convergence" in text  # from solver.log
     assert "<dt>command</dt>" in text  # from provenance.json
+
+
+def test_report_with_what_the_plan_tolerates(command: Command, results: Path) -> None:
+    title = "<h2>Tolerated errors of the model</h2>"
+    command("report", "results")
+    assert title not in (results / "report.html").read_text(encoding="utf-8")
+    done = command("report", "results", "--tolerance")
+    assert (done.code, done.out) == (0, "results/report.html\n")
+    assert done.err.startswith("tolerance: drift of the position\n")
+    text = (results / "report.html").read_text(encoding="utf-8")
+    _, _, section = text.partition(title)
+    measured = json.loads(command("tolerance", "results", "--json", "-q").out)
+    kinds = [*measured["kinds"], measured["mix"]]
+    assert re.findall(r"<li><span>(.*?)</span>", section) == [one["kind"] for one in kinds]
+    for ends, one in zip(re.findall(r"<small>then (.*?)</small>", section), kinds, strict=True):
+        assert ends.startswith(one["ends"])
+
+
+def test_an_attack_of_a_report_adds_to_its_tolerances(command: Command, results: Path) -> None:
+    done = command("report", "results", "--attack")
+    assert (done.code, done.err) == (2, "error: --attack: expected with --tolerance, which it adds to\n")
 
 
 def test_report_of_a_plan_of_its_own(command: Command, results: Path, place: Path) -> None:

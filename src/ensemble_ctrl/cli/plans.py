@@ -218,6 +218,7 @@ def replay(
     epilog=examples_of(
         "ensemble-plan report plans/problem",
         "ensemble-plan report plans/problem -o problem.html",
+        "ensemble-plan report plans/problem --tolerance",
     )
 )
 def report(
@@ -225,13 +226,19 @@ def report(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="The file [default: report.html beside it].", metavar="FILE")
     ] = None,
+    tolerance: Annotated[
+        bool, typer.Option("--tolerance", help="Measure how much error of the model it tolerates, too, and show bars.")
+    ] = False,
+    attack: Annotated[
+        bool, typer.Option("--attack", help="With --tolerance: look for disturbances that break it; takes minutes.")
+    ] = False,
     overwrite: Replace = False,
     trust: Trust = False,
 ) -> None:
     """Write a saved plan's report.html again."""
     from ensemble_ctrl.cli.report import report_plan
 
-    report_plan(plan, output, overwrite)
+    report_plan(plan, output, overwrite, tolerance, attack)
 
 
 @app.command(

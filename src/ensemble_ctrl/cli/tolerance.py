@@ -22,7 +22,7 @@ def measure_plan(path: Path, attacked: bool, chart: Path | None, as_json: bool, 
             raise UsageError(f"--chart: expected a name that ends in .png, .pdf or .svg, got {chart.name!r}")
         require_free(chart, overwrite)
     plan = Plan.load(path)
-    found = measure(plan.problem, plan.controls, attacked=attacked, tell=None if quiet else _tell)
+    found = measure(plan.problem, plan.controls, attacked=attacked, tell=None if quiet else tell_kind)
     code = codes.OK if any(one.bound > 0 for one in found.kinds) else codes.NOT_VERIFIED
     if chart is not None:
         from ensemble_ctrl.report.kinds.tolerance import write_tolerance
@@ -35,6 +35,6 @@ def measure_plan(path: Path, attacked: bool, chart: Path | None, as_json: bool, 
     return code
 
 
-def _tell(kind: str) -> None:
+def tell_kind(kind: str) -> None:
     """Say what is looked at."""
     complain(f"tolerance: {kind}")

@@ -27,6 +27,7 @@ from ensemble_ctrl.report.pagemap import map_and_motion
 from ensemble_ctrl.report.palette import hexadecimal, viridis
 from ensemble_ctrl.report.series import by_parameter, distance_label, over_time
 from ensemble_ctrl.report.text import PlanLike, parameter_label, summary_rows, unit_of, verdict
+from ensemble_ctrl.report.tolerances import MEASURED, tolerance_bars
 from ensemble_ctrl.report.transform import conflict_places
 from ensemble_ctrl.report.tube import tubes
 from ensemble_ctrl.report.words import certificate_words
@@ -43,7 +44,7 @@ def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any]
     Parameters
     ----------
     plan : PlanLike
-        The plan with its problem and results.
+        The plan with its problem and results; with `MEASURED` among its details, what it tolerates is shown, too.
     problem_text : str
         The problem file.
     provenance : mapping, optional
@@ -68,6 +69,7 @@ def report_html(plan: PlanLike, problem_text: str, provenance: Mapping[str, Any]
         _section("Robustness over time", _robustness(problem, controls), "half"),
         _section("Clearance over the parameter", _clearance(plan), "half"),
         _section("Convergence", _convergence(descents(log)), "half"),
+        _section("Tolerated errors of the model", _tolerances(plan)),
         _section("Problem file", f"<pre>{escape(problem_text)}</pre>"),
         _section("Provenance", _provenance(provenance or {})),
     ]
@@ -210,6 +212,12 @@ def _clearance(plan: PlanLike) -> str:
     others += f" Farther away: {escape(', '.join(profile.far))}." if profile.far else ""
     proven = " Dashed level: what is proven for all." if levels else ""
     return chart(axes, curves, "Clearance over the parameter") + f'<p class="note">Least over time.{others}{proven}</p>'
+
+
+def _tolerances(plan: PlanLike) -> str:
+    """How much error of the model the plan tolerates, if that was measured."""
+    found = plan.details.get(MEASURED)
+    return "" if found is None else tolerance_bars(found)
 
 
 def _convergence(solves: Sequence[Descent]) -> str:
