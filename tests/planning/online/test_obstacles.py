@@ -176,6 +176,34 @@ def test_an_obstacle_that_goes_gives_the_way_free() -> None:
     assert outcome.ending == "success"
 
 
+@pytest.mark.parametrize(("ahead", "goes"), [(0.1, 2.5), (0.1, None), (0.9, 2.5)])
+def test_driving_on_through_what_has_come_is_no_success(ahead: float, goes: float | None) -> None:
+    """Nothing is proven of commands on the way, unless robots stand before it, which is too thin to be noticed."""
+    far = {"far": (Obstacle.box([[-3.0, -2.5], [3.0, 3.5]]),)}
+    task = parse("F[6,8] in(goal) and G avoid(obstacles)")
+    problem = SHORT.with_(obstacles=far, fleet=FLEET.with_(radius=0.0), duration=8.0, steps=80, task=task)
+    straight = np.repeat([[0.6, 0.0], [0.0, 0.0]], 40, axis=0)
+    loop = Receding(problem, options(applied_steps=5, deadline=0.5, recovery=0.5), straight, lambda: 0.0)
+    driven = robot(1.0, 2)
+    strips: list[tuple[float, float]] = []
+
+    def scene(now: float) -> None:
+        x, y = driven.pose[:2]
+        if now >= 1.0 and not strips:
+            strips.append((x + ahead, x + ahead + 0.02))
+            loop.add_obstacle("strip", [Obstacle.box([strips[0], (y - 9.0, y + 9.0)])])
+        if goes is not None and now >= goes and "strip" in loop.problem.obstacles:
+            assert "none" in [step.proof for step in loop.history]
+            loop.remove_obstacle("strip")
+
+    outcome = drive(loop, driven, driven, scene=scene)
+    assert loop.problem.regions["goal"].margin(driven.pose[:2]) > 0
+    assert outcome.ending == ("finished" if ahead < 0.5 else "success")
+    if goes is None:
+        track = np.array(driven.track)[:, 0]
+        assert ((track > strips[0][0]) & (track < strips[0][1])).any()
+
+
 def test_what_was_entered_before_it_went_is_not_forgotten() -> None:
     loop = Receding(SHORT, options(), plan(), process_time)
     loop.step(START)
@@ -269,6 +297,37 @@ def test_changes_that_make_no_sense_are_refused() -> None:
     sometimes = SHORT.with_(task=parse("F[4,5] (in(goal) and avoid(obstacles))"))
     message = refused(lambda loop: loop.add_obstacle("cart", [BOX], still), sometimes)
     assert message == "obstacle: 'cart' moves, and a moving obstacle can only be avoided throughout a window"
+
+
+SOLID = Polyhedron.box([[3.0, 3.5], [3.0, 3.5], [0.0, 1.0]])
+IN_SPACE = Motion(np.array([0.0, 1.0]), np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        # the task's word for all of them would be for this one alone
+        (("obstacles", [BOX]), "expected another name, 'obstacles' is a word of the task language"),
+        (("block", [BOX]), "expected a new name, got 'block'"),
+        (("", [BOX]), "expected a name, got an empty one"),
+        ((["cart"], [BOX]), "expected a name, got ['cart'] (list)"),
+        (("cart", []), "expected one or more convex pieces in the plane, got none"),
+        (("cart", [SOLID]), "expected one or more convex pieces in the plane, got one in space"),
+        (("cart", [BOX], (0.1, 0.0)), "expected a Motion, got (0.1, 0.0) (tuple)"),
+        (("cart", [BOX], IN_SPACE), "expected a motion with displacements [x, y], got [x, y, z]"),
+    ],
+)
+def test_what_is_no_obstacle_leaves_the_map_as_it_is(given: tuple[Any, ...], message: str) -> None:
+    assert refused(lambda loop: loop.add_obstacle(*given)) == f"obstacle: {message}"
+
+
+@pytest.mark.parametrize("now", [np.nan, np.inf])
+def test_a_clock_without_a_time_is_refused(now: float) -> None:
+    def late(loop: Receding) -> None:
+        loop.elapsed = now
+        loop.add_obstacle("cart", [BOX])
+
+    assert refused(late) == f"elapsed: expected finite seconds since the plan began, got {now}"
 
 
 @pytest.mark.parametrize("name", ["uncertainty", "growth"])

@@ -8,15 +8,19 @@ import numpy as np
 import pytest
 
 from ensemble_ctrl.constraints import Obstacle
+from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.online.driver import drive
 from ensemble_ctrl.planning.online.loop import Receding
+from ensemble_ctrl.planning.online.measurement import Measurement
 from ensemble_ctrl.planning.online.membership import Membership
 from ensemble_ctrl.planning.online.options import OnlineOptions
 from ensemble_ctrl.planning.online.propagation import Commands, Errors
 from ensemble_ctrl.planning.online.settings import OnlineSettings, RobotSettings
 from ensemble_ctrl.planning.online.simulated import Fixed, Flaws, SimulatedRobot
 from ensemble_ctrl.planning.online.simulated_errors import ErrorKind, SimulatedErrors
+from ensemble_ctrl.planning.online.tracker import Tracker
 from ensemble_ctrl.problem.fleet import Fleet
 from ensemble_ctrl.problem.terrain import Patch
 from ensemble_ctrl.problem.uncertainty import Uncertainty
@@ -221,6 +225,46 @@ def test_loops_prove_what_late_robots_on_terrain_do(chunk: int) -> None:
             true = robot.track[10 * (begin + k)]
             assert (np.abs(true[:2] - pose.position) <= pose.half).all()
             assert abs(true[2] - pose.heading) <= pose.turn
+
+
+def test_a_heading_that_was_let_go_before_may_lead_into_a_patch_beside_the_way() -> None:
+    """Bends come before a straight way on which no command has an error: the heading goes back, towards the mud."""
+    tau, share, step, bend = 3.0, 0.15, 0.1, 30
+    fleet = fleet_of(Uncertainty(shares={"omega": share}, heading_hold=tau)).with_(
+        parameters={"traction": Interval(1.0, 1.0)}
+    )
+    controls = np.repeat([[0.2, 1.0], [1.0, 0.0]], bend, axis=0)
+
+    def driven_on(mud: Patch | None) -> np.ndarray:
+        """The robot that turns too far for the whole bend, and is slow in the mud, at the grid times."""
+        x, y, model, off, parts = 0.0, 0.0, 0.0, 0.0, 50
+        poses = [(x, y, 0.0)]
+        for v, omega in controls:
+            for _ in range(parts):
+                inside = mud is not None and bool(mud.contains(np.array([x, y])))
+                way, heading = v * step / parts * (0.3 if inside else 1.0), model + off
+                x, y = x + way * np.cos(heading), y + way * np.sin(heading)
+                model, off = model + omega * step / parts, off + (share * omega - off / tau) * step / parts
+            poses.append((x, y, model + off))
+        return np.array(poses)
+
+    start = driven_on(None)[bend]
+    along = np.array([np.cos(start[2]), np.sin(start[2])])
+    aside = np.array([along[1], -along[0]])  # to the right, where the heading goes back to
+    corners = [(0.3, 0.15), (4.0, 0.15), (4.0, 3.0), (0.3, 3.0)]
+    mud = Patch((Obstacle.polygon([start[:2] + a * along + b * aside for a, b in corners]),), {"traction": (0.3, 1.0)})
+    problem = SHORT.with_(
+        fleet=fleet, terrain={"mud": mud}, duration=6.0, steps=2 * bend, task=parse("F[5,6] in(goal)")
+    )
+    tracker = Tracker(problem, Errors(1e-3, 1e-3), True)
+    tracker.observe(Measurement(0.0, 0.0, 0.0, 0.0))
+    tracker.send(controls)
+    assert tracker.observe(Measurement(bend * step, *start)) == []
+    pose = tracker.onset(bend)
+    assert pose is not None
+    late = np.linalg.norm(driven_on(mud)[-1, :2] - driven_on(None)[-1, :2])
+    assert late > 0.5
+    assert tracker.departures(controls[bend:], bend, pose)[-1] >= late
 
 
 def test_a_patch_beside_the_way_is_kept_out_of() -> None:

@@ -124,7 +124,8 @@ class Receding(ChangingMap):
     def proven(self) -> bool:
         """Whether the rest of the task is proven for the commands that are planned now.
 
-        Never after a time in which something that moves was on the map and nothing was proven.
+        Never after a time in which something that moves, or came while robots drove, was on the map and nothing was
+        proven.
         """
         return self._evidence.proof == "whole" and self.holds and not self._unwatched
 
@@ -153,7 +154,7 @@ class Receding(ChangingMap):
         if self.over:
             return self.plan[:0]
         self._decide(work)
-        self._watch(work.evidence)
+        self._watch(self._until_standing(work))
         begin, end = self.sent, min(self.sent + self.options.applied_steps, self.steps)
         controls = self.planned(begin, end)
         events, self._events = tuple(dict.fromkeys(self._events)), []
@@ -270,10 +271,17 @@ class Receding(ChangingMap):
         self.program = self._program(self.plan)
         self._events.append(event)
         if not harmless:
-            self._evidence = NOTHING if self.stopped else self._proof(self.plan, Work(self.timer))
+            found = self._proof(self.plan, Work(self.timer))
+            self._evidence = NOTHING if self.stopped else found
             self.alarmed |= self._evidence.proof != "whole"
-            if self._evidence.proof != "none":
-                self._watch(self._evidence)
+            if found.proof != "none" and not (self.stopped and self.problem.motions):
+                self._watch(found)
+
+    def _until_standing(self, work: Work) -> Evidence:
+        """What is proven of the commands that are sent next, or else of those on the way until robots stand."""
+        if work.evidence.proof != "none" or self.problem.motions or self._unproven_since is None:
+            return work.evidence
+        return self._proof(self.plan, work)
 
     # --- deciding
 

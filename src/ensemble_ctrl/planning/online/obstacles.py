@@ -14,7 +14,9 @@ from ensemble_ctrl.constraints.stl import leaves
 from ensemble_ctrl.constraints.stl.leaves import Avoid
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.core.values import expect, number
 from ensemble_ctrl.planning.online.apart import met
+from ensemble_ctrl.planning.online.arguments import motion_in_plane, pieces_in_plane, require_new
 from ensemble_ctrl.planning.online.evidence import Evidence
 from ensemble_ctrl.planning.online.group import RobotGroup
 from ensemble_ctrl.planning.online.mapped import with_map
@@ -73,13 +75,15 @@ class ChangingMap(RobotGroup, ABC):
         Raises
         ------
         ProblemError
-            For a name that is taken, and for a motion where the task avoids obstacles otherwise than throughout.
+            For a name that is taken or means something else in a task, for what is no obstacle in the plane or no
+            motion in it, and for a motion where the task avoids obstacles otherwise than throughout.
         """
-        if name in self.problem.obstacles or name in self.problem.regions:
-            raise ProblemError(f"obstacle: expected a new name, got {name!r}")
-        obstacles, motions = {**self.problem.obstacles, name: tuple(pieces)}, dict(self.problem.motions)
+        now = self._clock()
+        require_new(self.problem, name)
+        obstacles = {**self.problem.obstacles, name: pieces_in_plane(pieces)}
+        motions = dict(self.problem.motions)
         self._place(name, obstacles, motions if motion is None else {**motions, name: self._lasting(motion)})
-        self._enter(name, f"an obstacle was added to the map: {name}")
+        self._enter(name, now, f"an obstacle was added to the map: {name}")
 
     def update_obstacle(self, name: str, motion: Motion) -> None:
         """Predict the motion of an obstacle anew, from where its pieces were when it was added.
@@ -91,11 +95,12 @@ class ChangingMap(RobotGroup, ABC):
         ProblemError
             For an obstacle that there is not, and as `add_obstacle`.
         """
+        now = self._clock()
         self._require(name)
         past = list(self._until_now(name))
         self._place(name, self.problem.obstacles, {**self.problem.motions, name: self._lasting(motion)})
         self._past += past
-        self._enter(name, f"the motion of {name} is predicted anew")
+        self._enter(name, now, f"the motion of {name} is predicted anew")
 
     def remove_obstacle(self, name: str) -> None:
         """Take an obstacle from the map: what is proven stays so, and the next plan may pass where it was.
@@ -106,7 +111,7 @@ class ChangingMap(RobotGroup, ABC):
             For an obstacle that there is not, or that the task names.
         """
         self._require(name)
-        self._unwatched |= self._unproven_since is not None and name in self.problem.motions
+        self._unwatched |= self._unproven_since is not None
         if any(isinstance(leaf, Avoid) and leaf.name == name for leaf in leaves(self.problem.task)):
             raise ProblemError(f"obstacle: expected one that the task does not name, got {name!r}")
         self._past += self._until_now(name)
@@ -131,9 +136,12 @@ class ChangingMap(RobotGroup, ABC):
         return met({name: tracker.past for name, tracker in self.trackers.items()}, self.problem.step, lasting)
 
     def _watch(self, evidence: Evidence) -> None:
-        """Note whether something that moves was on the map while nothing was proven; standing is no help there."""
+        """Note whether something that moves, or has come since, was on the map while nothing was proven.
+
+        Standing is no help against what moves, and nothing proves it of what has come while robots still drive.
+        """
         began, proven = (self.base + self._now()[0]) * self.problem.step, evidence.proof != "none"
-        if self.problem.motions:
+        if self.problem.motions or self._unproven_since is not None:
             late = self._unproven_since is not None and began > self._unproven_since + 1e-9
             self._unwatched |= late or not proven
         if proven:
@@ -141,17 +149,20 @@ class ChangingMap(RobotGroup, ABC):
 
     def _require(self, name: str) -> None:
         """Refuse an obstacle that is not on the map."""
-        if name not in self.problem.obstacles:
+        if expect("obstacle", name, str, "a name") not in self.problem.obstacles:
             known = ", ".join(self.problem.obstacles) or "none"
             raise ProblemError(f"obstacle: expected one that is on the map ({known}), got {name!r}")
 
     def _lasting(self, motion: Motion) -> Motion:
         """A motion for all times that a plan may reach."""
-        return motion.covering(0.0, self.steps * self.problem.step + self.problem.duration)
+        return motion_in_plane(motion).covering(0.0, self.steps * self.problem.step + self.problem.duration)
 
     def _clock(self) -> float:
         """When a change of the map counts from, seconds."""
-        return max(self.elapsed, *(tracker.time for tracker in self.trackers.values()))
+        elapsed = number("elapsed", self.elapsed)
+        if not np.isfinite(elapsed):
+            raise ProblemError(f"elapsed: expected finite seconds since the plan began, got {elapsed}")
+        return max(elapsed, *(tracker.time for tracker in self.trackers.values()))
 
     def _place(self, name: str, obstacles: Mapping[str, tuple[Obstacle, ...]], motions: Mapping[str, Motion]) -> None:
         """Take another map if the task can be judged on it."""
@@ -160,9 +171,9 @@ class ChangingMap(RobotGroup, ABC):
             raise ProblemError(f"obstacle: {wrong.message}")
         self._take(changed)
 
-    def _enter(self, name: str, event: str) -> None:
+    def _enter(self, name: str, now: float, event: str) -> None:
         """Something counts from now on; stop the robots where one may be in it."""
-        self._added[name] = self._clock()
+        self._added[name] = now
         if self._unproven_since is None:
             self._unproven_since = self._added[name]
         self._replaced(event, harmless=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,24 +145,24 @@ class Tracker:
         that the program keeps out of do not count.
         """
         ground = Ground(self.problem, self.kept_out) if planned else self._ground
-        step, sets = self.problem.step, self.sets
-        until: Floats = np.asarray(step * np.arange(1, len(controls) + 1), dtype=float)
-        found, met = np.zeros(len(controls)), ground.nowhere(len(controls))
+        step, sets, n = self.problem.step, self.sets, len(controls)
+        # with the commands before, by which a heading that is held may be off by now
+        whole = np.concatenate([self.sent[:begin], controls])
+        before = ground.nowhere(begin) if planned else self._marks[:, :begin]
+        unmarked = np.concatenate([before, ground.nowhere(n)], axis=1)
+        since: Floats = np.full(n, begin * step)
+        until: Floats = np.asarray(step * np.arange(begin + 1, begin + n + 1), dtype=float)
+        found, met = np.zeros(n), unmarked
         for ranges in sets.pieces(PIECE, PIECES) if ground else [sets.ranges]:
-            known = sets.of_ranges(ranges)
-            # times relative to the grid time from which the pose is propagated
-            later, own = replace(known, time=known.time - begin * step), self._own(ranges)
-            nowhere = ground.nowhere(len(controls))
-            marks = ground.marked(controls, nowhere, own, (self.errors, later), pose, 0.0)
-            ahead = ground.commands(controls, marks, own)
-            led = departure(ahead, self.errors, later, np.zeros(len(until)), until, beyond)[1]
+            known, own = sets.of_ranges(ranges), self._own(ranges)
+            marks = ground.marked(whole, unmarked, own, (self.errors, known), pose, begin * step)
+            ahead = ground.commands(whole, marks, own)
+            led = departure(ahead, self.errors, known, since, until, beyond)[1]
             found, met = np.maximum(found, led), met | marks
         if not self.delay:
             return found
-        whole = np.concatenate([self.sent[:begin], controls])
-        before = ground.nowhere(begin) if planned else self._marks[:, :begin]
-        driven = ground.commands(whole, np.concatenate([before, met], axis=1), self._own(sets.ranges))
-        return found + lags(driven, self.delay, sets.known.most, begin, len(controls))
+        driven = ground.commands(whole, met, self._own(sets.ranges))
+        return found + lags(driven, self.delay, sets.known.most, begin, n)
 
     @property
     def onwards(self) -> Uncertainty:
