@@ -90,14 +90,16 @@ class Ipopt:
             watcher = settings["iteration_callback"] = _Watcher(program, watch, kept)
             solver = ca.nlpsol("solver", "ipopt", functions, settings)
             result = solver(x0=nlp.guess, p=program.parameters, **bounds)
+            # read within: NumPy turns what a signal raises while it reads a matrix of CasADi into a SystemError
+            x, cost = np.array(result["x"]).ravel(), float(result["f"])
         if watcher.error:
             raise watcher.error
         stats = solver.stats()
         word = str(stats["return_status"])
         return Outcome(
             status=self.statuses.get(word, "failed"),
-            x=np.array(result["x"]).ravel(),
-            cost=float(result["f"]),
+            x=x,
+            cost=cost,
             iterations=int(stats["iter_count"]),
             message=word.replace("_", " ").lower(),
         )
