@@ -19,6 +19,7 @@ from ensemble_ctrl.constraints import Disc, Obstacle, Polyhedron
 from ensemble_ctrl.constraints.motion import SLICES, Motion
 from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ProblemError
+from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.online.driver import Outcome, drive
 from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.measurement import Measurement
@@ -202,6 +203,20 @@ def test_driving_on_through_what_has_come_is_no_success(ahead: float, goes: floa
     if goes is None:
         track = np.array(driven.track)[:, 0]
         assert ((track > strips[0][0]) & (track < strips[0][1])).any()
+
+
+def test_what_goes_may_have_been_wanted() -> None:
+    """A task to be in some obstacle is not done any more when that has gone."""
+    task = parse("F[4,5] in(goal) and F[0,5] not avoid(obstacles)")
+    gate = {"gate": (Obstacle.box([[1.2, 1.9], [-1.0, 1.0]]),), "far": (Obstacle.box([[-3.0, -2.5], [3.0, 3.5]]),)}
+    fleet = FLEET.with_(parameters={"traction": Interval(0.99, 1.01)})
+    straight = np.repeat([[0.6, 0.0], [0.0, 0.0]], [40, 10], axis=0)
+    loop = Receding(SHORT.with_(task=task, obstacles=gate, fleet=fleet), options(), straight, lambda: 0.0)
+    loop.step(START)
+    assert loop.proven
+    loop.remove_obstacle("gate")
+    assert loop.alarmed
+    assert not loop.proven
 
 
 def test_what_was_entered_before_it_went_is_not_forgotten() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ensemble_ctrl.constraints import Obstacle
 from ensemble_ctrl.constraints.motion import Motion
-from ensemble_ctrl.constraints.stl import leaves
+from ensemble_ctrl.constraints.stl import Formula, Not, leaves, negation_normal_form
 from ensemble_ctrl.constraints.stl.leaves import Avoid
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ProblemError
@@ -105,6 +105,8 @@ class ChangingMap(RobotGroup, ABC):
     def remove_obstacle(self, name: str) -> None:
         """Take an obstacle from the map: what is proven stays so, and the next plan may pass where it was.
 
+        It is proven anew where the task is to be in an obstacle (``not avoid(obstacles)``).
+
         Raises
         ------
         ProblemError
@@ -120,7 +122,8 @@ class ChangingMap(RobotGroup, ABC):
         motions.pop(name, None)
         self._take(with_map(self.problem, obstacles, motions))
         self._added.pop(name, None)
-        self._replaced(f"an obstacle was removed from the map: {name}", harmless=True)
+        harmless = not _wanted(negation_normal_form(self.problem.task))
+        self._replaced(f"an obstacle was removed from the map: {name}", harmless)
 
     def entered(self) -> str:
         """Which robot must have been in an obstacle, or too close to another, by the measurements; empty for none."""
@@ -206,6 +209,13 @@ class ChangingMap(RobotGroup, ABC):
         if self.options.horizon == "receding":
             return time >= avoid.begin  # the window begins anew at every present
         return bool(avoid.during(np.array([time]))[0])
+
+
+def _wanted(formula: Formula) -> bool:
+    """Whether a formula in negation normal form is to be in an obstacle."""
+    if isinstance(formula, Not):
+        return isinstance(formula.child, Avoid)
+    return any(map(_wanted, formula.parts))
 
 
 def _distance(avoid: AvoidConstraint, pose: PoseSet, time: float, radius: float) -> float:
