@@ -21,8 +21,10 @@ from ensemble_ctrl.constraints.stl import parse
 from ensemble_ctrl.core.errors import ProblemError
 from ensemble_ctrl.moments import Interval
 from ensemble_ctrl.planning.online.driver import Outcome, drive
+from ensemble_ctrl.planning.online.findings import loop_findings
 from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.measurement import Measurement
+from ensemble_ctrl.planning.online.settings import OnlineSettings
 from ensemble_ctrl.planning.online.simulated import FINE, SimulatedRobot
 from ensemble_ctrl.planning.online.simulated_obstacles import ObstacleSettings, SimulatedScene, Straying
 from ensemble_ctrl.problem import Problem
@@ -334,6 +336,13 @@ IN_SPACE = Motion(np.array([0.0, 1.0]), np.zeros((2, 3)))
 )
 def test_what_is_no_obstacle_leaves_the_map_as_it_is(given: tuple[Any, ...], message: str) -> None:
     assert refused(lambda loop: loop.add_obstacle(*given)) == f"obstacle: {message}"
+
+
+def test_a_motion_in_space_is_refused_before_the_loop_begins() -> None:
+    settings = OnlineSettings(options(), obstacles={"cart": ObstacleSettings((BOX,), 0.5, motion=IN_SPACE)})
+    (found,) = loop_findings(SHORT.with_(online=settings))
+    assert found.path == ("online", "obstacles", "cart", "motion")
+    assert found.message == "expected 2 dimensions (x, y), got 3"
 
 
 @pytest.mark.parametrize("now", [np.nan, np.inf])

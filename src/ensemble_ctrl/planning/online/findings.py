@@ -12,6 +12,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.capabilities import FEATURES, supports
 from ensemble_ctrl.problem.checks import Finding
 from ensemble_ctrl.problem.checks.motion import moving_elsewhere
+from ensemble_ctrl.problem.checks.support import dimension_findings
 from ensemble_ctrl.problem.signals import signals_read
 from ensemble_ctrl.problem.specification import AvoidThroughout
 
@@ -78,8 +79,11 @@ def _findings_of_obstacles(problem: Problem) -> Iterator[Finding]:
         elif not any(_avoids_all(part) for part in problem.specification.always):
             message = "expected a part of the task that avoids it, such as G avoid(obstacles)"
             yield Finding(path, f"{message}, got {problem.task}", on_key=True)
-        elif each.motion is not None:
-            yield from moving_elsewhere(with_map(problem, {name: each.pieces}, {name: each.motion}))
+        else:
+            alone = with_map(problem, {name: each.pieces}, {} if each.motion is None else {name: each.motion})
+            for wrong in dimension_findings(alone):
+                yield Finding((*path, "motion") if "motions" in wrong.path else path, wrong.message, on_key=True)
+            yield from moving_elsewhere(alone)
 
 
 def _avoids_all(part: AvoidThroughout) -> bool:
