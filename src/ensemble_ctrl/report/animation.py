@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.core.storage import whole_file
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import all_paths, headings
+from ensemble_ctrl.report.map_content import moved_bodies
 from ensemble_ctrl.report.palette import shades, viridis
 from ensemble_ctrl.report.raster import FINE, NARROW, Raster
 from ensemble_ctrl.report.video import RATES, AnimationError, require, write_gif, write_video
@@ -67,10 +68,11 @@ def _frames(problem: Problem, controls: Floats, times: Floats, width: int) -> It
 
     fleet = problem.fleet
     paths, members = all_paths(problem, controls, fleet.spread(MEMBERS if fleet.names else 1), 2)
-    raster = Raster.of(problem, paths, width)
+    turned = headings(problem, controls, members, 2)
+    bodies = [] if turned is None else moved_bodies(problem, paths, turned)
+    raster = Raster.of(problem, paths, width, more=bodies)
     colours = [tuple(colour) for colour in viridis(shades(fleet, members)).tolist()]
     ground = raster.ground()
-    turned = headings(problem, controls, members, 2)
     grid = np.linspace(0.0, problem.duration, raster.panels[0].content.paths.shape[1])
     along = [(panel, panel.content.paths, _along(panel.content.paths, grid, times)) for panel in raster.panels]
     seen = 0

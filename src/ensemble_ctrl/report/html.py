@@ -138,7 +138,8 @@ def _map(problem: Problem, drawing: str, proven: bool, marked: bool) -> str:
         f'<output id="clock" for="time">t = {problem.duration:.2f} s</output></div>'
     )
     count = len(problem.fleet.places)
-    note = "Lines: ways of some robots; dots: where they are at the time shown."
+    bodies = "dots" if problem.fleet.footprint is None else "bodies"
+    note = f"Lines: ways of some robots; {bodies}: where they are at the time shown."
     if count == 1:
         note = "The position over time. Lines: some robots; dots: where they are at the time shown."
     if count == 3:
@@ -146,6 +147,10 @@ def _map(problem: Problem, drawing: str, proven: bool, marked: bool) -> str:
     if problem.terrain:
         patches = (f"{name}: {', '.join(patch_text(patch))}" for name, patch in problem.terrain.items())
         note = f"{note} Brown: terrain, in which robots may differ from the model ({escape('; '.join(patches))})."
+    if problem.zones:
+        limits = [zone.speed is not None for zone in problem.zones.values()]
+        note += " Red: zones to keep out of." if not all(limits) else ""
+        note += " Amber: zones with a speed limit." if any(limits) else ""
     if proven:
         note = f"Shaded: where every robot is proven to be (its centre), at some time of the plan. {note}"
     note += " Red rings: where the task fails worst." if marked else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.drawing import frame, highest, outlines, shadow, target_lines
 from ensemble_ctrl.problem.starts import places
+from ensemble_ctrl.problem.zones import Zone
 from ensemble_ctrl.report.transform import Canvas
 
 Floats = NDArray[np.float64]
@@ -23,6 +24,8 @@ VIEWS: dict[int, tuple[View, ...]] = {2: ((0, 1),), 3: ((0, 1), (0, 2))}
 it is drawn over time."""
 OVER_TIME = 0.55
 """Height of a line over time, in widths."""
+NAMED = 12
+"""Starts up to which their names are drawn."""
 INSTANTS = 21
 """Times at which moving obstacles count for what a map has to show."""
 
@@ -71,6 +74,8 @@ class MapContent:
         Zones among them, by their names with their rules.
     patches : tuple of Shape
         Patches of terrain.
+    zones : dict of str to Zone
+        Which of the regions are pieces of zones, by the same names.
     """
 
     problem: Problem
@@ -79,6 +84,7 @@ class MapContent:
     obstacles: tuple[Shape, ...]
     regions: dict[str, Floats]
     patches: tuple[Shape, ...] = ()
+    zones: dict[str, Zone] = field(default_factory=dict)
 
     @property
     def labels(self) -> tuple[str, str]:
@@ -101,7 +107,7 @@ class MapContent:
 
     @property
     def tags(self) -> dict[str, Floats]:
-        """Above which point the name of each region belongs, shape (2,); beside each other over time."""
+        """Above which point the name of a region belongs, below it for a zone, shape (2,); side by side over time."""
         if self.view is not None:
             return {name: highest(corners) for name, corners in self.regions.items()}
         each = self.problem.duration / max(len(self.regions), 1)
@@ -111,6 +117,19 @@ class MapContent:
     def starts(self) -> dict[str, Floats]:
         """Where the fleet starts, by the names of its starts, shape (2,) each."""
         return {name: self.at(place, 0.0) for name, place in places(self.problem).items()}
+
+    @property
+    def named_starts(self) -> dict[str, Floats]:
+        """The starts whose names are drawn: of several, unless there are too many."""
+        return self.starts if 1 < len(self.starts) <= NAMED else {}
+
+    @property
+    def standing(self) -> list[Floats]:
+        """Bodies of a footprint at the starts, shape (corners, 2) each."""
+        body = self.problem.fleet.footprint
+        if body is None or self.heading is None:
+            return []
+        return [body.at(place, np.array(self.heading)) for place in self.starts.values()]
 
     @property
     def target(self) -> Floats | None:
@@ -136,7 +155,11 @@ class MapContent:
 
     def canvas(self, width: float, left: float = 0.0, top: float = 0.0, more: Sequence[Floats] = ()) -> Canvas:
         """A drawing so wide that shows all of it, wherever obstacles go, and more shapes of shape (points, 2)."""
-        shapes = [*(start[None, :] for start in self.starts.values()), *self.paths]
+        ways = [*(start[None, :] for start in self.starts.values()), *self.paths]
+        # discs of the robots' radius reach beyond their ways
+        reach = self.radius if self.problem.fleet.footprint is None else 0.0
+        corners = reach * np.array([[-1.0, -1.0], [1.0, 1.0]])
+        shapes = [*self.standing, *(end + corners for way in ways for end in (way.min(axis=0), way.max(axis=0)))]
         for obstacle in (*self.obstacles, *self.patches):
             times = np.linspace(0.0, self.problem.duration, INSTANTS)
             offsets = np.zeros((1, 2)) if obstacle.motion is None else obstacle.motion.at(times)
@@ -177,15 +200,31 @@ def _content(problem: Problem, paths: Floats, view: View | None) -> MapContent:
             motion, beside = replace(motion, offsets=motion.offsets[:, list(view)]), (False,) * len(pieces)
         obstacles.append(Shape(name, shadows, beside, motion))
     regions = {name: shadow(corners, view) for name, corners in outlines(problem, list(paths)).items()}
+    zones = {}
     for name, zone in problem.zones.items():
         for k, piece in enumerate(zone.pieces):
             number = f" ({k + 1})" if len(zone.pieces) > 1 else ""
-            regions[f"{name}{number}: {zone}"] = shadow(piece.vertices, view)
+            title = f"{name}{number}: {zone}"
+            regions[title], zones[title] = shadow(piece.vertices, view), zone
     patches = tuple(
         Shape(name, tuple(shadow(piece.vertices, view) for piece in patch.pieces), (False,) * len(patch.pieces))
         for name, patch in problem.terrain.items()
     )
-    return MapContent(problem, view, paths[..., list(view)], tuple(obstacles), regions, patches)
+    return MapContent(problem, view, paths[..., list(view)], tuple(obstacles), regions, patches, zones)
+
+
+def moved_bodies(problem: Problem, paths: Floats, turned: Floats) -> list[Floats]:
+    """Corners of the bodies of a footprint on their ways, shape (corners, 2) each; none for robots that are discs.
+
+    Parameters
+    ----------
+    problem : Problem
+    paths : ndarray, shape (members, times, 2)
+    turned : ndarray, shape (members, times)
+        Headings, radians.
+    """
+    body = problem.fleet.footprint
+    return [] if body is None else list(body.at(paths, turned).reshape(len(paths), -1, 2))
 
 
 def _bands(problem: Problem) -> Iterator[tuple[str, Floats]]:

@@ -14,7 +14,7 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.conflicts import Conflict
 from ensemble_ctrl.problem.evaluation.sampled import all_paths, headings
 from ensemble_ctrl.report.errors import patch_text
-from ensemble_ctrl.report.map_content import MapContent, View, map_contents
+from ensemble_ctrl.report.map_content import MapContent, View, map_contents, moved_bodies
 from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
 from ensemble_ctrl.report.text import conflict_text
@@ -65,9 +65,10 @@ def map_and_motion(
     keep = some(len(shown), FRAMES)
     for content in map_contents(problem, paths):
         ribbons = tubes.get(content.view, ())
-        areas = [outline for ribbon in ribbons for outline in ribbon.outlines]
-        canvas = content.canvas(WIDTH - MARGIN[0], MARGIN[0], more=areas)
         ways = content.paths[:, shown]
+        areas = [outline for ribbon in ribbons for outline in ribbon.outlines]
+        areas += [] if turned is None else moved_bodies(problem, ways, turned[:, shown])
+        canvas = content.canvas(WIDTH - MARGIN[0], MARGIN[0], more=areas)
         drawings.append(_svg(content, canvas, ways, colours, ribbons, marks, ends))
         # whole tenths of a drawing unit keep the JSON short
         tracks += np.rint(10 * canvas.at(ways[:, keep])).astype(int).tolist()
@@ -155,8 +156,9 @@ def _places(content: MapContent, canvas: Canvas) -> list[str]:
     """Patches of terrain, regions and the target."""
     parts = _patches(content, canvas)
     for name, corners in content.regions.items():
-        points = _text(canvas, corners)
-        parts.append(f'<polygon class="region" points="{points}"><title>{escape(name)}</title></polygon>')
+        rule, points = _rule(content, name), _text(canvas, corners)
+        kind = f"zone {rule}" if rule else "region"
+        parts.append(f'<polygon class="{kind}" points="{points}"><title>{escape(name)}</title></polygon>')
     parts += [f'<polyline class="target" points="{_text(canvas, line)}"/>' for line in content.lines]
     if content.target is not None:
         x, y = canvas.at(content.target).tolist()
@@ -164,6 +166,14 @@ def _places(content: MapContent, canvas: Canvas) -> list[str]:
             f'<path class="target" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"><title>target</title></path>'
         )
     return parts
+
+
+def _rule(content: MapContent, name: str) -> str:
+    """The class of a zone's rule in the style sheet; empty for a region without one."""
+    zone = content.zones.get(name)
+    if zone is None:
+        return ""
+    return "keep-out" if zone.speed is None else "slow"
 
 
 def _patches(content: MapContent, canvas: Canvas) -> list[str]:
@@ -179,11 +189,13 @@ def _patches(content: MapContent, canvas: Canvas) -> list[str]:
 
 
 def _names(content: MapContent, canvas: Canvas) -> list[str]:
-    """Names of regions above them, drawn over everything that lies still."""
+    """Names of regions above them, of zones in them at the top, drawn over everything that lies still."""
     parts = []
     for name, place in content.tags.items():
         x, y = canvas.at(place).tolist()
-        parts.append(f'<text class="mid name" x="{x:.1f}" y="{max(y - 4, 12):.1f}">{escape(name)}</text>')
+        rule = _rule(content, name)
+        kind, y = (f"mid name {rule}", y + 17) if rule else ("mid name", max(y - 4, 12))
+        parts.append(f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(name)}</text>')
     return parts
 
 
@@ -220,8 +232,8 @@ def _obstacles(content: MapContent, canvas: Canvas) -> list[str]:
 
 
 def _start(content: MapContent, canvas: Canvas) -> list[str]:
-    """An arrow head at each start, in the direction of the heading; a disk where there is none."""
-    parts = []
+    """An arrow head at each start, in the direction of the heading, with the body; a disk where there is none."""
+    parts = [f'<polygon class="standing" points="{_text(canvas, corners)}"/>' for corners in content.standing]
     for name, place in content.starts.items():
         (x, y), title = canvas.at(place).tolist(), f"<title>{escape(name)}</title>"
         if content.heading is None:
@@ -229,4 +241,7 @@ def _start(content: MapContent, canvas: Canvas) -> list[str]:
         else:
             turn = f'transform="translate({x:.1f} {y:.1f}) rotate({-np.degrees(content.heading):.1f})"'
             parts.append(f'<path class="start" {turn} d="M9 0L-6 6L-3 0L-6 -6Z">{title}</path>')
+    for name, place in content.named_starts.items():
+        x, y = canvas.at(place).tolist()
+        parts.append(f'<text class="mid begin" x="{x:.1f}" y="{y + 20:.1f}">{escape(name)}</text>')
     return parts

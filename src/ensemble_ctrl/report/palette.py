@@ -18,6 +18,8 @@ PATCH, PATCH_EDGE = "#d9c3a0", "#7a5c2e"
 """Of patches of terrain, and of their outlines and names: 5.6 times as dark as white."""
 OUTLINE, INSIDE = "#33373d", "#dfe8f2"
 """Of robots, and of regions that are filled."""
+INSIDE_SLOW, INSIDE_KEEP_OUT = "#f3eadb", "#f6e3e4"
+"""Of zones that are filled."""
 GRID, SOFT = "#e2e5ea", "#5b6470"
 """Of lines behind what is drawn, and of their numbers."""
 LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")

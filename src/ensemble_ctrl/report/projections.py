@@ -12,7 +12,17 @@ from ensemble_ctrl.problem import Problem
 from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
 from ensemble_ctrl.report.canvas import draw_scale, placed_axes
 from ensemble_ctrl.report.map_content import OVER_TIME, MapContent, map_contents
-from ensemble_ctrl.report.palette import CONTRAST, OBSTACLE, OBSTACLE_EDGE, ON_OBSTACLE, REGION, shades, viridis
+from ensemble_ctrl.report.palette import (
+    CONTRAST,
+    KEEP_OUT,
+    OBSTACLE,
+    OBSTACLE_EDGE,
+    ON_OBSTACLE,
+    REGION,
+    SLOW,
+    shades,
+    viridis,
+)
 from ensemble_ctrl.report.text import literal
 
 if TYPE_CHECKING:
@@ -84,10 +94,13 @@ def draw_shapes(content: MapContent, ax: Axes) -> None:
             middle = shape.largest.mean(axis=0)
             label = ax.annotate(literal(shape.name), middle, ha="center", va="center", fontsize=8, color=ON_OBSTACLE)
             label.set_path_effects([withStroke(linewidth=2, foreground=OBSTACLE)])
-    for corners in content.regions.values():
-        ax.add_patch(Polygon(corners, closed=True, facecolor=REGION, edgecolor=REGION, alpha=0.15))
+    colours = {n: KEEP_OUT if zone.speed is None else SLOW for n, zone in content.zones.items()}
+    for name, corners in content.regions.items():
+        colour = colours.get(name, REGION)
+        ax.add_patch(Polygon(corners, closed=True, facecolor=colour, edgecolor=colour, alpha=0.15))
     for name, (x, y) in content.tags.items():
-        ax.annotate(literal(name), (x, y), (0, 3), textcoords="offset points", ha="center", fontsize=8, color=REGION)
+        text, colour = literal(name), colours.get(name, REGION)
+        ax.annotate(text, (x, y), (0, 3), textcoords="offset points", ha="center", fontsize=8, color=colour)
     for line in content.lines:
         marker = "x" if len(line) < 60 else ""
         ax.plot(*line.T, ":", color="black", linewidth=1.0, marker=marker, markersize=5, zorder=4.5)

@@ -16,6 +16,9 @@ from ensemble_ctrl.report.pagecharts import ticks
 from ensemble_ctrl.report.palette import (
     GRID,
     INSIDE,
+    INSIDE_KEEP_OUT,
+    INSIDE_SLOW,
+    KEEP_OUT,
     OBSTACLE,
     OBSTACLE_EDGE,
     ON_OBSTACLE,
@@ -23,6 +26,7 @@ from ensemble_ctrl.report.palette import (
     PATCH,
     PATCH_EDGE,
     REGION,
+    SLOW,
     SOFT,
     viridis,
 )
@@ -132,8 +136,10 @@ class Raster:
 def _draw_map(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
     """Regions, obstacles that stay, targets and the start."""
     content, unit = panel.content, panel.unit
-    for corners in sorted(content.regions.values(), key=lambda corners: -float(np.ptp(corners, axis=0).prod())):
-        pen.polygon(panel.points(corners), INSIDE, REGION, FINE)
+    colours = _region_colours(content)
+    for name, corners in sorted(content.regions.items(), key=lambda one: -float(np.ptp(one[1], axis=0).prod())):
+        inside, edge = colours[name]
+        pen.polygon(panel.points(corners), inside, edge, FINE)
     for patch in content.patches:
         for corners in patch.pieces:
             pen.polygon(panel.points(corners), PATCH, PATCH_EDGE, FINE)
@@ -150,15 +156,22 @@ def _draw_map(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
     top = panel.canvas.top
     for name, tag in content.tags.items():
         ((x, y),) = panel.points(tag[None])
-        low = y - 3 * unit > top + 10 * unit
-        place, anchor = ((x, y - 3 * unit), "mb") if low else ((x, y + 3 * unit), "mt")
-        pen.text(place, name, REGION, panel.font, anchor, stroke_width=FINE, stroke_fill="white")
+        above = y - 3 * unit > top + 10 * unit and name not in content.zones
+        place, anchor = ((x, y - 3 * unit), "mb") if above else ((x, y + 3 * unit), "mt")
+        pen.text(place, name, colours[name][1], panel.font, anchor, stroke_width=FINE, stroke_fill="white")
     for line in content.lines:
         pen.line(panel.points(line), "black", FINE)
     _draw_start(panel, pen)
     if content.hidden:
         names = " and ".join(label.split()[0] for label in content.labels)
         pen.text((8 * unit, top + 4 * unit), names, SOFT, panel.font, anchor="la")
+
+
+def _region_colours(content: MapContent) -> dict[str, tuple[str, str]]:
+    """Of the inside, and of the outline and the name of each region; zones have others."""
+    kept, slow = (INSIDE_KEEP_OUT, KEEP_OUT), (INSIDE_SLOW, SLOW)
+    ruled = {name: kept if zone.speed is None else slow for name, zone in content.zones.items()}
+    return dict.fromkeys(content.regions, (INSIDE, REGION)) | ruled
 
 
 def _draw_numbers(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
@@ -172,8 +185,10 @@ def _draw_numbers(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
 
 
 def _draw_start(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
-    """An arrow head at each start in the direction of the heading; a disk where there is none."""
+    """An arrow head at each start in the direction of the heading, with the body; a disk where there is none."""
     heading, unit = panel.content.heading, panel.unit
+    for corners in panel.content.standing:
+        pen.polygon(panel.points(corners), None, OUTLINE, FINE)
     for x, y in panel.points(np.array(list(panel.content.starts.values()))):
         if heading is None:
             pen.ellipse((x - 4 * unit, y - 4 * unit, x + 4 * unit, y + 4 * unit), "black")
@@ -182,6 +197,9 @@ def _draw_start(panel: Panel, pen: ImageDraw.ImageDraw) -> None:
         turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
         head = np.array([[8.0, 0.0], [-6.0, 5.0], [-6.0, -5.0]]) * unit @ turn.T
         pen.polygon([(x + dx, y - dy) for dx, dy in head.tolist()], "black")
+    for name, place in panel.content.named_starts.items():
+        ((x, y),) = panel.points(place[None])
+        pen.text((x, y + 7 * unit), name, "black", panel.font, "mt", stroke_width=FINE, stroke_fill="white")
 
 
 def _draw_frame(raster: Raster, pen: ImageDraw.ImageDraw) -> None:

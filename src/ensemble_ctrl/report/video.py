@@ -14,12 +14,16 @@ from ensemble_ctrl.core.errors import EnsembleError
 from ensemble_ctrl.report.palette import (
     GRID,
     INSIDE,
+    INSIDE_KEEP_OUT,
+    INSIDE_SLOW,
+    KEEP_OUT,
     OBSTACLE,
     OBSTACLE_EDGE,
     OUTLINE,
     PATCH,
     PATCH_EDGE,
     REGION,
+    SLOW,
     SOFT,
     viridis,
 )
@@ -69,10 +73,8 @@ def _colours(more: Iterable[str]) -> list[tuple[int, ...]]:
     """What is drawn, and its blends with white along edges."""
     from PIL import ImageColor
 
-    named = [
-        ImageColor.getrgb(name)
-        for name in (OUTLINE, OBSTACLE, OBSTACLE_EDGE, PATCH, PATCH_EDGE, REGION, INSIDE, SOFT, GRID, "black", *more)
-    ]
+    areas = (OBSTACLE, OBSTACLE_EDGE, PATCH, PATCH_EDGE, REGION, INSIDE, SLOW, INSIDE_SLOW, KEEP_OUT, INSIDE_KEEP_OUT)
+    named = [ImageColor.getrgb(name) for name in (OUTLINE, *areas, SOFT, GRID, "black", *more)]
     pure = np.concatenate([np.array(named), viridis(np.linspace(0, 1, 21)).astype(int)])
     # blends with white, as smoothed edges have them
     blends = [np.rint(share * pure + (1 - share) * 255).astype(int) for share in (1.0, 0.7, 0.4, 0.15)]
