@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import ensemble_ctrl as ec
@@ -20,6 +21,8 @@ from ensemble_ctrl.planning.online.driver import drive
 from ensemble_ctrl.planning.online.loop import Receding
 from ensemble_ctrl.planning.online.settings import OnlineSettings
 from ensemble_ctrl.planning.online.simulated import FINE
+from ensemble_ctrl.planning.online.simulated_obstacles import SimulatedScene
+from ensemble_ctrl.planning.online.step import Step
 from tests.report.browser import Page, chromium
 
 from .editor import PATIENCE, Editor, gone, served
@@ -37,6 +40,19 @@ horizon: {duration: 4 s, steps: 40}
 regions: {goal: {box: [[1.5, 3], [-0.5, 0.5]]}}
 obstacles: {post: {box: [[0.6, 1.0], [-0.2, 0.2]]}}
 task: F[3, 4] in(goal) and G avoid(obstacles)
+"""
+
+CART = """
+online:
+  applied_steps: 5
+  obstacles:
+    cart:
+      box: [[2.2, 2.5], [1.2, 1.5]]
+      appears: 1 s
+      vanishes: 3 s
+      motion: {velocity: [0.2, 0.1], uncertainty: {position: 3 cm, speed: 3 cm/s}}
+      seen_every: 1 s
+      strays: towards
 """
 
 
@@ -87,7 +103,7 @@ def test_steps_say_what_the_loop_knows_and_every_place_once() -> None:
     settings = problem.online or OnlineSettings()
     fleet = settings.simulated(problem)
     loop = Receding(problem, settings.options)
-    steps, told = Steps(), []
+    steps, told = Steps(loop.problem), []
     outcome = drive(loop, fleet, fleet, listener=lambda step, _: told.append(steps(loop, step)))
     assert len(told) == len(loop.history)
     assert {event["proof"] for event in told} <= {"whole", "period", "none"}
@@ -102,6 +118,38 @@ def test_steps_say_what_the_loop_knows_and_every_place_once() -> None:
         x, y = robot.track[round(place["time"] / problem.step + lead) * FINE][:2]
         assert ((x - place["at"][0]) ** 2 + (y - place["at"][1]) ** 2) ** 0.5 <= place["away"] + 1e-9
     json.dumps(_plain(told), allow_nan=False)
+
+
+def test_what_moves_on_the_map_is_where_it_may_be() -> None:
+    problem = ec.load_text(SMALL + CART)
+    settings = problem.online
+    assert settings is not None
+    fleet, scene = settings.simulated(problem), SimulatedScene(settings.obstacles)
+    loop = Receding(problem, settings.options)
+    steps, told = Steps(loop.problem), []
+
+    def advance(now: float) -> None:
+        scene.advance(loop, now, np.array([robot.pose[:2] for robot in fleet.robots.values()]))
+
+    def listen(step: Step, _: Any) -> None:
+        latest = max(len(tracker.past) - 1 for tracker in loop.trackers.values()) * problem.step
+        told.append((latest, steps(loop, step)["obstacles"]))
+
+    drive(loop, fleet, fleet, listener=listen, scene=advance)
+    here = [(time, found["cart"]) for time, found in told if "cart" in found]
+    assert len(here) >= 3
+    assert "cart" not in told[0][1]
+    assert "cart" not in told[-1][1]
+    truth = scene.obstacles["cart"].truth
+    for time, cart in here:
+        assert 0.03 <= cart["away"] <= 0.09 + 1e-9
+        (corners,) = cart["outlines"]["0,1"]
+        away = np.min(corners, axis=0) - (np.array([2.2, 1.2]) + truth.at(time))
+        assert np.hypot(*away) <= cart["away"] + 1e-9
+    # what is gone is drawn no more
+    loop.remove_obstacle("post")
+    assert steps._obstacles(loop)["post"]["outlines"] == {}
+    json.dumps(_plain(steps._obstacles(loop)), allow_nan=False)
 
 
 def test_what_is_not_finite_is_nothing() -> None:
@@ -168,8 +216,10 @@ def test_a_search_is_seen_with_its_candidates(tab: Page, file: Path) -> None:
 
 @needs_browser
 def test_a_loop_is_seen_and_the_command_ends_with_its_last_page(tab: Page, file: Path) -> None:
+    file.write_text(SMALL + CART.replace("      vanishes: 3 s\n", ""), encoding="utf-8")
     with watched("online", file) as one:
         visit(tab, one)
+        wait(tab, "document.querySelectorAll('#map .may-be').length === 1")
         wait(tab, "editor.part.ending !== null")
         wait(tab, "document.querySelectorAll('#map .robot').length === 1")
         assert tab.run("document.getElementById('verdict').textContent") == "Success: done, and proven"

@@ -152,7 +152,7 @@ def _driven(
 ) -> tuple[Outcome, list[Reported]]:
     """Run the loop with its log."""
     reported: list[Reported] = []
-    steps = Steps()
+    steps = Steps(loop.problem)
     with RunLog(path) as log:
         log.start(loop)
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ensemble_ctrl.api.plans import Plan
+    from ensemble_ctrl.constraints import Obstacle
     from ensemble_ctrl.ocp.candidates import Start
     from ensemble_ctrl.ocp.solvers import Iteration
     from ensemble_ctrl.planning.online.driver import Loop, Outcome
@@ -195,9 +196,16 @@ def first_event(problem: Problem, controls: Floats) -> dict[str, Any]:
 
 
 class Steps:
-    """The steps of a loop as events: where every robot may be and is to go, what is known and what is proven."""
+    """The steps of a loop as events: where every robot may be and is to go, what is known and what is proven.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    problem : Problem
+        Whose map the page has from the beginning.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
         self._told: dict[str, int] = {}
 
     def __call__(self, loop: Loop, step: Step) -> dict[str, Any]:
@@ -217,12 +225,13 @@ class Steps:
             "deadline": loop.options.deadline,
             "events": list(step.events),
             "robots": self._robots(loop),
+            "obstacles": self._obstacles(loop),
         }
 
     def end(self, loop: Loop, outcome: Outcome) -> dict[str, Any]:
         """The event of the end."""
         facts = {"ending": outcome.ending, "reason": outcome.reason, "step": loop.problem.step}
-        return {"kind": "outcome", **facts, "robots": self._robots(loop)}
+        return {"kind": "outcome", **facts, "robots": self._robots(loop), "obstacles": self._obstacles(loop)}
 
     def _robots(self, loop: Loop) -> dict[str, Any]:
         """Of each robot, the places that were not told yet, and where it is to go from when on."""
@@ -237,6 +246,32 @@ class Steps:
             }
             self._told[name] = end
         return robots
+
+    def _obstacles(self, loop: Loop) -> dict[str, Any]:
+        """What is elsewhere on the map than the page has it: where it is predicted now, and how far from that it may be.
+
+        Obstacles that are gone have no outlines.
+        """
+        now = max(len(tracker.past) - 1 for tracker in loop.trackers.values()) * loop.problem.step
+        before, found = self._problem.obstacles, {}
+        for name, pieces in loop.problem.obstacles.items():
+            motion = loop.problem.motions.get(name)
+            if motion is not None:
+                found[name] = {"away": motion.loose(now), "outlines": _outlines(pieces, motion.at(now))}
+            elif before.get(name) is not pieces:
+                found[name] = {"away": 0.0, "outlines": _outlines(pieces, np.zeros(pieces[0].vertices.shape[1]))}
+        gone = {name: {"away": 0.0, "outlines": {}} for name in before if name not in loop.problem.obstacles}
+        return found | gone
+
+
+def _outlines(pieces: Sequence[Obstacle], offset: Floats) -> dict[str, Any]:
+    """Pieces displaced by `offset`, by the pairs of coordinates of the views that show them."""
+    from ensemble_ctrl.problem.drawing import shadow
+    from ensemble_ctrl.report.map_content import VIEWS
+
+    corners = [piece.vertices + offset for piece in pieces]
+    views = VIEWS.get(len(offset), ())
+    return {f"{i},{j}": [shadow(one, (i, j)).tolist() for one in corners] for i, j in views}
 
 
 def _candidate(one: Start) -> dict[str, Any]:

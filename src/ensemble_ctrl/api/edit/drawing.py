@@ -130,6 +130,7 @@ def surroundings(content: MapContent, times: Floats) -> Data:
             ),
         ],
         "starts": [_rounded(place) for place in content.starts.values()],
+        "target": None if content.target is None else _rounded(content.target),
         "moving": {s.name: _rounded(s.motion.at(times)) for s in content.obstacles if s.motion is not None},
     }
 

@@ -113,7 +113,7 @@ export class App extends Page {
     if (event.phase === "failed") this.failure = event.why;
     if (event.phase === "planned") {
       this.failure = "";
-      if (!this.plan && !this.map.moved) this.map.view = null; // show all of the first one
+      if (!this.plan) this.map.refit(); // show all of the first one
       this.plan = event;
       this.suggestions = null;
       this.player.plan(event.drawing);
@@ -124,6 +124,8 @@ export class App extends Page {
     if (event.phase === "planned" && event.drawing.proven && this.fresh) document.documentElement.dataset.drawn = performance.now();
     this.proof.show();
   }
+  // starts that are not in the file as numbers of their own
+  ends(view) { return { starts: view.starts.length > 1 && this.fresh ? view.starts : [], target: null }; }
   // what the map draws over the problem
   get drawings() { return this.plan ? [{ drawing: this.plan.drawing }] : []; }
   // whether the plan that is drawn is of the text as it is

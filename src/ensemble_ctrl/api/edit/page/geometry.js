@@ -2,9 +2,10 @@
 
 const SIDES = 60; // of a disc, as it is drawn
 
-export const corners = (shape) => {
+// of a shape, seen along the coordinate that is no axis
+export const corners = (shape, axes = [0, 1]) => {
   if (shape.form === "box") {
-    const [[left, right], [low, high]] = shape.points;
+    const [[left, right], [low, high]] = axes.map((k) => shape.points[k]);
     return [[left, low], [right, low], [right, high], [left, high]];
   }
   if (shape.form === "disc") {
@@ -24,9 +25,8 @@ export function puts(shape, value) {
   return shape.paths.map((path, k) => ({ do: "put", path, value: value[k] }));
 }
 
-// of a shape's outline, for what lies over what
-export function area(shape) {
-  const outlines = shape.form === "fixed" ? shape.pieces || [] : [corners(shape)];
+// of outlines, for what lies over what
+export function area(outlines) {
   return outlines.reduce((sum, outline) => sum + Math.abs(outline.reduce((twice, [x, y], i) => {
     const [u, v] = outline[(i + 1) % outline.length];
     return twice + x * v - u * y;
@@ -36,21 +36,22 @@ export function area(shape) {
 // in steps of the grid; a millionth of a metre where it is off
 export const snapped = (value, step) => +(step ? Math.round(value / step) * step : value).toFixed(6);
 
-export function moved(shape, dx, dy, step) {
-  const [left, low] = shape.form === "box" ? [shape.points[0][0], shape.points[1][0]] : shape.points[0];
-  const by = [snapped(left + dx, step) - left, snapped(low + dy, step) - low];
-  if (shape.form === "box") {
-    return shape.points.map((side, k) => (k < 2 ? side.map((value) => +(value + by[k]).toFixed(6)) : side));
-  }
+// a place with two of its coordinates elsewhere
+export const shifted = (place, dx, dy, step, axes) => place.map((value, k) => (axes.includes(k) ? snapped(value + [dx, dy][axes.indexOf(k)], step) : value));
+
+export function moved(shape, dx, dy, step, axes) {
+  const first = shape.form === "box" ? shape.points.map(([low]) => low) : shape.points[0];
+  const by = shifted(first, dx, dy, step, axes).map((value, k) => value - first[k]);
+  if (shape.form === "box") return shape.points.map((side, k) => side.map((value) => +(value + by[k]).toFixed(6)));
   return shape.points.map((corner) => corner.map((value, k) => +(value + by[k]).toFixed(6)));
 }
 
 // a box with one corner or edge at another place, never turned inside out
-export function resized(shape, handle, x, y, step) {
+export function resized(shape, handle, x, y, step, axes) {
   const least = step || 0.01;
   return shape.points.map(([low, high], k) => {
-    const which = k < 2 ? handle[k] : 0;
-    const at = snapped(k ? y : x, step);
+    const which = axes.includes(k) ? handle[axes.indexOf(k)] : 0;
+    const at = snapped(k === axes[0] ? x : y, step);
     if (which < 0) return [+Math.min(at, high - least).toFixed(6), high];
     if (which > 0) return [low, +Math.max(at, low + least).toFixed(6)];
     return [low, high];

@@ -1,6 +1,6 @@
 // Presses, drags, the wheel and two fingers on the map.
-import { corners, moved, puts, resized, snapped } from "./geometry.js";
-import { key } from "./map.js";
+import { corners, moved, puts, resized, shifted, snapped } from "./geometry.js";
+import { key } from "./surface.js";
 
 const CLOSE = 12; // pixels from the first corner that close a polygon
 const DEGREES = 5; // steps of the heading, where snapping is on
@@ -51,7 +51,7 @@ export class Gestures {
       const shape = this.choose(group.dataset.key);
       this.map.hint();
       this.map.svg.querySelector(`[data-key="${CSS.escape(group.dataset.key)}"]`)?.focus({ preventScroll: true });
-      if (shape.form !== "fixed") this.grab(shape, at, "move");
+      if (!this.map.fixed(shape)) this.grab(shape, at, "move");
     } else {
       this.app.select(null);
       this.drag = { what: "pan", from: [event.clientX, event.clientY], view: { ...this.map.view } };
@@ -142,17 +142,18 @@ export class Gestures {
       const raw = Math.atan2(at[1] - shape.at[1], at[0] - shape.at[0]) * 180 / Math.PI;
       return { ...shape, heading: snapped(raw, step ? DEGREES : 0) * Math.PI / 180 };
     }
-    if (shape.at) return { ...shape, at: shape.at.map((value, k) => (k < 2 ? snapped(value + [dx, dy][k], step) : value)) };
+    const { axes } = this.map;
+    if (shape.at) return { ...shape, at: shifted(shape.at, dx, dy, step, axes) };
     if (what === "radius") {
       const radius = snapped(Math.hypot(at[0] - shape.points[0][0], at[1] - shape.points[0][1]), step);
       return { ...shape, radius: Math.max(radius, step || 0.01) };
     }
-    if (what === "move") return { ...shape, points: moved(shape, dx, dy, step) };
+    if (what === "move") return { ...shape, points: moved(shape, dx, dy, step, axes) };
     if (what.startsWith("corner")) {
       const i = +what.slice(6);
       return { ...shape, points: shape.points.map((corner, k) => (k === i ? at.map((value) => snapped(value, step)) : corner)) };
     }
-    return { ...shape, points: resized(shape, what.split(",").map(Number), at[0], at[1], step) };
+    return { ...shape, points: resized(shape, what.split(",").map(Number), at[0], at[1], step, axes) };
   }
   send(dragging) {
     const { drag } = this, shape = this.map.dragged;

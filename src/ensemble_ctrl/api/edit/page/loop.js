@@ -1,5 +1,5 @@
 // A loop that goes on: where robots may be and are to go, what is learnt, and what is proven.
-import { element } from "./map.js";
+import { element } from "./surface.js";
 import { chart, html, seen } from "./parts.js";
 
 const PROOFS = { whole: ["good", "The rest of the task is proven"], period: ["open", "Proven until the next plan takes over"], none: ["bad", "Nothing is proven"] };
@@ -11,6 +11,7 @@ export class Loop {
     this.place = place;
     this.scene = { drawing: state.scene };
     this.steps = [];
+    this.covered = new Set(); // obstacles that are drawn as the loop knows them
     this.past = {}; // of each robot: times, places and the radius of the set of places
     this.first = null;
     this.phase = "";
@@ -24,7 +25,7 @@ export class Loop {
     if (event.kind === "phase") this.phase = event.phase;
     else if (event.kind === "first") {
       this.first = event;
-      if (!this.app.map.moved) this.app.map.view = null;
+      this.app.map.refit();
     }
     else if (event.kind === "step") this.take(event);
     else if (event.kind === "outcome") {
@@ -39,6 +40,7 @@ export class Loop {
   take(event) {
     if (event.kind === "step") this.steps.push(event);
     this.newest = event;
+    this.covered = new Set(Object.keys(event.obstacles));
     for (const [name, robot] of Object.entries(event.robots)) this.past[name] = [...(this.past[name] || []), ...robot.past];
   }
   // what a map has to show besides the problem
@@ -83,11 +85,20 @@ export class Loop {
     if (this.ending) return this.app.verdict(`${this.ending.ending}: ${this.ending.reason}`, ENDINGS[this.ending.ending] || "open", false);
     if (this.done) return this.app.verdict("the command ended without a run", "bad", false);
     if (!last) return this.app.verdict(this.phase || "starting", "open", true);
-    return this.app.verdict(`t = ${last.time.toFixed(1)} s: ${PROOFS[last.proof][1].toLowerCase()}`, PROOFS[last.proof][0], true);
+    return this.app.verdict(`at t = ${last.time.toFixed(1)} s: ${PROOFS[last.proof][1].toLowerCase()}`, PROOFS[last.proof][0], true);
   }
   live(view, at, scale) {
     const line = (points, attributes) => element("polyline", { points: points.map((p) => at(p).map((v) => v.toFixed(1)).join(",")).join(" "), ...attributes });
     const parts = (this.first ? this.first.ways : []).map((way) => line(way.map((p, k) => seen(view, p, k * this.first.step)), { class: "path first" }));
+    // where an obstacle may be: as much farther as it may be off
+    if (this.newest) for (const [name, { away, outlines }] of Object.entries(this.newest.obstacles)) {
+      for (const outline of outlines[String(view.coordinates)] || []) {
+        const points = outline.map((p) => at(p).map((v) => v.toFixed(1)).join(",")).join(" "), words = away ? `${name}, within ${metres(away)}` : name;
+        const may = element("polygon", { class: "may-be", points, "stroke-width": 2 * away * scale });
+        const middle = at([0, 1].map((k) => outline.reduce((sum, p) => sum + p[k], 0) / outline.length));
+        parts.push(element("g", { class: "obstacle" }, [...(away ? [may] : []), element("polygon", { points }, [element("title", {}, [words])]), element("text", { class: "mid on", x: middle[0], y: middle[1] + 4 }, [name])]));
+      }
+    }
     Object.entries(this.past).forEach(([name, past], k) => {
       const { from, ahead } = this.newest.robots[name], now = past[past.length - 1], { step } = this.newest;
       if (!now) return;

@@ -1,5 +1,5 @@
 // Saved plans over each other: whose line is which, and what differs.
-import { element } from "./map.js";
+import { element } from "./surface.js";
 import { html, table } from "./parts.js";
 
 // each plan has a colour and a kind of line, for those who tell colours badly

@@ -1,6 +1,6 @@
 // Small parts of pages: elements, tables, charts, and places in a view.
 import { ticks } from "./geometry.js";
-import { element } from "./map.js";
+import { element } from "./surface.js";
 
 // a point with all its coordinates in a view: two of them, or one over time
 export const seen = (view, point, time) => (view.coordinates ? view.coordinates.map((k) => point[k]) : [time, point[0]]);

@@ -1,5 +1,5 @@
 // A search that goes on: its phases and iterations, the candidates on the map, and at last the plan.
-import { element } from "./map.js";
+import { element } from "./surface.js";
 import { chart, html, seen, table } from "./parts.js";
 
 const MOST = 400; // iterations in the chart
@@ -28,7 +28,7 @@ export class Search {
     else if (event.kind === "plan") {
       this.plan = event;
       if (event.drawing) {
-        if (!this.app.map.moved) this.app.map.view = null;
+        this.app.map.refit();
         this.app.player.plan(event.drawing);
       }
     } else if (event.kind === "done") this.done = true;
@@ -44,7 +44,7 @@ export class Search {
   drawn() {
     this.verdict();
     const last = this.phases[this.phases.length - 1], since = last ? ` since ${last.seconds.toFixed(1)} s` : "";
-    const candidates = this.found.map((one, k) => ({ label: `${k + 1}`, cells: [one.outcome, one.cost === null ? "" : one.cost.toPrecision(4), one.length ? `${one.length.toFixed(2)} m` : "", one.kind, one.name] }));
+    const candidates = this.found.map((one, k) => ({ label: `${k + 1}`, cells: [this.plan && one.outcome === "at work" ? "tried" : one.outcome, one.cost === null ? "" : one.cost.toPrecision(4), one.length ? `${one.length.toFixed(2)} m` : "", one.kind, one.name] }));
     const parts = [html("h2", { textContent: "Search" }), html("p", { className: "note", textContent: this.phases.map((one) => one.phase).join(" → ") + (this.plan ? "" : since) })];
     const good = this.iterations.filter((one) => one.violation !== null);
     if (good.length > 1) {

@@ -35,6 +35,10 @@ export class Show extends Page {
   get drawings() { return this.part ? this.part.drawings : []; }
   live(view, at, scale) { return this.part.live ? this.part.live(view, at, scale) : []; }
   points(view) { return this.part && this.part.points ? this.part.points(view) : []; }
+  // the map from above has them as the problem's own
+  ends(view, index) { return { starts: index || view.starts.length > 1 ? view.starts : [], target: index ? view.target : null }; }
+  // obstacles that are drawn otherwise
+  get covered() { return this.part && this.part.covered; }
   select() {}
 
   event(event) {
@@ -48,7 +52,7 @@ export class Show extends Page {
     $("file").textContent = state.file;
     document.title = state.file;
     this.part = new PARTS[state.mode](this, $("shown"), state);
-    this.map.view = this.map.moved ? this.map.view : null;
+    this.map.refit();
     this.map.draw();
     this.map.hint();
   }
