@@ -82,6 +82,26 @@ def watch(browser: str, folder: Path) -> None:
             keep(tab, name)
 
 
+SEEN = (
+    "(() => { const s = editor.map.sides[0], r = s.svg.getBoundingClientRect(), p = s.at([%s]);"
+    " return [r.x + p[0], r.y + p[1]]; })()"
+)
+
+
+def space(browser: str, folder: Path) -> None:
+    """A quadrotor from above and from the side, with its goal selected."""
+    file = Path(shutil.copy(ROOT / "configs" / "systems" / "quadrotor_climb.yaml", folder))
+    with editor(file) as one, chromium(browser) as tab:
+        tab.screen(1280, 900)
+        tab.visit(one.address)
+        wait(tab)
+        place = tab.run(SEEN % "12, 70")
+        tab.click(place[0], place[1])
+        tab.run("document.getElementById('time').value = 560; document.getElementById('time').oninput()")
+        wait(tab)
+        keep(tab, "editor_space.png")
+
+
 CELL = """<body style="margin:24px;font:15px system-ui"><pre style="background:#f2f3f5;padding:10px;border-radius:6px">
 page = ec.edit(ec.example("five_obstacles"))
 page</pre>"""
@@ -108,6 +128,7 @@ def main() -> None:
         view(browser, Path(folder))
         watch(browser, Path(folder))
         in_notebook(browser, Path(folder))
+        space(browser, Path(folder))
         file = Path(shutil.copy(ROOT / "configs" / "five_obstacles.yaml", folder))
         with editor(file) as one, chromium(browser) as tab:
             tab.screen(1280, 900)

@@ -141,10 +141,10 @@ def test_what_moves_on_the_map_is_where_it_may_be() -> None:
     assert "cart" not in told[0][1]
     assert "cart" not in told[-1][1]
     truth = scene.obstacles["cart"].truth
-    for time, cart in here:
+    for moment, cart in here:
         assert 0.03 <= cart["away"] <= 0.09 + 1e-9
         (corners,) = cart["outlines"]["0,1"]
-        away = np.min(corners, axis=0) - (np.array([2.2, 1.2]) + truth.at(time))
+        away = np.min(corners, axis=0) - (np.array([2.2, 1.2]) + truth.at(moment))
         assert np.hypot(*away) <= cart["away"] + 1e-9
     # what is gone is drawn no more
     loop.remove_obstacle("post")

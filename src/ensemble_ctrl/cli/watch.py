@@ -248,7 +248,7 @@ class Steps:
         return robots
 
     def _obstacles(self, loop: Loop) -> dict[str, Any]:
-        """What is elsewhere on the map than the page has it: where it is predicted now, and how far from that it may be.
+        """What is elsewhere on the map than the page has it: where it is predicted now, and how far off it may be.
 
         Obstacles that are gone have no outlines.
         """

@@ -40,11 +40,17 @@ export class Loop {
   take(event) {
     if (event.kind === "step") this.steps.push(event);
     this.newest = event;
+    const before = this.covered;
     this.covered = new Set(Object.keys(event.obstacles));
+    if ([...this.covered].some((name) => !before.has(name))) this.app.map.refit();
     for (const [name, robot] of Object.entries(event.robots)) this.past[name] = [...(this.past[name] || []), ...robot.past];
   }
   // what a map has to show besides the problem
-  points(view) { return this.first ? this.first.ways.flatMap((way) => way.map((p, k) => seen(view, p, k * this.first.step))) : []; }
+  points(view) {
+    const ways = this.first ? this.first.ways.flatMap((way) => way.map((p, k) => seen(view, p, k * this.first.step))) : [];
+    const outlines = this.newest ? Object.values(this.newest.obstacles).flatMap((one) => (one.outlines[String(view.coordinates)] || []).flat()) : [];
+    return [...ways, ...outlines];
+  }
   show() {
     if (this.wanted) return;
     this.wanted = true;

@@ -37,10 +37,11 @@ export class Overlay {
     const good = this.plans.filter((plan) => plan.drawing.proven).length, count = this.plans.length;
     this.app.verdict(`${good} of ${count} plan${count === 1 ? "" : "s"} proven for every member`, good === count ? "good" : good ? "open" : "bad");
   }
+  own(plan, view) { return plan.drawing.views.find((one) => one.axes[1] === view.axes[1]).own; }
+  points(view) { return this.plans.flatMap((plan) => this.own(plan, view).flatMap((area) => area.corners)); }
   // what stands on the map of one plan only, in its colour
   live(view, at) {
-    const k = this.plans[0].drawing.views.findIndex((one) => one.axes[1] === view.axes[1]);
-    return this.drawings.flatMap((plan) => plan.drawing.views[k].own.flatMap((area) => {
+    return this.drawings.flatMap((plan) => this.own(plan, view).flatMap((area) => {
       const corners = area.corners.map(at), middle = [0, 1].map((i) => corners.reduce((sum, p) => sum + p[i], 0) / corners.length);
       return [
         element("polygon", { class: "own", stroke: plan.colour, "stroke-dasharray": plan.dash, points: corners.map((p) => p.map((v) => v.toFixed(1)).join(",")).join(" ") },
