@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ensemble_ctrl.api.plans import Plan
 from ensemble_ctrl.certificate import CounterExample
 from ensemble_ctrl.problem.evaluation.sampled import all_paths, trajectories
+from ensemble_ctrl.problem.starts import by_start, label
 from ensemble_ctrl.report.html import cards, verdict_class
 from ensemble_ctrl.report.map_content import MapContent, map_contents
 from ensemble_ctrl.report.palette import hexadecimal, shades, viridis
@@ -76,10 +77,14 @@ def drawing(plan: Plan) -> Data:
 def _counter(plan: Plan) -> tuple[CounterExample, Floats] | None:
     """The member that the certificate found to violate the task, with its way, shape (times, d)."""
     found = None if plan.certificate is None else plan.certificate.counter_example
-    if found is None or not found.parameters or plan.problem.fleet.starts:  # of which start is not said
+    if found is None or not found.parameters:
         return None
-    member = plan.problem.fleet.members([found.parameters])
-    return found, trajectories(plan.problem, plan.controls, member, 4)[0]
+    # of several names that fit the longest, as of "cid" and "b from start cid"
+    whose = [(name, one) for name, one in by_start(plan.problem).items() if found.what.endswith(label("", name))]
+    if not whose:  # robots of two starts that come too close to each other
+        return None
+    _, problem = max(whose, key=lambda pair: len(pair[0]))
+    return found, trajectories(problem, plan.controls, problem.fleet.members([found.parameters]), 4)[0]
 
 
 def _seen(counter: tuple[CounterExample, Floats], content: MapContent) -> Data:

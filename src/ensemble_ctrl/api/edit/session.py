@@ -13,7 +13,7 @@ from typing import Any
 
 from ensemble_ctrl.api.edit.changes import changed
 from ensemble_ctrl.api.edit.disk import Disk, DiskChangedError
-from ensemble_ctrl.api.edit.shapes import shapes, start, target
+from ensemble_ctrl.api.edit.shapes import shapes, start, starts, target
 from ensemble_ctrl.api.edit.tasks import pieces
 from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import ConfigError, EnsembleError
@@ -241,6 +241,7 @@ def _drawn(now: Checked) -> dict[str, Any]:
         "name": str(data.get("name") or ""),
         "shapes": shapes(data, problem),
         "start": start(data),
+        "starts": starts(data),
         "target": target(data),
         "pieces": pieces(data.get("task")),
         "data": data,

@@ -76,6 +76,30 @@ def start(data: Any) -> Data | None:
     return {**place, "heading": turned, "clockwise": clockwise}
 
 
+def starts(data: Any) -> list[Data]:
+    """Where members start beside the fleet's own start, if both are in the file as numbers.
+
+    Returns
+    -------
+    list of dict
+        ``name``, as the planner calls it; ``at``, metres; ``by``: the fleet's start, from which the file counts it;
+        ``path`` of the offset, which is its ``entry`` too.
+    """
+    own, given = start(data), _section(data, "fleet").get("starts")
+    named = {f"s{k + 1}": (k, row) for k, row in enumerate(given)} if isinstance(given, list) else {}
+    if isinstance(given, dict):
+        named = {str(name): (name, row) for name, row in given.items()}
+    found = []
+    for name, (key, row) in named.items():
+        offset = _numbers(row, _LENGTH)
+        if own is None or offset is None or len(offset) != len(own["at"]):
+            return []
+        path: Place = ["fleet", "starts", key]
+        at = [round(a + b, 9) for a, b in zip(own["at"], offset, strict=True)]
+        found.append({"name": name, "at": at, "by": own["at"], "path": path, "entry": path})
+    return found
+
+
 def target(data: Any) -> Data | None:
     """Where the fleet should end, if that is one place in the file."""
     terminal = _section(_section(data, "objective"), "terminal")

@@ -125,7 +125,7 @@ export class App extends Page {
     this.proof.show();
   }
   // starts that are not in the file as numbers of their own
-  ends(view) { return { starts: view.starts.length > 1 && this.fresh ? view.starts : [], target: null }; }
+  ends(view) { return { starts: view.starts.length > 1 && this.fresh && !this.state.map.starts.length ? view.starts : [], target: null }; }
   // what the map draws over the problem
   get drawings() { return this.plan ? [{ drawing: this.plan.drawing }] : []; }
   // whether the plan that is drawn is of the text as it is

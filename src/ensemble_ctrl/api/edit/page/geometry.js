@@ -18,10 +18,13 @@ export const corners = (shape, axes = [0, 1]) => {
   return shape.points;
 };
 
+// the numbers of a place as the file has them: from another place, where it counts from there
+const counted = (shape, place) => (shape.by ? place.map((value, k) => +(value - shape.by[k]).toFixed(6)) : place);
+
 // changes that give a shape its numbers, or a point its place
 export function puts(shape, value) {
   if (shape.form === "disc") return [{ do: "put", path: shape.path, value: { center: value[0], radius: shape.radius } }];
-  if (!shape.paths) return [{ do: "put", path: shape.path, value }];
+  if (!shape.paths) return [{ do: "put", path: shape.path, value: counted(shape, value) }];
   return shape.paths.map((path, k) => ({ do: "put", path, value: value[k] }));
 }
 

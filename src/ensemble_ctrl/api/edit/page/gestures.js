@@ -20,7 +20,7 @@ export class Gestures {
       map.zoom(Math.exp(-event.deltaY / 400), map.metres(event));
     }, { passive: false });
     svg.addEventListener("focusin", (event) => {
-      if (this.app.readonly) return;
+      if (this.app.readonly || map.painting) return;
       const group = event.target.closest(".shape");
       if (group && !this.drag) this.choose(group.dataset.key);
     });

@@ -19,9 +19,10 @@ export class MapView extends Surface {
   all() {
     const state = this.app.state;
     if (!state) return [];
-    const { shapes, start, target } = state.map;
+    const { shapes, start, target, starts = [] } = state.map;
     const list = shapes.map((shape, index) => ({ ...shape, index })).filter((shape) => !this.app.covered?.has(shape.name));
     if (target) list.push({ ...target, kind: "target", name: "", index: 0, entry: ["objective", "terminal"] });
+    starts.forEach((place, index) => list.push({ ...place, kind: "member", index, heading: null }));
     if (start) list.push({ ...start, kind: "start", name: "", index: 0, entry: ["fleet", "start"] });
     const own = this.dragged;
     return own ? list.map((shape) => (same(shape, own) ? { ...shape, points: own.points ?? shape.points, at: own.at ?? shape.at, heading: own.heading ?? shape.heading, radius: own.radius ?? shape.radius } : shape)) : list;
@@ -30,8 +31,8 @@ export class MapView extends Surface {
   ahead() {
     const own = this.dragged;
     if (!own) return false;
-    const { shapes, start, target } = this.app.state.map;
-    const there = own.kind === "start" ? start : own.kind === "target" ? target : shapes[own.index];
+    const { shapes, start, target, starts } = this.app.state.map;
+    const there = { start, target, member: starts[own.index] }[own.kind] || shapes[own.index];
     const numbers = ({ points, at, heading, radius }) => JSON.stringify([points, at, radius, heading && +heading.toFixed(6)]);
     return !there || numbers(own) !== numbers(there);
   }

@@ -1,4 +1,6 @@
 // The shape that is selected, with its numbers: typed coordinates, its name, and out with it.
+const FORMS = ["box", "polygon", "disc", "areas", "halfspaces", "wkt", "file", "feature", "tolerance", "unknown"];
+
 export class Selected {
   constructor(app, element) {
     this.app = app;
@@ -15,15 +17,17 @@ export class Selected {
     if (!shape) return;
     const parts = [];
     const title = document.createElement("b");
-    title.textContent = { start: "Start", target: "Target", obstacle: "Obstacle", region: "Region", zone: "Zone", patch: "Terrain" }[shape.kind];
+    title.textContent = { start: "Start", target: "Target", obstacle: "Obstacle", region: "Region", zone: "Zone", patch: "Terrain", member: "Start of members" }[shape.kind];
     parts.push(title);
-    if (shape.name) parts.push(this.field("name", "name", shape.name, (value) => this.rename(shape, value)));
+    if (shape.kind === "member") parts.push(shape.name);
+    else if (shape.name) parts.push(this.field("name", "name", shape.name, (value) => this.rename(shape, value)));
     if (shape.form === "fixed") {
       const words = document.createElement("span");
       words.className = "note";
       words.textContent = "from half-planes, WKT or a file: change it in the text";
       parts.push(words);
     } else parts.push(...this.numbers(shape));
+    parts.push(...this.values(shape));
     if (shape.kind !== "start") {
       const remove = document.createElement("button");
       remove.type = "button";
@@ -35,8 +39,19 @@ export class Selected {
     this.element.replaceChildren(...parts);
     if (focus) this.element.elements[focus]?.focus();
   }
+  // what a zone or a patch has besides its form: limits and ranges
+  values(shape) {
+    const section = { zone: "zones", patch: "terrain" }[shape.kind];
+    if (!section) return [];
+    const given = Object.entries(this.app.state.map.data[section][shape.name]).filter(([name]) => !FORMS.includes(name));
+    const shown = (value) => (Array.isArray(value) ? `[${value.join(", ")}]` : String(value));
+    return given.map(([name, value]) => this.field(`value ${name}`, name, shown(value), (text) => this.app.edit([{ do: "text", path: [section, shape.name, name], value: text }])));
+  }
   numbers(shape) {
     const put = (path) => (value) => this.app.edit([{ do: "text", path, value }]);
+    if (shape.kind === "member") {
+      return shape.at.map((value, k) => this.field("xyz"[k], `${"xyz"[k]} from the start [m]`, +(value - shape.by[k]).toFixed(6), put([...shape.path, k])));
+    }
     if (shape.kind === "start" || shape.kind === "target") {
       const fields = shape.at.map((value, k) => this.field("xyz"[k], `${"xyz"[k]} [m]`, value, put(shape.paths ? shape.paths[k] : [...shape.path, k])));
       if (shape.kind === "start" && shape.heading !== null) {

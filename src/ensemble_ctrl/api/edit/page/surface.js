@@ -94,7 +94,9 @@ export class Surface {
     const handles = shapes.filter((s) => same(s, chosen)).flatMap((s) => this.handles(s));
     this.svg.replaceChildren(...below, ...plan, ...above, ...moving, ...points, ...names, ...live, ...dots, ...handles, ...this.drawnNow());
     this.svg.setAttribute("viewBox", `0 0 ${this.width} ${this.height}`);
+    this.painting = true; // what had the focus has it again, which chooses nothing
     if (focused) this.svg.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
+    this.painting = false;
   }
   // starts and target that the file does not have as numbers
   ends(view) {
@@ -141,13 +143,15 @@ export class Surface {
     const [x, y] = this.spot(shape.at);
     let mark;
     if (shape.kind === "target") mark = cross(x, y);
-    else if (shape.heading === null || this.index > 0) mark = element("circle", { class: "start", cx: x, cy: y, r: 7 });
+    else if (shape.heading === null || this.index > 0) mark = element("circle", { class: "start", cx: x, cy: y, r: shape.kind === "member" ? 5 : 7 });
     else {
       const angle = -shape.heading * 180 / Math.PI;
       mark = element("path", { class: "start", transform: `translate(${x} ${y}) rotate(${angle})`, d: "M13 0L-9 8L-5 0L-9 -8Z" });
     }
-    const room = element("circle", { class: "grip", cx: x, cy: y, r: 14 });
-    return this.tagged(element("g", { class: `spot ${shape.kind}-spot` }, [room, mark]), shape, chosen);
+    const member = shape.kind === "member"; // by its name it can be taken where another start is above it
+    const room = element("circle", { class: "grip", cx: x, cy: y, r: member ? 10 : 14 });
+    const name = member ? [element("text", { class: "member-name", x: x + 9, y: y - 9 }, [shape.name])] : [];
+    return this.tagged(element("g", { class: `spot ${shape.kind}-spot` }, [room, mark, ...name]), shape, chosen);
   }
   // below names that are there already
   name(shape, placed) {

@@ -33,7 +33,7 @@ export class Tools {
       button.onclick = () => this.choose(name);
       return button;
     });
-    const kind = choice("kind", "as", [["obstacle", "obstacle"], ["region", "region"], ["slow zone", "zone"]]);
+    const kind = choice("kind", "as", [["obstacle", "obstacle"], ["region", "region"], ["slow zone", "zone"], ["terrain", "patch"]]);
     kind.lastChild.onchange = (event) => { this.kind = event.target.value; };
     const snap = choice("snap", "snap", SNAPS);
     this.snapped = snap.lastChild;
@@ -81,11 +81,13 @@ export class Tools {
   async add(shape, kind, visit) {
     const { shapes, pieces } = this.app.state.map;
     const names = new Set(shapes.map((one) => one.name));
-    const letter = { obstacle: "o", zone: "z" }[kind] || (visit ? "w" : "r");
+    const letter = { obstacle: "o", zone: "z", patch: "t" }[kind] || (visit ? "w" : "r");
     let k = 1;
     while (names.has(letter + k)) k++;
-    const name = letter + k, section = { obstacle: "obstacles", zone: "zones" }[kind] || "regions";
-    const edits = [{ do: "put", path: [section, name], value: kind === "zone" ? { ...shape, v: "0.5 m/s" } : shape }];
+    const name = letter + k, section = { obstacle: "obstacles", zone: "zones", patch: "terrain" }[kind] || "regions";
+    const more = { zone: { v: "0.5 m/s" }, patch: this.ground() }[kind];
+    if (kind === "patch" && !more) return this.refused("Terrain is where a parameter has another range: give the fleet a parameter with a range first.");
+    const edits = [{ do: "put", path: [section, name], value: { ...shape, ...more } }];
     const tasked = pieces || [];
     if (kind === "region") edits.push({ do: "task", pieces: [...tasked, { kind: "visit", place: name, window: null }] });
     else if (kind === "obstacle" && !tasked.some((piece) => piece.kind !== "visit" && piece.kind !== "stay") && tasked.length) {
@@ -100,6 +102,16 @@ export class Tools {
       const index = this.app.state.map.shapes.findIndex((one) => one.name === name);
       this.app.select({ kind, name, index });
     }
+  }
+  // a parameter that may be otherwise on some ground, with the range that it has elsewhere
+  ground() {
+    const { fleet } = this.app.state.map.data, ranges = Object.entries((fleet || {}).parameters || {}).filter(([, one]) => Array.isArray(one.range));
+    const [name, { range }] = ranges.find(([one]) => one.includes("traction")) || ranges[0] || ["", {}];
+    return range ? { [name]: range } : null;
+  }
+  refused(words) {
+    this.app.notice(words);
+    this.choose("select");
   }
   putStart(point) {
     const data = this.app.state.map.data, own = this.app.state.map.start;
