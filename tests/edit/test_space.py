@@ -13,7 +13,7 @@ from tests.report.browser import Page, chromium
 
 from .editor import editor
 from .test_page import BROWSER, FRESH, TEXT, asks_nobody, wait
-from .test_view import needs_browser, visit
+from .test_view import SMALL, needs_browser, visit
 
 HOVER = """\
 fleet:
@@ -101,4 +101,19 @@ def test_a_problem_without_a_plan_is_seen_from_the_side_too(tab: Page, tmp_path:
         tab.screen(390, 800, dark=True)
         assert tab.run("document.documentElement.scrollWidth") <= 390
         tab.screen(1280, 1500)
+        asks_nobody(tab, one)
+
+
+@needs_browser
+def test_a_problem_in_the_plane_becomes_one_in_space(tab: Page, tmp_path: Path) -> None:
+    file = tmp_path / "small.yaml"
+    file.write_text(SMALL, encoding="utf-8")
+    with editor(file) as one:
+        visit(tab, one)
+        wait(tab, FRESH)
+        assert tab.run("document.getElementById('side').hidden")
+        tab.run("(() => { const t = document.getElementById('text'); t.focus(); t.select(); })()")
+        tab.type(HOVER)
+        wait(tab, f"!document.getElementById('side').hidden && editor.state.valid && {FRESH}")
+        assert tab.run("document.querySelectorAll('#side .path').length") == 15
         asks_nobody(tab, one)

@@ -55,7 +55,7 @@ export class Surface {
   }
   framed() {
     const points = this.all().flatMap((shape) => shape.at ? [this.axes.map((k) => shape.at[k])] : this.outlines(shape).flat());
-    for (const { drawing } of this.app.drawings) {
+    for (const { drawing } of this.drawings) {
       const view = drawing.views[this.index];
       if (view.coordinates) points.push(...view.ways.flatMap((way) => way.filter((_, k) => k % 8 === 0)), ...view.starts);
     }
@@ -68,13 +68,14 @@ export class Surface {
     return { scale, x: (low[0] + high[0]) / 2 - (this.width / 2 + 12) / scale, y: (low[1] + high[1]) / 2 - (this.height / 2 + 8) / scale };
   }
 
-  // the view of the first drawing, if there is one
-  get seen() { return this.app.drawings.length ? this.app.drawings[0].drawing.views[this.index] : null; }
+  // drawings that have this view: the last plan may be of a problem in the plane
+  get drawings() { return this.app.drawings.filter(({ drawing }) => drawing.views.length > this.index); }
+  get seen() { return this.drawings.length ? this.drawings[0].drawing.views[this.index] : null; }
   paint() {
     this.view = this.view || this.framed();
     const shapes = this.all();
     const chosen = this.app.selection;
-    const { drawings, fresh } = this.app, { plane } = this.app.state.map;
+    const { drawings } = this, { fresh } = this.app, { plane } = this.app.state.map;
     const view = this.seen;
     const layer = (parts) => (plane && view ? [element("g", { class: `plan${fresh ? "" : " old"}` }, parts)] : []);
     this.dots = [];
@@ -202,14 +203,14 @@ export class Surface {
   }
   // what goes with the time alone
   follow() {
-    if (!this.view || !this.app.drawings.length) return;
+    if (!this.view || !this.drawings.length) return;
     for (const [dot, way, drawing] of this.dots || []) {
       const [cx, cy] = this.at(this.app.player.at(way, drawing));
       dot.setAttribute("cx", cx.toFixed(1));
       dot.setAttribute("cy", cy.toFixed(1));
     }
     for (const [group, offsets] of this.ghosts || []) {
-      const [dx, dy] = this.app.player.at(offsets, this.app.drawings[0].drawing);
+      const [dx, dy] = this.app.player.at(offsets, this.drawings[0].drawing);
       group.setAttribute("transform", `translate(${dx * this.view.scale} ${-dy * this.view.scale})`);
     }
   }
