@@ -224,6 +224,80 @@ def test_other_systems_have_their_own_states(tmp_path: Path) -> None:
     assert header.startswith("t [s],fx [N],fy [N],x [m] (mass=1),y [m] (mass=1)")
 
 
+# --- several starts
+
+STARTS = """
+fleet:
+  model: MODEL
+  parameters: {PARAMETER: {range: [0.9, 1.1]}}
+  start: {position: [1, 2]HEADING}
+  starts: {ann: [0, 0], 'b"o, b': [-2, 0.5]}
+horizon: {duration: 3 s, steps: 12}
+task: G x >= -100
+"""
+
+
+def apart(model: str = "unicycle") -> Plan:
+    """A plan of members at two places."""
+    arcs = model == "unicycle"
+    text = STARTS.replace("MODEL", model).replace("HEADING", ", heading: 30 deg" if arcs else "")
+    controls = np.random.default_rng(3).uniform([0.2, -1.5], [1.0, 1.5], (12, 2))
+    return Plan(load_text(text.replace("PARAMETER", "traction" if arcs else "gain")), controls, "planned")
+
+
+def test_members_of_each_start_are_in_the_table(tmp_path: Path) -> None:
+    plan = apart()
+    with plan.export(tmp_path / "plan.csv", members=2).open() as file:
+        header, *rows = list(csv.reader(file))
+    wanted = [f"{start}, traction={value}" for start in ("ann", 'b"o, b') for value in (0.9, 1.1)]
+    assert header[3::3] == [f"x [m] ({name})" for name in wanted]
+    last = np.array(rows[-1][3:], dtype=float).reshape(4, 3)
+    for k, traction in enumerate((0.9, 1.1)):
+        one = replace(plan, problem=plan.problem.with_(fleet=plan.problem.fleet.of_one_start))
+        alone = integrated(one, traction)
+        np.testing.assert_allclose(last[k], alone, atol=1e-7)
+        np.testing.assert_allclose(last[k + 2], alone + np.array([-2, 0.5, 0]), atol=1e-7)
+
+
+def test_json_says_where_each_member_starts(tmp_path: Path) -> None:
+    data = json.loads(apart().export(tmp_path / "plan.json", members=1).read_text())
+    assert [(one["start"], one["x"][0], one["y"][0]) for one in data["members"]] == [("ann", 1, 2), ('b"o, b', -1, 2.5)]
+    assert "start" not in json.loads(made("bicycle").export(tmp_path / "one.json").read_text())["members"][0]
+
+
+@pytest.mark.parametrize("model", ["unicycle", "single_integrator"])
+def test_every_start_has_its_own_tube(model: str, tmp_path: Path) -> None:
+    plan = apart(model)
+    data = json.loads(plan.export(tmp_path / "tube.geojson").read_text())
+    whole, *steps = data["features"]
+    assert whole["properties"]["starts"] == {"ann": [0, 0], 'b"o, b': [-2, 0.5]}
+    assert len(steps) == 24
+    for start in plan.problem.fleet.starts:
+        own = [one for one in steps if one["properties"]["start"] == start]
+        fleet = plan.problem.fleet.at_start(start)
+        paths = fleet.trajectories(np.repeat(plan.controls, 7, axis=0), fleet.sample(60, 1), plan.problem.step / 7)
+        for k, feature in enumerate(own):
+            assert feature["properties"]["name"] == f"step {k} from start {start}"
+            area = shapely.geometry.shape(feature["geometry"])
+            during = paths[:, 7 * k : 7 * k + 8, :2].reshape(-1, 2)
+            assert shapely.covers(area, shapely.points(during)).all()
+            assert area.difference(shapely.MultiPoint(during).convex_hull.buffer(0.03)).area < 1e-9
+            assert shapely.geometry.shape(whole["geometry"]).covers(area)
+
+
+def test_too_many_members_of_several_starts_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match=r"^members: expected a number from 0 to 500 at each of 2 starts, got 501$"):
+        apart().export(tmp_path / "plan.csv", members=501)
+
+
+@pytest.mark.parametrize("model", ["unicycle", "single_integrator"])
+def test_a_bag_has_the_paths_of_every_start(model: str, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    messages = bag_of(apart(model).export(tmp_path / "plan", "rosbag", members=2))
+    begins = [messages[f"/member_{k}/path"][0][1].poses[0].pose.position for k in range(4)]
+    assert [(place.x, place.y) for place in begins] == [(1, 2), (1, 2), (-1, 2.5), (-1, 2.5)]
+
+
 # --- ROS 2 bags
 
 

@@ -64,4 +64,4 @@ def _rows(table: dict[str, Floats]) -> Iterator[str]:
 
 def _cell(text: str) -> str:
     """A name as a cell."""
-    return f'"{text}"' if "," in text else text
+    return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\r\n') else text

@@ -18,6 +18,7 @@ from ensemble_ctrl.core.deferred import dataclass
 from ensemble_ctrl.core.errors import UnsupportedError
 from ensemble_ctrl.files.config.footprint_section import footprint_data
 from ensemble_ctrl.problem import Problem
+from ensemble_ctrl.problem.starts import by_start, label
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ class Area:
 
 
 def areas(problem: Problem, controls: Floats) -> list[Area]:
-    """The area of each step.
+    """The area of each step, of members that start at one place.
 
     Raises
     ------
@@ -78,31 +79,37 @@ def areas(problem: Problem, controls: Floats) -> list[Area]:
 
 
 def to_geojson(problem: Problem, controls: Floats) -> dict[str, Any]:
-    """Features: the area that the fleet covers altogether, then that of each step with its times."""
+    """Features: the area that the fleet covers altogether, then that of each step with its times, for each start."""
     import shapely
 
-    steps, places = areas(problem, controls), problem.fleet.places
-    union = shapely.union_all([area.outline for area in steps])
+    found, places = {start: areas(one, controls) for start, one in by_start(problem).items()}, problem.fleet.places
+    every = [area for steps in found.values() for area in steps]
+    union = shapely.union_all([area.outline for area in every])
     # the union over all steps, in the plane grown by more than the rounding to GRID
     grown = shapely.line_merge(union) if len(places) == 1 else union.buffer(2 * GRID, quad_segs=1)
     whole = shapely.set_precision(grown, GRID)
-    heights = np.array([area.heights for area in steps])
+    heights = np.array([area.heights for area in every])
     all_ = Area(whole, (float(heights[:, 0].min()), float(heights[:, 1].max())) if len(places) == 3 else ())
     where = "area" if len(places) < 3 else f"area, {places[2]} between its ends,"
     follows = "is disturbed within the bounds" if problem.uncertain else "follows the model"
-    facts = {
+    starts = problem.fleet.starts
+    facts: dict[str, Any] = {
         "parameters": {
             name: [distribution.lower, distribution.upper] for name, distribution in problem.fleet.parameters.items()
         },
         "radius": problem.fleet.radius,
         **footprint_data(problem.fleet.footprint),
+        **({"starts": {name: list(place) for name, place in starts.items()}} if starts else {}),
         "axes": list(places[:2]),
         "meaning": f"the middle of every robot that {follows} is in this {where} from t_begin to t_end; metres",
     }
     ends = problem.times.tolist()
     features = [_feature("fleet", all_, places, {"t_begin": 0.0, "t_end": problem.duration, **facts})]
-    for k, area in enumerate(steps):
-        features.append(_feature(f"step {k}", area, places, {"t_begin": ends[k], "t_end": ends[k + 1]}))
+    for start, steps in found.items():
+        own = {"start": start} if start else {}
+        for k, area in enumerate(steps):
+            facts = {"t_begin": ends[k], "t_end": ends[k + 1], **own}
+            features.append(_feature(label(f"step {k}", start), area, places, facts))
     return {"type": "FeatureCollection", "name": problem.name, "features": features}
 
 

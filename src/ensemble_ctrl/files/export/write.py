@@ -53,7 +53,7 @@ def export(
     path : Path, optional
         A file, or for ``rosbag`` a folder.
     members : int, optional
-        Members whose trajectories are written, spread over the ranges of the parameters.
+        Members whose trajectories are written, spread over the ranges of the parameters; as many at each start.
     overwrite : bool
         Whether a file may be replaced, or a folder that holds a bag of an earlier export and nothing else.
 
@@ -69,8 +69,10 @@ def export(
     if form not in FORMATS:
         raise ProblemError(f"format: expected one of {', '.join(FORMATS)}, got {form!r}")
     count = MEMBERS[form] if members is None else members
-    if not 0 <= count <= MOST_MEMBERS:
-        raise ProblemError(f"members: expected a number from 0 to {MOST_MEMBERS}, got {count}")
+    starts = len(problem.fleet.starts) or 1
+    if not 0 <= count <= MOST_MEMBERS // starts:
+        each = f" at each of {starts} starts" if starts > 1 else ""
+        raise ProblemError(f"members: expected a number from 0 to {MOST_MEMBERS // starts}{each}, got {count}")
     shown = sampled(problem, controls, count)
     if form == "rosbag":
         _bag(problem, controls, shown, path, overwrite)
@@ -93,6 +95,7 @@ def _text(problem: Problem, controls: Floats, certificate: Certificate | None, f
 def as_json(problem: Problem, controls: Floats, certificate: Certificate | None, members: Members) -> dict[str, Any]:
     """A plan as plain data."""
     system = problem.fleet.system
+    starts = [{"start": name} for name in members.starts] or [{}] * len(members.parameters)
     return {
         "schema": SCHEMA,
         "name": problem.name,
@@ -104,8 +107,8 @@ def as_json(problem: Problem, controls: Floats, certificate: Certificate | None,
             "values": controls.tolist(),
         },
         "members": [
-            {"parameters": parameters, **dict(zip(members.states, values.T.tolist(), strict=True))}
-            for parameters, values in zip(members.parameters, members.values, strict=True)
+            {**start, "parameters": parameters, **dict(zip(members.states, values.T.tolist(), strict=True))}
+            for start, parameters, values in zip(starts, members.parameters, members.values, strict=True)
         ],
         "certificate": None if certificate is None else as_data(certificate),
         "problem": to_data(problem),
