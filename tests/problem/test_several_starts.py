@@ -189,8 +189,11 @@ def test_a_run_writes_what_is_proven_again_without_the_package(
     data["problem"]["fleet"]["starts"]["bob"][0] -= 0.25
     (folder / "proof_input.json").write_text(json.dumps(data), encoding="utf-8")
     assert prove_again([str(folder)]) == 4
-    assert invoke(["export", str(folder), "-o", str(tmp_path / "x.geojson")]) == 2
-    assert "this is for one start, and fleet.starts has several: ann, bob; for one of them" in capsys.readouterr().err
+
+
+def test_what_is_for_one_start_is_refused() -> None:
+    with pytest.raises(ec.UnsupportedError, match=r"^this is for one start, and fleet.starts has several: ann, bob;"):
+        _ = ec.load_text(TEXT).fleet.position
 
 
 def test_a_plan_that_falls_short_says_so_and_tries_no_changes() -> None:
