@@ -207,6 +207,22 @@ def test_driving_on_through_what_has_come_is_no_success(ahead: float, goes: floa
         assert ((track > strips[0][0]) & (track < strips[0][1])).any()
 
 
+@pytest.mark.parametrize(("window", "proven"), [("", True), ("[3,4]", False)])
+def test_standing_is_no_help_against_what_counts_only_later(window: str, proven: bool) -> None:
+    """A robot may be stopped where it must not be later; a proof from a later time on does not know of that."""
+    far = {"far": (Obstacle.box([[-3.0, -2.5], [3.0, 3.5]]),)}
+    task = parse(f"F[4,5] in(goal) and G{window} avoid(obstacles)")
+    straight = np.repeat([[0.6, 0.0], [0.0, 0.0]], [40, 10], axis=0)
+    loop = Receding(SHORT.with_(task=task, obstacles=far), options(), straight, lambda: 0.0)
+    loop.step(START)
+    loop.late(12)
+    pose = loop.trackers["robot"].pose(1.2)
+    assert pose is not None
+    loop.step(Measurement(1.2, float(pose.position[0]), float(pose.position[1]), pose.heading))
+    assert loop.history[-1].proof == "whole"
+    assert loop.proven is proven
+
+
 def test_what_goes_may_have_been_wanted() -> None:
     """A task to be in some obstacle is not done any more when that has gone."""
     task = parse("F[4,5] in(goal) and F[0,5] not avoid(obstacles)")

@@ -189,7 +189,7 @@ class Receding(ChangingMap):
         self.alarmed = True
         if len(stood):
             self._evidence = NOTHING
-            self._unwatched |= bool(self.problem.motions)
+            self._unwatched |= not self._standing_helps
 
     def planned(self, begin: int, end: int) -> Floats:
         """The commands of control steps as they are planned now; zeros where nothing is planned."""
@@ -274,12 +274,12 @@ class Receding(ChangingMap):
             found = self._proof(self.plan, Work(self.timer))
             self._evidence = NOTHING if self.stopped else found
             self.alarmed |= self._evidence.proof != "whole"
-            if found.proof != "none" and not (self.stopped and self.problem.motions):
+            if found.proof != "none" and (self._standing_helps or not self.stopped):
                 self._watch(found)
 
     def _until_standing(self, work: Work) -> Evidence:
         """What is proven of the commands that are sent next, or else of those on the way until robots stand."""
-        if work.evidence.proof != "none" or self.problem.motions or self._unproven_since is None:
+        if work.evidence.proof != "none" or not self._standing_helps or self._unproven_since is None:
             return work.evidence
         return self._proof(self.plan, work)
 

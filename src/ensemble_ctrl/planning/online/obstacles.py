@@ -141,14 +141,21 @@ class ChangingMap(RobotGroup, ABC):
     def _watch(self, evidence: Evidence) -> None:
         """Note whether something that moves, or has come since, was on the map while nothing was proven.
 
-        Standing is no help against what moves, and nothing proves it of what has come while robots still drive.
+        Standing is no help against what moves or has to be kept out of from a later time on, and nothing proves it of
+        what has come while robots still drive.
         """
         began, proven = (self.base + self._now()[0]) * self.problem.step, evidence.proof != "none"
-        if self.problem.motions or self._unproven_since is not None:
+        if not self._standing_helps or self._unproven_since is not None:
             late = self._unproven_since is not None and began > self._unproven_since + 1e-9
             self._unwatched |= late or not proven
         if proven:
             self._unproven_since = None
+
+    @property
+    def _standing_helps(self) -> bool:
+        """Whether a robot that stands on a way that is clear stays so: nothing moves, or counts only later."""
+        now = 0.0 if self.options.horizon == "receding" else self._clock()
+        return not self.problem.motions and all(avoid.begin <= now for avoid in self.problem.specification.avoid)
 
     def _require(self, name: str) -> None:
         """Refuse an obstacle that is not on the map."""
