@@ -1,4 +1,4 @@
-"""The process that serves a page of a command that goes on: told by lines of JSON on its standard input.
+"""The process that serves the page of a running command, which sends it lines of JSON on its standard input.
 
 It is a process of its own because a solve may keep Python's lock for long, and because signals are the command's own.
 The first line is what pages show, each further one an event, and one of kind ``done`` says that no more will come: from

@@ -141,8 +141,8 @@ class ChangingMap(RobotGroup, ABC):
     def _watch(self, evidence: Evidence) -> None:
         """Note whether something that moves, or has come since, was on the map while nothing was proven.
 
-        Standing is no help against what moves or has to be kept out of from a later time on, and nothing proves it of
-        what has come while robots still drive.
+        Standing still is not safe from moving obstacles, nor in areas to avoid from a later time on, and what has come while
+        robots still drive is not proven.
         """
         began, proven = (self.base + self._now()[0]) * self.problem.step, evidence.proof != "none"
         if not self._standing_helps or self._unproven_since is not None:
@@ -229,7 +229,7 @@ def _distance(avoid: AvoidConstraint, pose: PoseSet, time: float, radius: float)
     """How far a robot in the middle of a set is from where something to keep out of is predicted, metres."""
     # places relative to where the obstacle is
     here = pose.position - avoid.offsets(np.array([time]))[0]
-    # the radius of what moves has its uncertainty in it
+    # the radius of a moving obstacle includes its uncertainty
     return min(float(piece.distance(here)) for piece in avoid.pieces) - (
         avoid.radius if avoid.motion is None else radius
     )
