@@ -141,8 +141,8 @@ class ChangingMap(RobotGroup, ABC):
     def _watch(self, evidence: Evidence) -> None:
         """Note whether something that moves, or has come since, was on the map while nothing was proven.
 
-        Standing still is not safe from moving obstacles, nor in areas to avoid from a later time on, and what has come while
-        robots still drive is not proven.
+        Standing still is not safe from moving obstacles, nor in areas to avoid from a later time on, and what has come
+        while robots still drive is not proven.
         """
         began, proven = (self.base + self._now()[0]) * self.problem.step, evidence.proof != "none"
         if not self._standing_helps or self._unproven_since is not None:
