@@ -115,7 +115,8 @@ def area_table() -> Iterator[str]:
 def _table(head: str, rows: Iterable[Row]) -> Iterator[str]:
     """Rows as a table."""
     yield from (f"| {head} | unit or values | default | meaning |", "|---|---|---|---|")
-    yield from (f"| `{path}` | {unit(kind)} | {default} | {meaning} |" for path, kind, default, meaning in rows)
+    for path, kind, default, meaning in rows:
+        yield f"| `{path}` | {unit(kind)} | {default} | {' '.join(meaning.split())} |"
 
 
 def fields(model: type[Model], prefix: str = "") -> Iterator[Row]:
@@ -134,15 +135,23 @@ def fields(model: type[Model], prefix: str = "") -> Iterator[Row]:
         elif name == "motions":
             yield from fields(MotionSection, f"{path}.<name>.")
         elif name in ("regions", "obstacles"):
-            yield f"{path}.<name>", "an area", "none", f"{said[name]} See *Areas* below."
+            yield f"{path}.<name>", "an area", "none", f"{said[name]} See [areas](problem_file.md#areas)."
+            if model is o.OnlineSection:
+                yield from _beside_shape(o.ComingSection, f"{path}.<name>.")
         else:
             yield path, _annotated(model, name), _default(info, path), said[name]
+
+
+def _beside_shape(model: type[Model], prefix: str) -> Iterator[Row]:
+    """The fields of an obstacle that are not of its shape."""
+    shape = tuple(f"{prefix}{name}" for name in ObstacleShape.model_fields)
+    yield from (row for row in fields(model, prefix) if not row[0].startswith(shape))
 
 
 def unit(annotation: Any) -> str:
     """What a value is measured in, or the values there are."""
     if annotation == "an area":
-        return "[area](#areas)"
+        return "[area](problem_file.md#areas)"
     if annotation == "a distribution":
         return "[distribution](distributions.md)"
     if annotation == "a section":
