@@ -165,7 +165,9 @@ def test_no_member_is_closer_to_where_the_block_may_be_than_proven(seed: int, st
     loose = start + growth * np.maximum(times - 0.1, 0.0)
     seen = (piece.distance(paths - motion.at(times)) - loose).min()
     assert proven <= seen + 1e-12
-    assert seen - proven < 0.1 or seen < 0
+    # the block may come nearer and go again between two of these times
+    fastest = (np.linalg.norm(np.diff(motion.offsets, axis=0), axis=1) / np.diff(motion.times)).max()
+    assert seen - proven < 0.1 + fastest * times[1] or seen < 0
     run = replay(problem, controls, parameters=problem.fleet.grid(9), substeps=25)
     assert min(each.distance for each in run.clearances) <= seen + 1e-12
 
