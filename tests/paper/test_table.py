@@ -25,7 +25,7 @@ OURS = {
     ("one_obstacles", "unicycle"): 0.4806,
     ("one_obstacles", "bicycle"): 0.3618,
     ("three_obstacles", "unicycle"): 0.9238,
-    ("three_obstacles", "bicycle"): 0.6259,
+    ("three_obstacles", "bicycle"): 0.5979,
     ("five_obstacles", "unicycle"): 0.5392,
     ("five_obstacles", "bicycle"): 0.4290,
     ("six_obstacles", "unicycle"): 0.6735,
